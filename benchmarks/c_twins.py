@@ -10,7 +10,8 @@ from benchmarks.steam.compiler import build
 
 
 def c_twin(name: str, function: str) -> Callable[..., None] | None:
-    """A function of benchmarks/`name`.c that takes contiguous float64 arrays, ints (int64) and floats; None without a compiler."""
+    """A function of benchmarks/`name`.c that takes contiguous float64 arrays, ints (int64) and floats; None without
+    a compiler."""
     built = build(Path(__file__).with_name(f"{name}.c"))
     if built is None:
         print(f"SKIPPED the C twin {name}.c: no C compiler (gcc) was found")

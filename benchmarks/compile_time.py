@@ -1,7 +1,8 @@
-"""`python -m benchmarks.compile_time`: programs around native loops, compiled by XLA without its fusion emitters and with them.
+"""`python -m benchmarks.compile_time`: programs around native loops, compiled by XLA without its fusion emitters and
+with them.
 
-Compiled anew in turns, with XLA's cache off, and called in turns: a motor under a held voltage (1500 samples) and the steam chamber (ten
-openings of 2440 samples, 310 parameters). The ratios are those of medians.
+Compiled anew in turns, with XLA's cache off, and called in turns: a motor under a held voltage (1500 samples) and the
+steam chamber (ten openings of 2440 samples, 310 parameters). The ratios are those of medians.
 """
 
 import time
@@ -35,7 +36,9 @@ def run(quick: bool) -> dict[str, float]:
         programs: dict[str, Callable] = {}
         for _ in range(1 if quick else TURNS):
             for kind, options in OPTIONS.items():
-                lowered = jax.jit(lambda *given, function=function: function(*given)).lower(*args)  # one that was compiled is not again
+                lowered = jax.jit(lambda *given, function=function: function(*given)).lower(
+                    *args
+                )  # one that was compiled is not again
                 began = time.perf_counter()
                 programs[kind] = lowered.compile(options)
                 made[kind].append(time.perf_counter() - began)
@@ -53,7 +56,10 @@ def run(quick: bool) -> dict[str, float]:
 
 def _programs() -> Iterator[tuple[str, Callable, tuple[Any, ...]]]:
     """By plant and name functions, and what they are called with."""
-    for plant, problem in (("motor", choose_substeps(motor._problem(data.motor()))), ("steam", steam_problem(data.steam()))):
+    for plant, problem in (
+        ("motor", choose_substeps(motor._problem(data.motor()))),
+        ("steam", steam_problem(data.steam())),
+    ):
         batch = np.random.default_rng(5).uniform(size=(CANDIDATES, problem.space.dimension))
         kept = {n: k.__wrapped__ for n, k in problem.compiled.items() if hasattr(k, "__wrapped__")}
         yield f"{plant}: costs, 1", kept["costs"], (batch[:1], problem.arguments)

@@ -1,4 +1,5 @@
-"""What an answer's confirmation costs: whole records by the tight solver with rates on floats, and with the compiled rate.
+"""What an answer's confirmation costs: whole records by the tight solver with rates on floats, and with the compiled
+rate.
 
     python -m benchmarks.confirmations
 
@@ -45,7 +46,10 @@ def run(pairs: int = PAIRS) -> dict[str, float]:
             raise SystemExit(f"{name}: the two ways do not end in the same states.")
         compiled, floats = np.median(np.array(times[1:]), axis=0)
         found[f"confirmation_{name.replace(' ', '_')}"] = float(compiled / floats)
-        print(f"{name:28s} {1e3 * compiled:7.0f} ms compiled, {1e3 * floats:6.0f} ms on floats: {compiled / floats:5.1f} times less")
+        print(
+            f"{name:28s} {1e3 * compiled:7.0f} ms compiled, {1e3 * floats:6.0f} ms on floats: {compiled / floats:5.1f} "
+            f"times less"
+        )
     return found
 
 
@@ -59,7 +63,9 @@ def _timed(work: Callable[[], Any], floats: bool) -> tuple[float, Any]:
         return time.process_time() - began, result
 
 
-def _by_jax(self: mode_equations.ModeFunction, x: np.ndarray, u: np.ndarray, du: np.ndarray, mode: np.ndarray, p: Any) -> Any:
+def _by_jax(
+    self: mode_equations.ModeFunction, x: np.ndarray, u: np.ndarray, du: np.ndarray, mode: np.ndarray, p: Any
+) -> Any:
     """The equations of a mode by their compiled program."""
     return self.by_jax([v.tolist() for v in (x, u, du, mode)], p.arrays)
 
@@ -81,7 +87,9 @@ def _problems() -> dict[str, tuple[Problem, dict[str, Any]]]:
         "motor, square wave": _problem(motor, steps, constants),
         "tables over two signals": _problem(chamber, 50.0 + 5.0 * steps, _middle(chamber)),
         "table at the input": _problem(surrogate, 0.2 * random, _middle(surrogate)),
-        "friction that sticks": _problem(sticks, 3.0 * np.sin(0.9 * T), {"k": 2.0, "c": 3.0, "d": 0.4, "Fc": 0.7, "Fs": 1.1}),
+        "friction that sticks": _problem(
+            sticks, 3.0 * np.sin(0.9 * T), {"k": 2.0, "c": 3.0, "d": 0.4, "Fc": 0.7, "Fs": 1.1}
+        ),
     }
 
 
@@ -91,7 +99,9 @@ def _middle(model: Model) -> dict[str, Any]:
     for d in model.parameters:
         low, high = d.bounds or (0.5, 2.0)
         middle = np.sqrt(low * high) if d.scale == "log" else 0.5 * (low + high)
-        found[d.name] = np.full(d.shape, middle) + (0.1 * abs(middle) * np.arange(np.prod(d.shape)).reshape(d.shape) if d.shape else 0.0)
+        found[d.name] = np.full(d.shape, middle) + (
+            0.1 * abs(middle) * np.arange(np.prod(d.shape)).reshape(d.shape) if d.shape else 0.0
+        )
     return found
 
 

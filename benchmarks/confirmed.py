@@ -1,8 +1,9 @@
 """`python -m benchmarks.confirmed [NAME...] --json FILE`: is every answer's cost that of an independent solver?
 
-Demos and problems of the search suite are fitted as a user would; the cost of each answer stands beside that of the tight solver over
-whole records. They must agree to 1 %, or the answer must say that the answer is refused, or that the steps that a problem asks for are
-not fine enough for it (those of the suite are fixed). With --json what stands in the file is not computed again.
+Demos and problems of the search suite are fitted as a user would; the cost of each answer stands beside that of the
+tight solver over whole records. They must agree to 1 %, or the answer must say that the answer is refused, or that the
+steps that a problem asks for are not fine enough for it (those of the suite are fixed). With --json what stands in the
+file is not computed again.
 """
 
 import argparse
@@ -23,11 +24,16 @@ EVALUATIONS = 10_000_000  # of the rate on each recording: whole records
 
 
 def row_of(name: str, answer: Answer) -> dict[str, Any]:
-    """What the answer reports, what the tight solver finds, and whether `sound`: to 1 % the same, or `said` not to be."""
+    """What the answer reports, what the tight solver finds, and whether `sound`: to 1 % the same, or `said` not to
+    be."""
     # what the verdict says of it, taken from where it takes it: the rest of the verdict is not what is measured
     said = [str(answer.best.extra[key]) for key in ("refused", "steps") if key in answer.best.extra]
     # answers of regressions and static models have no steps
-    told = checked_cost(answer.problem, answer.best.x, evaluations=EVALUATIONS) if answer.problem.predictor.has_steps else None
+    told = (
+        checked_cost(answer.problem, answer.best.x, evaluations=EVALUATIONS)
+        if answer.problem.predictor.has_steps
+        else None
+    )
     return {
         "name": name,
         "cost": float(answer.best.cost),
@@ -55,7 +61,9 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--json", type=Path, default=None, help="where the results are kept")
     options = parser.parse_args()
-    kept: dict[str, list[dict[str, Any]]] = json.loads(options.json.read_text()) if options.json and options.json.exists() else {}
+    kept: dict[str, list[dict[str, Any]]] = (
+        json.loads(options.json.read_text()) if options.json and options.json.exists() else {}
+    )
     chosen = options.names or [*CASES, *demos()]
     for name in chosen:
         if name not in kept:
@@ -71,7 +79,8 @@ def main() -> None:
     followed = [r for r in rows if r["followed"]]
     close = sum(r["off"] <= 0.01 for r in followed)
     print(
-        f"{close} of {len(followed)} answers with steps are within 1 % of the tight solver's cost; of {sum(not r['sound'] for r in rows)} "
+        f"{close} of {len(followed)} answers with steps are within 1 % of the tight solver's cost; of "
+        f"{sum(not r['sound'] for r in rows)} "
         "others nothing is said"
     )
 

@@ -2,11 +2,12 @@
 
     python -m benchmarks.coverage --fits 300 --rigs product sum PRBS --workers 2 --rows fits.jsonl
 
-Fits are kept in the file as they come, and those that it has are not made again: stop it at any time, and give larger numbers later.
+Fits are kept in the file as they come, and those that it has are not made again: stop it at any time, and give larger
+numbers later.
 
-For every parameter of every rig: in how many fits it is called determined, how often its stated 95 % interval then holds the truth, with
-the 99.9 % band of the binomial over all by Holm, and the median width over that of the Cramer-Rao bound. "closed form" says what theory
-determines; it should be called so in 95 %.
+For every parameter of every rig: in how many fits it is called determined, how often its stated 95 % interval then
+holds the truth, with the 99.9 % band of the binomial over all by Holm, and the median width over that of the Cramer-Rao
+bound. "closed form" says what theory determines; it should be called so in 95 %.
 """
 
 import argparse
@@ -33,11 +34,13 @@ AROUND = 0.5  # standard deviation of the logarithm by which starts are moved of
 
 @dataclass(frozen=True)
 class Rig:
-    """`make()` gives a problem; `determined` are the parameters that theory determines; `noise` has a correlation of `memory`.
+    """`make()` gives a problem; `determined` are the parameters that theory determines; `noise` has a correlation of
+    `memory`.
 
-    `terms` are groups of parameters that may change places: they are named by the order of their last parameter, as in the truth.
-    `searches` are made at least from as many starts; where others end costs so little more that noise may decide, ranges hold them too.
-    `at(base, seed)` is the problem of another seed where white or AR(1) noise on the simulated truth does not make it.
+    `terms` are groups of parameters that may change places: they are named by the order of their last parameter, as in
+    the truth. `searches` are made at least from as many starts; where others end costs so little more that noise may
+    decide, ranges hold them too. `at(base, seed)` is the problem of another seed where white or AR(1) noise on the
+    simulated truth does not make it.
     """
 
     make: Callable
@@ -54,7 +57,9 @@ def _problem(model, t, signals, parameters, substeps=2):
     from plantfit import Problem, Recording, Signal
 
     units = dict(model.inputs)
-    record = {n: Signal(v, units.get(n)) for n, v in signals.items()} | {o: Signal(np.zeros(len(t)), u) for o, u in model.outputs.items()}
+    record = {n: Signal(v, units.get(n)) for n, v in signals.items()} | {
+        o: Signal(np.zeros(len(t)), u) for o, u in model.outputs.items()
+    }
     return Problem(model, Recording(t, record, "run"), parameters, substeps=substeps)
 
 
@@ -69,7 +74,10 @@ def _static(text, names, log=True, low=1e-3, high=1e3, n=200, period=1.0):
         x = np.linspace(0.05, 4.0, n)
         model = equations(text, inputs=["x"], outputs=["y"], parameters=names, name="curve")
         return _problem(
-            model, np.arange(n) * period, {"x": x}, {k: Parameter((low, high), scale="log" if log else "linear") for k in names}
+            model,
+            np.arange(n) * period,
+            {"x": x},
+            {k: Parameter((low, high), scale="log" if log else "linear") for k in names},
         )
 
     return make
@@ -88,9 +96,13 @@ def _first_order(kind, n=300, dead_time=False, initial="measured"):
         from plantfit.models.library import catalogue as library
 
         t = np.arange(n) * 0.1
-        u = {"step": np.ones(n), "prbs": _prbs(n, 20, 5), "four": np.repeat([0.2, 0.5, 0.35, 0.8], n // 4 + 1)[:n]}[kind]
+        u = {"step": np.ones(n), "prbs": _prbs(n, 20, 5), "four": np.repeat([0.2, 0.5, 0.35, 0.8], n // 4 + 1)[:n]}[
+            kind
+        ]
         model = library.make("first_order", dead_time=dead_time, initial=initial)
-        bounds = {"K": (-50.0, 50.0), "tau": (0.05, 200.0), "c": (-50.0, 50.0)} | ({"L": (0.0, 3.0)} if dead_time else {})
+        bounds = {"K": (-50.0, 50.0), "tau": (0.05, 200.0), "c": (-50.0, 50.0)} | (
+            {"L": (0.0, 3.0)} if dead_time else {}
+        )
         bounds |= {"y0": (-50.0, 50.0)} if initial == "free" else {}
         return _problem(model, t, {"u": u}, bounds)
 
@@ -102,7 +114,8 @@ def _motor():
 
     n = 400
     model = library.make("dc_motor")
-    # from rest Coulomb friction changes in a tenth of a rad/s: with 2 steps the simulated truth is off by 1.5 rad/s there, with 8 by 0.03
+    # from rest Coulomb friction changes in a tenth of a rad/s: with 2 steps the simulated truth is off by 1.5 rad/s
+    # there, with 8 by 0.03
     return _problem(model, np.arange(n) * 0.01, {"V": 12.0 * _prbs(n, 25, 3)}, None, substeps=8)
 
 
@@ -115,7 +128,9 @@ MOTOR = {"Rm": 1.5, "Lm": 2e-3, "Kb": 0.09, "Kt": 0.09, "Jm": 5e-4, "Cm": 1e-4, 
 PROCESS = {"K": 2.0, "tau": 2.0, "c": 1.0}
 RIGS = {
     "line": Rig(_static("y = a*x + b", ["a", "b"]), {"a": 2.0, "b": 0.5}, ("a", "b"), 0.05),
-    "line, correlation 0.8": Rig(_static("y = a*x + b", ["a", "b"], period=0.1), {"a": 2.0, "b": 0.5}, ("a", "b"), 0.05, 0.8),
+    "line, correlation 0.8": Rig(
+        _static("y = a*x + b", ["a", "b"], period=0.1), {"a": 2.0, "b": 0.5}, ("a", "b"), 0.05, 0.8
+    ),
     "product": Rig(_static("y = a*b*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "sum": Rig(_static("y = (a + b)*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "two exponentials": Rig(
@@ -146,7 +161,9 @@ RIGS = {
     "motor by speed": Rig(_motor, MOTOR, (), 0.5),
     "paper: pendubot, torque": _paper(paper_rigs.PENDUBOT_TORQUE, paper_rigs.TORQUE, ()),
     "paper: motor, speed": _paper(paper_rigs.MOTOR_SPEED, paper_rigs.BOARD, (), 3),
-    "paper: motor, speed and current": _paper(paper_rigs.MOTOR_CURRENT, paper_rigs.BOARD, ("Rm", "Lm", "Kb", "Jm", "Cm")),
+    "paper: motor, speed and current": _paper(
+        paper_rigs.MOTOR_CURRENT, paper_rigs.BOARD, ("Rm", "Lm", "Kb", "Jm", "Cm")
+    ),
     "paper: robot's motor": _paper(paper_rigs.ROBOT_MOTOR, paper_rigs.ROBOT, ("Ra", "La", "kw", "B", "J")),
     "paper: steam, one step": _paper(
         paper_rigs.STEAM_STEP, {f"{n}[opening]": v for n, v in paper_rigs.STEAM.items()}, ("k[opening]", "A1[opening]")
@@ -208,20 +225,29 @@ def _noisy(rig: Rig, base, truth: np.ndarray, seed: int):
 def _off(space, truth: np.ndarray, seed: Sequence[int]) -> np.ndarray:
     """A start in the cube (d,) off the truth; of what is 0 in truth anywhere in a tenth of its box."""
     draw = np.random.default_rng(seed).normal(size=len(truth))
-    moved = np.where(truth == 0.0, space.lower + 0.1 * np.abs(np.tanh(draw)) * (space.upper - space.lower), truth * np.exp(AROUND * draw))
+    moved = np.where(
+        truth == 0.0,
+        space.lower + 0.1 * np.abs(np.tanh(draw)) * (space.upper - space.lower),
+        truth * np.exp(AROUND * draw),
+    )
     return np.clip(space.cube(np.clip(moved, space.lower, space.upper)), 0.0, 1.0)
 
 
 def _in_order(rig: Rig, found: dict) -> dict:
     """Rows with equal terms in the order of the truth."""
-    truly, told = (sorted(rig.terms, key=lambda term: of(term[-1])) for of in (rig.truth.__getitem__, lambda n: found[n][3]))
-    return found | {a: found[b] for own, other in zip(truly, told, strict=True) for a, b in zip(own, other, strict=True)}
+    truly, told = (
+        sorted(rig.terms, key=lambda term: of(term[-1])) for of in (rig.truth.__getitem__, lambda n: found[n][3])
+    )
+    return found | {
+        a: found[b] for own, other in zip(truly, told, strict=True) for a, b in zip(own, other, strict=True)
+    }
 
 
 def bound(name: str) -> dict[str, float]:
     """Cramer-Rao standard errors of white noise at the truth; infinite for what is not determined.
 
-    Where states begin at a measured value, nobody knows the true one: it is one more unknown, of which that value is one sample.
+    Where states begin at a measured value, nobody knows the true one: it is one more unknown, of which that value is
+    one sample.
     """
     rig, problem = RIGS[name], _base(name)
     truth = problem.space.vector(rig.truth)
@@ -261,14 +287,16 @@ def table(name: str, found: Sequence[Mapping]) -> list[dict]:
         width = float(np.median([r[2] - r[1] for r in called])) / (2 * 1.96 * least[p]) if called else None
         chance = binomtest(held, len(called), LEVEL).pvalue if called else 1.0
         rows.append(
-            {"rig": name, "parameter": p, "fits": len(own), "determined": len(called), "held": held, "all_held": every, "width": width,
+            {"rig": name, "parameter": p, "fits": len(own), "determined": len(called), "held": held, "all_held": every,
+             "width": width,
              "p": chance, "theory": p in rig.determined}
         )  # fmt: skip
     return rows
 
 
 def holm(rows: list[dict]) -> None:
-    """Marks the rows whose coverage is outside of the band, over all rows together (Holm, Scand. J. Statist. 6 (1979) 65)."""
+    """Marks the rows whose coverage is outside of the band, over all rows together (Holm, Scand. J. Statist. 6
+    (1979) 65)."""
     order, alive = sorted(rows, key=lambda r: r["p"]), True
     for k, row in enumerate(order):
         alive = bool(alive and row["p"] <= BAND / (len(order) - k))
@@ -278,11 +306,16 @@ def holm(rows: list[dict]) -> None:
 def report(rows: Sequence[Mapping]) -> str:
     """The table as Markdown."""
     lines = [
-        "| rig | parameter | fits | called determined | interval holds the truth | all ranges hold it | width / Cramer-Rao | by theory |",
+        "| rig | parameter | fits | called determined | interval holds the truth | all ranges hold it | width / "
+        "Cramer-Rao | by theory |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for r in rows:
-        share = f"{100 * r['held'] / r['determined']:.1f} %{' (outside)' if r['outside'] else ''}" if r["determined"] else "-"
+        share = (
+            f"{100 * r['held'] / r['determined']:.1f} %{' (outside)' if r['outside'] else ''}"
+            if r["determined"]
+            else "-"
+        )
         width = f"{r['width']:.2f}" if r["width"] is not None and r["width"] > 1e-3 else "-"
         lines.append(
             f"| {r['rig']} | {r['parameter']} | {r['fits']} | {100 * r['determined'] / r['fits']:.0f} % | {share} | "
@@ -323,7 +356,12 @@ def main() -> None:
     parser.add_argument("--fits", type=int, default=0)
     parser.add_argument("--rigs", nargs="*", default=list(RIGS), choices=list(RIGS))
     parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--rows", type=Path, default=None, help="where fits are kept, one line each; without --fits, only the table of it")
+    parser.add_argument(
+        "--rows",
+        type=Path,
+        default=None,
+        help="where fits are kept, one line each; without --fits, only the table of it",
+    )
     options = parser.parse_args()
     found = kept(options.rows)
     missing = [(n, s) for n in options.rigs for s in range(1, options.fits + 1) if s not in found.get(n, {})]
@@ -332,7 +370,12 @@ def main() -> None:
         if options.rows:
             with options.rows.open("a") as file:
                 file.write(json.dumps({"rig": name, "seed": seed, "fit": fit}) + "\n")
-    rows = [row for name in options.rigs if name in found for row in table(name, [found[name][s] for s in sorted(found[name])])]
+    rows = [
+        row
+        for name in options.rigs
+        if name in found
+        for row in table(name, [found[name][s] for s in sorted(found[name])])
+    ]
     holm(rows)
     print(report(rows))
 

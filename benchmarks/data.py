@@ -1,4 +1,5 @@
-"""The data of the timings S (steam chamber), T (pendubot torque), P (loop tuning) and D (motor): made once, then kept in the cache.
+"""The data of the timings S (steam chamber), T (pendubot torque), P (loop tuning) and D (motor): made once, then kept
+in the cache.
 
 Everything is synthetic, from fixed seeds; `steam()` takes about half a minute the first time.
 """
@@ -63,7 +64,8 @@ class Torque:
 
 @dataclass(frozen=True)
 class Loop:
-    """Constants of the speed loop: motor (5,) = R, L, K, B, J; period s; steps; set_point rad/s; box of the PID gains (3,)."""
+    """Constants of the speed loop: motor (5,) = R, L, K, B, J; period s; steps; set_point rad/s; box of the PID
+    gains (3,)."""
 
     motor: np.ndarray
     period: np.ndarray
@@ -144,12 +146,16 @@ def _make_steam() -> Steam:
 
 
 def steam_response(row: np.ndarray, opening: float, t: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """Pressure (n,) at times t (n,) by scipy's Radau at rtol 1e-9, begun at the delayed edge; row (31,) of one opening."""
+    """Pressure (n,) at times t (n,) by scipy's Radau at rtol 1e-9, begun at the delayed edge; row (31,) of one
+    opening."""
     k, a1, a2, delay = row[:10], row[10:20], row[20:30], row[30]
 
     def rate(_, x):
         y = min(max(x[0], 0.0), 20.0)
-        return [x[1], (np.interp(y, nodes, k) * opening - x[0] - np.interp(y, nodes, a1) * x[1]) / np.interp(y, nodes, a2)]
+        return [
+            x[1],
+            (np.interp(y, nodes, k) * opening - x[0] - np.interp(y, nodes, a1) * x[1]) / np.interp(y, nodes, a2),
+        ]
 
     on, y = t > delay, np.zeros(t.shape)
     if on.any():
@@ -170,10 +176,14 @@ def _make_torque() -> Torque:
     measured = regressor @ base + np.random.default_rng(2).normal(0, 0.015, t.size)
     lower = np.array([0.001, 0.001, 0.0001, 0.001, 0.001, 0.0001])
     upper = np.array([0.4, 0.15, 0.001, 0.4, 0.3, 0.001])
-    return Torque(t, np.stack([q1, q2]), np.stack([v1, v2]), np.stack([a1, a2]), regressor, base, truth, measured, lower, upper)
+    return Torque(
+        t, np.stack([q1, q2]), np.stack([v1, v2]), np.stack([a1, a2]), regressor, base, truth, measured, lower, upper
+    )
 
 
-def _sines(t: np.ndarray, offset: float, waves: list[tuple[float, float, float]]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _sines(
+    t: np.ndarray, offset: float, waves: list[tuple[float, float, float]]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Offset plus (amplitude, rad/s, phase) sines with their first and second derivatives."""
     q, v, a = np.full(t.shape, offset), np.zeros(t.shape), np.zeros(t.shape)
     for amplitude, w, phase in waves:

@@ -1,17 +1,20 @@
-"""Does the diagnosis name what is missing? Plants with one or two planted faults, and clean ones, fitted with the model that lacks them.
+"""Does the diagnosis name what is missing? Plants with one or two planted faults, and clean ones, fitted with the model
+that lacks them.
 
-    python -m benchmarks.diagnosis [--seeds 1] [--clean 5] [--first-seed 0] [--plants first,second,motor,tanks] [--faults dead_time,coulomb]
+    python -m benchmarks.diagnosis [--seeds 1] [--clean 5] [--first-seed 0] [--plants first,second,motor,tanks]
+    [--faults dead_time,coulomb]
         [--pairs 1] [--size 0.3] [--run] [--json FILE]
 
 Cases that FILE holds from an earlier call are not run again, so that a long run may be stopped.
 
-The truth is simulated here by Runge-Kutta steps of a twentieth of a sample, with code that shares nothing with plantfit. A fault counts as
-named where the first round finds it, alone or as one of a pair that explains alike; which pairs no record of a linear plant can tell apart
-is written down in `TWINS`, and naming one of them for the other counts as well. Of two faults at once (`--pairs` seeds of each) both have
-to be named, in any of the rounds. "To the noise": the RMSE of the fitted samples with all that was named is at most 1.1 times the noise
-that was added; with `--run` that of the study file that is written, fitted anew. A cause that is called very likely and was not planted is
-counted apart: it is worse than a miss. On clean records nothing may be named, outliers neither; `coloured` ones have noise of an AR(1) with
-a memory of ten samples. `--size` makes the faults of a kind that has a size smaller.
+The truth is simulated here by Runge-Kutta steps of a twentieth of a sample, with code that shares nothing with
+plantfit. A fault counts as named where the first round finds it, alone or as one of a pair that explains alike; which
+pairs no record of a linear plant can tell apart is written down in `TWINS`, and naming one of them for the other counts
+as well. Of two faults at once (`--pairs` seeds of each) both have to be named, in any of the rounds. "To the noise":
+the RMSE of the fitted samples with all that was named is at most 1.1 times the noise that was added; with `--run` that
+of the study file that is written, fitted anew. A cause that is called very likely and was not planted is counted apart:
+it is worse than a miss. On clean records nothing may be named, outliers neither; `coloured` ones have noise of an AR(1)
+with a memory of ten samples. `--size` makes the faults of a kind that has a size smaller.
 """
 
 import argparse
@@ -36,9 +39,10 @@ NEAR = 1.1  # times the noise that was added: what a fit may leave
 
 @dataclass(frozen=True)
 class Plant:
-    """`rate(x, u, p, extra)` gives dx/dt with parameters p, those of `truth`; `faults` maps each fault that the plant can have to its size,
-    NaN for a level that a tenth of the fitted samples lie beyond, and of a parameter that changes, as in "change K with u", to how much of
-    it for each unit, from the `references` of what it changes with on."""
+    """`rate(x, u, p, extra)` gives dx/dt with parameters p, those of `truth`; `faults` maps each fault that the
+    plant can have to its size, NaN for a level that a tenth of the fitted samples lie beyond, and of a parameter
+    that changes, as in "change K with u", to how much of it for each unit, from the `references` of what it changes
+    with on."""
 
     name: str
     study: str
@@ -101,7 +105,8 @@ K = { unit = "delta_degC/V", bounds = [0.1, 100] }
 tau = { unit = "s", bounds = [0.01, 10], scale = "log" }
 """.replace('unit = "degC"', 'unit = "K"').replace('y = "degC"', 'y = "K"').replace("delta_degC/V", "K/V"),
         1, _first, {"K": 8.0, "tau": 0.6}, lambda x: x[0], (0.0,), 0.05, 600, (-2.0, 3.0), 16,
-        {"dead_time": 0.2, "lag": 0.15, "dead_zone": 0.4, "saturation": 2.0, "backlash": 0.3, "sensor_lag": 0.15, "offset": 2.0,
+        {"dead_time": 0.2, "lag": 0.15, "dead_zone": 0.4, "saturation": 2.0, "backlash": 0.3, "sensor_lag": 0.15,
+         "offset": 2.0,
          "drift": 0.15, "sensor_high": 12.0, "sensor_low": -7.0, "start": 10.0, "outliers": 0.02,
          "change K with u": 0.12, "change K with t": 0.012, "change tau with x": 0.03, "change tau with t": -0.02},
         references={"u": 0.5, "x": 4.0},
@@ -118,9 +123,12 @@ b = { unit = "N*s/m", bounds = [0.01, 10], scale = "log" }
 k = { unit = "N/m", bounds = [0.1, 50], scale = "log" }
 """,
         2, _second, {"m": 0.5, "b": 0.8, "k": 4.0}, lambda x: x[0], (0.0, 0.0), 0.05, 600, (-3.0, 3.0), 20,
-        {"dead_time": 0.12, "lag": 0.12, "dead_zone": 0.5, "saturation": 2.2, "backlash": 0.4, "sensor_lag": 0.12, "offset": 0.1,
-         "drift": 0.01, "sensor_high": 0.6, "sensor_low": -0.6, "start": 0.8, "outliers": 0.02, "coulomb": 0.8, "quadratic": 1.2,
-         "stribeck": 1.5, "change k with x": 0.2, "change b with t": 0.03, "change m with t": 0.015, "change k with t": -0.01},
+        {"dead_time": 0.12, "lag": 0.12, "dead_zone": 0.5, "saturation": 2.2, "backlash": 0.4, "sensor_lag": 0.12,
+         "offset": 0.1,
+         "drift": 0.01, "sensor_high": 0.6, "sensor_low": -0.6, "start": 0.8, "outliers": 0.02, "coulomb": 0.8,
+         "quadratic": 1.2,
+         "stribeck": 1.5, "change k with x": 0.2, "change b with t": 0.03, "change m with t": 0.015,
+         "change k with t": -0.01},
         drivers=("x", "v"),
     ),
     "motor": Plant(
@@ -136,8 +144,10 @@ b = { unit = "N*m*s", bounds = [1e-6, 1e-2], scale = "log" }
 J = { unit = "kg*m^2", bounds = [1e-5, 1e-2], scale = "log" }
 """,
         2, _motor, {"k": 0.05, "b": 1e-4, "J": 2e-4}, lambda x: x[1], (0.0, 0.0), 0.01, 800, (-6.0, 8.0), 25,
-        {"dead_time": 0.04, "lag": 0.04, "dead_zone": 0.8, "saturation": 5.0, "backlash": 0.8, "sensor_lag": 0.04, "offset": 8.0,
-         "drift": 1.5, "sensor_high": 70.0, "sensor_low": -50.0, "start": 60.0, "outliers": 0.02, "coulomb": 100.0, "quadratic": 0.03,
+        {"dead_time": 0.04, "lag": 0.04, "dead_zone": 0.8, "saturation": 5.0, "backlash": 0.8, "sensor_lag": 0.04,
+         "offset": 8.0,
+         "drift": 1.5, "sensor_high": 70.0, "sensor_low": -50.0, "start": 60.0, "outliers": 0.02, "coulomb": 100.0,
+         "quadratic": 0.03,
          "stribeck": 100.0, "change k with t": -0.03, "change J with t": 0.08, "change k with w": 0.003},
         drivers=("i", "w"),
     ),
@@ -153,7 +163,8 @@ a1 = { unit = "cm^0.5/s", bounds = [0.01, 1], scale = "log" }
 a2 = { unit = "cm^0.5/s", bounds = [0.01, 1], scale = "log" }
 """,
         2, _tanks, {"q": 0.06, "a1": 0.09, "a2": 0.07}, lambda x: x[1], (4.0, 6.6), 4.0, 600, (1.0, 6.0), 25,
-        {"dead_time": 12.0, "lag": 15.0, "dead_zone": 0.6, "saturation": 4.5, "backlash": 0.4, "sensor_lag": 15.0, "offset": 1.0,
+        {"dead_time": 12.0, "lag": 15.0, "dead_zone": 0.6, "saturation": 4.5, "backlash": 0.4, "sensor_lag": 15.0,
+         "offset": 1.0,
          "drift": 0.0006, "sensor_high": np.nan, "sensor_low": np.nan, "start": 5.0, "outliers": 0.02,
          "change q with u": 0.06, "change q with t": -0.0002, "change a2 with t": 0.0002, "change a1 with t": 0.0003},
         linear=False, references={"u": 3.5}, drivers=("h1", "h2"),
@@ -192,7 +203,8 @@ PAIRS = {
 
 @dataclass(frozen=True)
 class Made:
-    """Times (n,), recorded input (n,) and recorded output (n,) of a plant, and the RMS of the noise in its fitted part."""
+    """Times (n,), recorded input (n,) and recorded output (n,) of a plant, and the RMS of the noise in its fitted
+    part."""
 
     t: np.ndarray
     u: np.ndarray
@@ -243,12 +255,18 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
             b = rate(x + 0.5 * fine * a, now, begin + 0.5 * fine)
             c = rate(x + 0.5 * fine * b, now, begin + 0.5 * fine)
             x = x + fine / 6.0 * (a + 2.0 * b + 2.0 * c + rate(x + fine * c, now, begin + fine))
-            shown += (plant.output(x) - shown) * (1.0 - np.exp(-fine / sizes["sensor_lag"])) if "sensor_lag" in sizes else 0.0
+            shown += (
+                (plant.output(x) - shown) * (1.0 - np.exp(-fine / sizes["sensor_lag"]))
+                if "sensor_lag" in sizes
+                else 0.0
+            )
     added = noise * float(np.std(y)) * _noise(rng, n, fault == COLOURED)
     y = y + added
     y += sizes.get("offset", 0.0) + sizes.get("drift", 0.0) * t
     for end, quantile, cut in (("sensor_high", 0.9, np.minimum), ("sensor_low", 0.1, np.maximum)):
-        if end in sizes:  # without a level of its own, or with one that the fitted part does not reach, an end that it reaches
+        if (
+            end in sizes
+        ):  # without a level of its own, or with one that the fitted part does not reach, an end that it reaches
             level, fitted = sizes[end], y[: n * 7 // 10]
             reached = np.isfinite(level) and np.mean(cut(fitted, level) != fitted) >= REACHED
             y = cut(y, level if reached else float(np.quantile(fitted, quantile)))
@@ -293,11 +311,12 @@ def written(plant: Plant, made: Made, folder: Path) -> Path:
 
 @dataclass(frozen=True)
 class Named:
-    """What was named in one case: what was planted, found in the first round and in later ones, the best three of the first.
+    """What was named in one case: what was planted, found in the first round and in later ones, the best three of the
+    first.
 
-    `first`: the first round names the fault, of two one of them; `among`: it is among the three, or named later; `all`: every planted one
-    is named in some round. `wrong`: what was called very likely and was not planted. `left`: RMSE with what was named, in units of the
-    noise that was added. `seconds` of processor time of the diagnosis.
+    `first`: the first round names the fault, of two one of them; `among`: it is among the three, or named later; `all`:
+    every planted one is named in some round. `wrong`: what was called very likely and was not planted. `left`: RMSE
+    with what was named, in units of the noise that was added. `seconds` of processor time of the diagnosis.
     """
 
     plant: str
@@ -319,7 +338,9 @@ class Named:
         return self.fault in (CLEAN, COLOURED)
 
 
-def judged(plant: Plant, fault: str, noise: float, seed: int, share: float = 1.0, run: bool = False, budget: int = 1500) -> Named:
+def judged(
+    plant: Plant, fault: str, noise: float, seed: int, share: float = 1.0, run: bool = False, budget: int = 1500
+) -> Named:
     """One case: simulated, fitted, diagnosed; with `run` the study file that is proposed is fitted, too."""
     from plantfit.fitting import fit
     from plantfit.trust.diagnosis import diagnose, diagnosis_record
@@ -331,24 +352,47 @@ def judged(plant: Plant, fault: str, noise: float, seed: int, share: float = 1.0
         began = time.process_time()
         d = diagnose(answer.problem, answer.best.x)
         seconds = time.process_time() - began
-        left = (_run(study, d, Path(folder), budget) if run and (d.found or d.outliers.named) else _fitted(d)) / made.noise
+        left = (
+            _run(study, d, Path(folder), budget) if run and (d.found or d.outliers.named) else _fitted(d)
+        ) / made.noise
     named = [[key(t.extension) for t in r.found] for r in d.rounds if r.found] or [[]]
-    found, later, three = named[0], [n for own in named[1:] for n in own], [key(t.extension) for t in d.rounds[0].trials[:3]]
+    found, later, three = (
+        named[0],
+        [n for own in named[1:] for n in own],
+        [key(t.extension) for t in d.rounds[0].trials[:3]],
+    )
     told = [r["likely"] for r in diagnosis_record(d)["rounds"] if r["found"]]
     very = [own for own, likely in zip(named, told, strict=False) if likely == "very likely"]
     if d.outliers.named:
         found, three = ["outliers", *found], ["outliers", *three]
         very.append(["outliers"])
     own = [_allowed(plant, f) for f in fault.split("+")] if fault not in (CLEAN, COLOURED) else []
-    hits = [[any(_is(n, names) for n in where) for names in own] for where in (found, [*found, *three, *later], [*found, *later])]
+    hits = [
+        [any(_is(n, names) for n in where) for names in own]
+        for where in (found, [*found, *three, *later], [*found, *later])
+    ]
     wrong = [" or ".join(names) for names in very if not any(_is(n, o) for n in names for o in own)]
     first, among, every = (any(hits[0]), all(hits[1]), all(hits[2])) if own else (not found, not found, not found)
     return Named(
-        plant.name, fault, noise, seed, tuple(found), tuple(later), tuple(three), first, among, every, tuple(wrong), float(left), seconds
+        plant.name,
+        fault,
+        noise,
+        seed,
+        tuple(found),
+        tuple(later),
+        tuple(three),
+        first,
+        among,
+        every,
+        tuple(wrong),
+        float(left),
+        seconds,
     )
 
 
-_LAST: dict[str, tuple[Any, Any]] = {}  # by plant its study, and the problem of the last record, whose compiled functions serve the next
+_LAST: dict[
+    str, tuple[Any, Any]
+] = {}  # by plant its study, and the problem of the last record, whose compiled functions serve the next
 
 
 def _problem(plant: Plant, made: Made, folder: Path) -> tuple[Any, Any]:
@@ -412,7 +456,12 @@ def cases(plants: list[str], faults: list[str], seeds: int, clean: int, first: i
     """Every plant with every fault that it can have, at both noise levels, and clean ones; seeds from `first` on."""
     for name in plants:
         plant = PLANTS[name]
-        counts = {CLEAN: clean, COLOURED: clean, **dict.fromkeys(plant.faults, seeds), **dict.fromkeys(PAIRS[name], pairs)}
+        counts = {
+            CLEAN: clean,
+            COLOURED: clean,
+            **dict.fromkeys(plant.faults, seeds),
+            **dict.fromkeys(PAIRS[name], pairs),
+        }
         for fault, count in counts.items():
             if faults and fault not in faults:
                 continue
@@ -436,7 +485,9 @@ def main() -> None:
     kept = {(o.plant, o.fault, o.noise, o.seed): o for o in _read(given.json)}
     results: dict[str, list[Named]] = defaultdict(list)
     asked = [f for f in given.faults.split(",") if f]
-    for plant, fault, noise, seed in cases(given.plants.split(","), asked, given.seeds, given.clean, given.first_seed, given.pairs):
+    for plant, fault, noise, seed in cases(
+        given.plants.split(","), asked, given.seeds, given.clean, given.first_seed, given.pairs
+    ):
         which = (plant.name, fault, noise, seed)
         if which not in kept:
             kept[which] = judged(plant, fault, noise, seed, given.size, given.run)
@@ -467,7 +518,8 @@ def tell(one: Named) -> None:
     then = f" then {', '.join(one.later)}" if one.later else ""
     wrong = f" WRONG: very likely {'; '.join(one.wrong)}" if one.wrong else ""
     print(
-        f"{one.plant:7s} {one.fault:20s} noise {one.noise:<6g} seed {one.seed}: {mark:11s} {found + then:44s} {one.left:5.2f} x noise "
+        f"{one.plant:7s} {one.fault:20s} noise {one.noise:<6g} seed {one.seed}: {mark:11s} {found + then:44s} "
+        f"{one.left:5.2f} x noise "
         f"{one.seconds:.1f} s{wrong}",
         flush=True,
     )
@@ -475,7 +527,10 @@ def tell(one: Named) -> None:
 
 def summary(results: dict[str, list[Named]]) -> None:
     """The tables of all cases."""
-    print("\n| fault | records | named first | among three | both or all named | to the noise |\n|---|---|---|---|---|---|")
+    print(
+        "\n| fault | records | named first | among three | both or all named | to the noise "
+        "|\n|---|---|---|---|---|---|"
+    )
     for fault, own in results.items():
         counts = " | ".join(str(sum(getattr(o, k) for o in own)) for k in ("first", "among", "all"))
         print(f"| {fault} | {len(own)} | {counts} | {sum(o.left <= NEAR for o in own)} |")
@@ -491,7 +546,11 @@ def summary(results: dict[str, list[Named]]) -> None:
         shares = [f"{np.mean([getattr(o, k) for o in own]):.1%}" for k in ("first", "among", "all")]
         near, wrong = np.mean([o.left <= NEAR for o in own]), sum(bool(o.wrong) for o in own)
         head = f"{what}: {len(own)} records, median {np.median([o.seconds for o in own]):.1f} s"
-        told = f"without a warning {shares[0]}" if own[0].clean else f"first {shares[0]}, among three {shares[1]}, all {shares[2]}"
+        told = (
+            f"without a warning {shares[0]}"
+            if own[0].clean
+            else f"first {shares[0]}, among three {shares[1]}, all {shares[2]}"
+        )
         print(f"{head}; {told}; to the noise {near:.1%}; a false very likely in {wrong}")
 
 

@@ -1,8 +1,8 @@
 """`python -m benchmarks.diagnosis_cost`: what the whole diagnosis of the gear motor costs over its search, in one run.
 
-Once as a user has it: `plantfit diagnose` over `plantfit run --no-diagnose`, both in new processes with warm caches, in turns. Once inside
-one process: `diagnose` over `pf.fit` of the same study, whose models were compiled by a turn before. Processor time; medians over turns of
-the ratio within a turn. Asked: at most ten.
+Once as a user has it: `plantfit diagnose` over `plantfit run --no-diagnose`, both in new processes with warm caches, in
+turns. Once inside one process: `diagnose` over `pf.fit` of the same study, whose models were compiled by a turn before.
+Processor time; medians over turns of the ratio within a turn. Asked: at most ten.
 """
 
 import shutil
@@ -33,7 +33,10 @@ def run(quick: bool) -> dict[str, float]:
     for name, pairs in (("new processes", commands), ("one process", inside)):
         search, diagnosis = (float(np.median([p[k] for p in pairs])) for k in (0, 1))
         figures[name] = float(np.median([b / a for a, b in pairs]))
-        print(f"{name}: search {search:.2f} s, diagnosis {diagnosis:.2f} s of processor time, ratio {figures[name]:.1f} (asked {ASKED:g})")
+        print(
+            f"{name}: search {search:.2f} s, diagnosis {diagnosis:.2f} s of processor time, ratio {figures[name]:.1f} "
+            f"(asked {ASKED:g})"
+        )
     return figures
 
 

@@ -1,10 +1,12 @@
-"""`python -m benchmarks.disturbance [--seeds 40] [--first-seed 300]`: what nobody measured on an output, and the parameters beside it.
+"""`python -m benchmarks.disturbance [--seeds 40] [--first-seed 300]`: what nobody measured on an output, and the
+parameters beside it.
 
-Plants of `benchmarks.diagnosis` with noise of 1 % of the output's spread and, on the output, a random walk with steps of 0.3, 1 and 3 times
-the noise, or three sines with periods of 0.35, 0.6 and 1.1 of the record, together of 3, 5 and 20 times the noise. Counted are the records
-in which it is told, the root of the mean square error of the parameters by least squares and beside it (over their truth), and how often
-their stated 95 % intervals hold it. Then records with a fault of the model and none: how often one is told of the model as it is, before
-any addition is tried; of an offset and a drift of one rate that is not false, of others it is.
+Plants of `benchmarks.diagnosis` with noise of 1 % of the output's spread and, on the output, a random walk with steps
+of 0.3, 1 and 3 times the noise, or three sines with periods of 0.35, 0.6 and 1.1 of the record, together of 3, 5 and 20
+times the noise. Counted are the records in which it is told, the root of the mean square error of the parameters by
+least squares and beside it (over their truth), and how often their stated 95 % intervals hold it. Then records with a
+fault of the model and none: how often one is told of the model as it is, before any addition is tried; of an offset and
+a drift of one rate that is not false, of others it is.
 """
 
 import argparse
@@ -31,7 +33,9 @@ def record(plant: str, fault: str, seed: int, size: float = 0.0, slow: bool = Fa
     (name, e), (output,) = next(iter(problem.experiments.items())), problem.outputs
     y = e.recording[output]
     t, rng = e.recording.t, np.random.default_rng(10_000 + seed)
-    sines = sum(np.sin(2 * np.pi * t / (p * np.ptp(t)) + rng.uniform(0, 2 * np.pi)) for p in PERIODS) / np.sqrt(len(PERIODS) / 2)
+    sines = sum(np.sin(2 * np.pi * t / (p * np.ptp(t)) + rng.uniform(0, 2 * np.pi)) for p in PERIODS) / np.sqrt(
+        len(PERIODS) / 2
+    )
     added = size * NOISE * np.std(y) * (sines if slow else np.cumsum(rng.standard_normal(len(y))))
     signals = {**e.recording.signals, output: Signal(y + added, e.recording.signals[output].unit)}
     return problem.with_recordings({name: Recording(e.recording.t, signals, name)})
@@ -74,10 +78,14 @@ def run(seeds: int, first: int) -> None:
                         before.append([answer.values[n] / t - 1.0 for n, t in truth.items()])
                         after.append([v / t - 1.0 for (v, _), t in zip(pairs, truth.values(), strict=True)])
                         held.append([abs(v - t) <= 1.96 * e for (v, e), t in zip(pairs, truth.values(), strict=True)])
-                root = [" ".join(f"{100 * x:.1f}" for x in np.sqrt(np.mean(np.square(rows), axis=0))) for rows in (before, after)]
+                root = [
+                    " ".join(f"{100 * x:.1f}" for x in np.sqrt(np.mean(np.square(rows), axis=0)))
+                    for rows in (before, after)
+                ]
                 share = " ".join(f"{100 * x:.0f}" for x in np.mean(held, axis=0))
                 print(
-                    f"| {plant} | {size:g} | {len(held)} of {seeds} | {' '.join(truth)} | {root[0]} % | {root[1]} % | {share} % |",
+                    f"| {plant} | {size:g} | {len(held)} of {seeds} | {' '.join(truth)} | {root[0]} % | {root[1]} % | "
+                    f"{share} % |",
                     flush=True,
                 )
         what = "a slow drift" if slow else "a disturbance that wanders"

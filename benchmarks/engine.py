@@ -1,4 +1,5 @@
-"""One evaluation, gradient and Jacobian of a stiff plant with twelve parameters, in one run, against scipy and diffrax."""
+"""One evaluation, gradient and Jacobian of a stiff plant with twelve parameters, in one run, against scipy and
+diffrax."""
 
 import numpy as np
 
@@ -22,7 +23,10 @@ def run(quick: bool) -> dict[str, float]:
     problem = Problem(model(), Recording(t, signals), substeps=4)
     z = jnp.asarray(problem.space.cube(problem.space.vector(PARAMETERS)))
     data, compiled = problem.arguments, problem.compiled
-    single, batch = z[None, :], jnp.clip(z + 0.01 * jnp.asarray(np.random.default_rng(0).normal(size=(20, z.size))), 0.0, 1.0)
+    single, batch = (
+        z[None, :],
+        jnp.clip(z + 0.01 * jnp.asarray(np.random.default_rng(0).normal(size=(20, z.size))), 0.0, 1.0),
+    )
     p = {k: jnp.asarray(v) for k, v in PARAMETERS.items()}
     part = samples // (10 if quick else 4)
     their_cost, their_gradient, their_outputs = diffrax_functions(t[:part], u[:part], target[:part])
@@ -41,7 +45,11 @@ def run(quick: bool) -> dict[str, float]:
         "scipy BDF evaluation": whole(timed(scipy_run, 5)),
     }
     ours = problem.predict(problem.space.physical(z))["y"]
-    answers = {"evaluation": ours, "diffrax evaluation": np.asarray(their_outputs(p)), "scipy BDF evaluation": scipy_run()}
+    answers = {
+        "evaluation": ours,
+        "diffrax evaluation": np.asarray(their_outputs(p)),
+        "scipy BDF evaluation": scipy_run(),
+    }
     errors = {name: np.sqrt(np.mean((y[: len(reference)] - reference) ** 2)) for name, y in answers.items()}
     print(f"{samples} samples, two states, twelve parameters; diffrax and scipy timed on {part} samples and scaled up")
     print(f"{'':24}{'first call':>12}{'median':>12}{'rms error':>14}")

@@ -2,10 +2,10 @@
 
     python -m benchmarks.equal_models [--records 1000] [--seed 0]
 
-Errors of two models are made of one noise of standard deviation 1, white or an AR(1), and: two waves, added to one and taken from the
-other ("waves"), or an AR(1) of memory 0.9 of its own to each, half as large ("own errors"). Both predict equally well, and 5 % should be
-told apart. "worse": one model is off by a wave of amplitude 0.5 in addition, and should be told apart. Beside it, blocks of five
-correlation times with Student's t, as plantfit had it before.
+Errors of two models are made of one noise of standard deviation 1, white or an AR(1), and: two waves, added to one and
+taken from the other ("waves"), or an AR(1) of memory 0.9 of its own to each, half as large ("own errors"). Both predict
+equally well, and 5 % should be told apart. "worse": one model is off by a wave of amplitude 0.5 in addition, and should
+be told apart. Beside it, blocks of five correlation times with Student's t, as plantfit had it before.
 """
 
 import argparse
@@ -42,7 +42,11 @@ def worse(rng: np.random.Generator, memory: float, n: int) -> Pair:
     return e, e + 0.5 * np.sin(2 * np.pi * np.arange(n) / 40)
 
 
-KINDS: dict[str, Callable[[np.random.Generator, float, int], Pair]] = {"waves": waves, "own errors": own_errors, "worse": worse}
+KINDS: dict[str, Callable[[np.random.Generator, float, int], Pair]] = {
+    "waves": waves,
+    "own errors": own_errors,
+    "worse": worse,
+}
 
 
 def by_blocks(first: np.ndarray, second: np.ndarray) -> bool:

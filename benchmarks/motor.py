@@ -59,8 +59,14 @@ def run(quick: bool) -> dict[str, float]:
         simulator = problem.predictor.stepping()
         even = simulator.stepper != ADAPTIVE
         substeps = simulator.substeps if even else EVEN_TWIN
-        ours = f"plantfit, {substeps} substeps ({stage})" if even else f"plantfit, adaptive, fineness {simulator.substeps} ({stage})"
-        costs = np.asarray(problem.costs(batch)) * (len(task.t) + 1) / len(task.t)  # the record also has the start, free of error
+        ours = (
+            f"plantfit, {substeps} substeps ({stage})"
+            if even
+            else f"plantfit, adaptive, fineness {simulator.substeps} ({stage})"
+        )
+        costs = (
+            np.asarray(problem.costs(batch)) * (len(task.t) + 1) / len(task.t)
+        )  # the record also has the start, free of error
         error = problem.predict(problem.space.physical(truth))["w"][1:] - task.clean
         rows[ours] = Row(lambda problem=problem: problem.costs(jnp.asarray(batch)), 1.0, error)
         figures[f"motor_substeps_{stage}"] = float(simulator.substeps)
@@ -69,7 +75,9 @@ def run(quick: bool) -> dict[str, float]:
             candidates = np.asarray(jax.vmap(problem.space.physical)(jnp.asarray(batch)))
             if name not in rows:
                 _, track = theirs(np.array(task.truth, dtype=float)[None, :])
-                rows[name] = Row(lambda theirs=theirs, candidates=candidates: theirs(candidates), 1.0, track - task.clean)
+                rows[name] = Row(
+                    lambda theirs=theirs, candidates=candidates: theirs(candidates), 1.0, track - task.clean
+                )
             pairs[f"motor_speed_over_c_twin_{stage}"] = (name, ours)
             if even:  # else the two have errors of their own
                 figures[f"motor_disagreement_{stage}"] = float(np.max(np.abs(costs / theirs(candidates)[0] - 1.0)))
@@ -89,18 +97,23 @@ def run(quick: bool) -> dict[str, float]:
     for key, (over, under) in pairs.items():
         figures[key] = seconds[over] / seconds[under] if over else POPULATION / seconds[under]
     print(
-        f"{len(task.t)} samples of {PERIOD:g} s, {POPULATION} candidates; seconds of this process. scipy: rtol {RTOL:g}, {part} samples of "
+        f"{len(task.t)} samples of {PERIOD:g} s, {POPULATION} candidates; seconds of this process. scipy: rtol "
+        f"{RTOL:g}, {part} samples of "
         "one candidate, scaled up (with the rate in C all of one)"
     )
     print(f"{'':42}{'median':>14}{'candidates/s':>15}{'rms error':>14}{'worst':>14}")
     for name, row in rows.items():
         rms, worst = np.sqrt(np.mean(row.error**2)), np.max(np.abs(row.error))
-        print(f"{name:42}{1000 * seconds[name]:11.1f} ms{POPULATION / seconds[name]:15.1f}{rms:8.1e} rad/s{worst:8.1e} rad/s")
+        print(
+            f"{name:42}{1000 * seconds[name]:11.1f} ms{POPULATION / seconds[name]:15.1f}{rms:8.1e} rad/s{worst:8.1e} "
+            f"rad/s"
+        )
     return figures
 
 
 def _twin(task: data.Motor, substeps: int) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]] | None:
-    """Candidates (n, 6) to mean squared errors (n,) and the speeds (1500,) of the first, in C; None without a compiler."""
+    """Candidates (n, 6) to mean squared errors (n,) and the speeds (1500,) of the first, in C; None without a
+    compiler."""
     c_costs = c_twin("motor", "motor_costs")
     if c_costs is None:
         return None
@@ -116,7 +129,9 @@ def _twin(task: data.Motor, substeps: int) -> Callable[[np.ndarray], tuple[np.nd
 
 
 def _problem(task: data.Motor) -> Problem:
-    model = equations(EQUATIONS, inputs=["V"], states=["i", "w"], outputs=["w"], parameters=dict.fromkeys(NAMES), name="motor")
+    model = equations(
+        EQUATIONS, inputs=["V"], states=["i", "w"], outputs=["w"], parameters=dict.fromkeys(NAMES), name="motor"
+    )
     signals = {"V": Signal(np.r_[task.voltage, task.voltage[-1]]), "w": Signal(np.r_[0.0, task.speed])}
     box = {n: Parameter((0.5 * v, 2.0 * v), scale="log") for n, v in zip(NAMES, map(float, task.truth), strict=True)}
     return Problem(model, Recording(np.r_[0.0, task.t], signals), box)
@@ -136,7 +151,10 @@ def _scipy(task: data.Motor, p: dict[str, float], method: str, samples: int) -> 
             v = float(task.voltage[n])
 
             def rate(t, x, v=v):
-                return [(v - r * x[0] - k * x[1]) / inductance, (k * x[0] - b * x[1] - friction * np.tanh(x[1] / WIDTH)) / j]
+                return [
+                    (v - r * x[0] - k * x[1]) / inductance,
+                    (k * x[0] - b * x[1] - friction * np.tanh(x[1] / WIDTH)) / j,
+                ]
 
             x = solve_ivp(rate, (0.0, PERIOD), x, method, rtol=RTOL, atol=RTOL, jac=jacobian).y[:, -1]
             speeds[n] = x[1]

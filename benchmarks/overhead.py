@@ -1,9 +1,10 @@
 # pyright: reportMissingImports=false
-"""`python -m benchmarks.overhead`: processor time that an optimizer itself spends on one evaluation, beside other packages'.
+"""`python -m benchmarks.overhead`: processor time that an optimizer itself spends on one evaluation, beside other
+packages'.
 
-Rosenbrock's function in 10-D, 100 runs side by side, as many candidates a generation as the reference has. Ours is the whole
-search between its first and last report of progress, the cost with it (some 10 ns); from a reference's the time spent in the cost is
-taken off. Below it one generation of CMA-ES in 310-D.
+Rosenbrock's function in 10-D, 100 runs side by side, as many candidates a generation as the reference has. Ours is the
+whole search between its first and last report of progress, the cost with it (some 10 ns); from a reference's the time
+spent in the cost is taken off. Below it one generation of CMA-ES in 310-D.
 """
 
 import os
@@ -92,7 +93,8 @@ def rows(name: str, dimension: int, budget: int) -> int:
 
 
 def reference(start: Minimise, population: int, dimension: int, runs: int, budget: int) -> float:
-    """Processor seconds for one evaluation without the cost, the median of `runs` searches after a short one that imports."""
+    """Processor seconds for one evaluation without the cost, the median of `runs` searches after a short one that
+    imports."""
     found = []
     for seed, allowed in enumerate([3 * population, *[budget] * runs]):
         cost = Counted(dimension, allowed)
@@ -111,7 +113,13 @@ def reference(start: Minimise, population: int, dimension: int, runs: int, budge
 def pycma(cost: Counted, population: int, seed: int, *, diagonal: bool = False, decoding: bool = False) -> None:
     import cma
 
-    options = {"bounds": [0, 1], "popsize": population, "CMA_diagonal": diagonal, "CMA_diagonal_decoding": decoding, "seed": seed + 1}
+    options = {
+        "bounds": [0, 1],
+        "popsize": population,
+        "CMA_diagonal": diagonal,
+        "CMA_diagonal_decoding": decoding,
+        "seed": seed + 1,
+    }
     options |= {"verbose": -9, "verb_log": 0, "signals_filename": ""}
     es = cma.CMAEvolutionStrategy(np.random.default_rng(seed).random(cost.dimension), 0.3, options)
     while not es.stop():
@@ -150,7 +158,9 @@ def minionpy(cost: Counted, population: int, seed: int, *, name: str) -> None:
 
     options = {"population_size": population, "x_tol": 0.0}
     box = [(0.0, 1.0)] * cost.dimension
-    getattr(package, name)(lambda x: cost.costs(x).tolist(), box, maxevals=cost.budget, seed=seed, options=options).optimize()
+    getattr(package, name)(
+        lambda x: cost.costs(x).tolist(), box, maxevals=cost.budget, seed=seed, options=options
+    ).optimize()
 
 
 REFERENCES: dict[str, Minimise] = {
@@ -182,7 +192,13 @@ BESIDE = {
     "dish": "mealpy L-SHADE",
     "salp_swarm": "mealpy SSO",
 }
-SIMPLER = {"dd_cmaes": "pycma", "shade": "pymoo DE", "lshade": "pymoo DE", "jso": "pymoo DE", "dish": "pymoo DE"}  # these do less
+SIMPLER = {
+    "dd_cmaes": "pycma",
+    "shade": "pymoo DE",
+    "lshade": "pymoo DE",
+    "jso": "pymoo DE",
+    "dish": "pymoo DE",
+}  # these do less
 COMPILED = {"lshade": "minionpy L-SHADE", "jso": "minionpy jSO"}  # C++ that calls back
 LARGE_BESIDE = {"cmaes": "pycma", "sep_cmaes": "pycma, diagonal", "dd_cmaes": "pycma"}
 
@@ -225,7 +241,10 @@ def large(generations: int) -> list[Line]:
         for runs in LARGE_RUNS:
             line = Line(f"{name}, {runs} runs", population, ours(name, LARGE, runs, budget), other, theirs)
             own, beside = (1e3 * population * seconds for seconds in (line.own, theirs))
-            print(f"{line.method:18}{population:6}{own:10.2f} ms   {other:20}{beside:9.2f} ms{line.ratio:10.1f}", flush=True)
+            print(
+                f"{line.method:18}{population:6}{own:10.2f} ms   {other:20}{beside:9.2f} ms{line.ratio:10.1f}",
+                flush=True,
+            )
             lines.append(line)
     return lines
 
@@ -238,7 +257,10 @@ def _print(line: Line) -> None:
 def run(quick: bool) -> dict[str, float]:
     """Print the tables and return the ratios."""
     head = f"{'':18}{'rows':>6}{'own':>13}   {'reference':20}{'own':>12}{'ratio':>10}"
-    print(f"own processor time of one evaluation, {DIMENSION}-D, {RUNS} runs side by side, {BUDGET} evaluations each\n{head}")
+    print(
+        f"own processor time of one evaluation, {DIMENSION}-D, {RUNS} runs side by side, {BUDGET} evaluations "
+        f"each\n{head}"
+    )
     lines = small(1 if quick else 5)
     print(f"own processor time of one generation, {LARGE}-D\n{head}")
     wide = large(GENERATIONS // (4 if quick else 1))

@@ -1,6 +1,7 @@
 """The rigs of the four papers for the study of coverage: study files of the demos, on records of any seed.
 
-A record is made anew for each seed by the virtual rig, with all faults of its sensors, and read and cleaned as the study file says.
+A record is made anew for each seed by the virtual rig, with all faults of its sensors, and read and cleaned as the
+study file says.
 """
 
 import tempfile
@@ -22,8 +23,8 @@ EVALUATIONS = 3000  # of the search on the first record, whose final problem has
 class Demo:
     """A study `file` of the demo `case`; `write(seed, folder)` puts the record that it reads there.
 
-    `made(seed)` gives the recordings where the study file only reads them, which is quicker. `alike`: records of all seeds have the same
-    samples, so that their fits share compiled functions.
+    `made(seed)` gives the recordings where the study file only reads them, which is quicker. `alike`: records of all
+    seeds have the same samples, so that their fits share compiled functions.
     """
 
     case: str
@@ -67,7 +68,9 @@ class Demo:
         self.write(seed, self.folder)
         if not self.alike:
             return prepare(load(self.folder / self.file).problem).problem.with_scales(base.scales)
-        return base.with_recordings({n: read_recording(n, r, self.study.path) for n, r in self.study.table.recording.items()})
+        return base.with_recordings(
+            {n: read_recording(n, r, self.study.path) for n, r in self.study.table.recording.items()}
+        )
 
 
 def torque(seed: int, folder: Path) -> None:
@@ -102,7 +105,12 @@ def robot(seed: int, folder: Path) -> None:
 TORQUE = {"m1": 0.21, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077}
 BOARD = {"Rm": 2.826, "Lm": 0.0452, "Kb": 0.0926, "Jm": 0.0023, "Cm": 0.0023, "Tf": 5.19e-05}
 ROBOT = {"Ra": 2.759854243587, "La": 0.011186575703, "kw": 0.005008705, "B": 1.13284e-06, "J": 2.2748e-08}
-STEAM = {"k": 0.43, "A1": 31.0, "A2": 12.0, "Td": 0.2 + 0.6 * (60.0 / 90.0) ** 1.5}  # a chamber of constants, about that of 40 %
+STEAM = {
+    "k": 0.43,
+    "A1": 31.0,
+    "A2": 12.0,
+    "Td": 0.2 + 0.6 * (60.0 / 90.0) ** 1.5,
+}  # a chamber of constants, about that of 40 %
 
 PENDUBOT_TORQUE = Demo("pendubot", "torque.toml", torque, made=torque_alone)
 MOTOR_SPEED = Demo("motor", "speed.toml", board)
@@ -112,7 +120,8 @@ ROBOT_MOTOR = Demo("robot", "motor.toml", robot, alike=False)
 
 @dataclass(frozen=True)
 class Steam:
-    """The static task of one opening (%), as the demo fits it to whole records, on a chamber whose k, A1 and A2 are constant."""
+    """The static task of one opening (%), as the demo fits it to whole records, on a chamber whose k, A1 and A2 are
+    constant."""
 
     opening: float = 40.0
 
@@ -121,7 +130,9 @@ class Steam:
         """Without errors of instruments, which no noise shows and `[uncertainty]` states."""
         from plantfit.rig.steam_chamber import NODES, SteamChamberRig
 
-        return SteamChamberRig(truth=lambda opening: {n: v if n == "Td" else [v] * len(NODES) for n, v in STEAM.items()}, errors=False)
+        return SteamChamberRig(
+            truth=lambda opening: {n: v if n == "Td" else [v] * len(NODES) for n, v in STEAM.items()}, errors=False
+        )
 
     def problem(self) -> "Problem":
         """The task on the record of seed 0."""

@@ -1,4 +1,5 @@
-"""Tuning of a speed loop: generations of 500 closed loops of 1000 samples, on one motor and on 1000, against C with SIMD."""
+"""Tuning of a speed loop: generations of 500 closed loops of 1000 samples, on one motor and on 1000, against C with
+SIMD."""
 
 import time
 from collections.abc import Callable
@@ -34,7 +35,9 @@ def run(quick: bool) -> dict[str, float]:
     ours = {name: _metrics(task, name) for name in names}
     twin = _twin(task)
     # one after the other within each round, so that all meet the same load
-    calls: dict[str, Callable] = {f"plantfit, {name}": (lambda g, f=f: jax.block_until_ready(f(g))) for name, f in ours.items()}
+    calls: dict[str, Callable] = {
+        f"plantfit, {name}": (lambda g, f=f: jax.block_until_ready(f(g))) for name, f in ours.items()
+    }
     if twin is not None:
         calls["C, SIMD over candidates"] = twin
     first, medians = _rounds(calls, gains)
@@ -53,7 +56,10 @@ def run(quick: bool) -> dict[str, float]:
         return figures
     mine, theirs = np.stack(ours["exact"](gains[0])), twin(gains[0])
     same = np.mean(np.all(np.isclose(mine, theirs, rtol=1e-6, atol=1e-6), axis=0))
-    print(f"plantfit and C agree to 1e-6 in all five metrics for {100 * same:.1f} % of the loops (rounding to counts may fall apart)")
+    print(
+        f"plantfit and C agree to 1e-6 in all five metrics for {100 * same:.1f} % of the loops (rounding to counts may "
+        f"fall apart)"
+    )
     figures |= _family(task, 100 if quick else PLANTS)
     return figures | {
         "pid_speed_over_c_twin": medians["C, SIMD over candidates"] / medians["plantfit, exact"],
@@ -104,7 +110,12 @@ def _metrics(task: data.Loop, stepper: str) -> Callable:
 
 def _loop(task: data.Loop, stepper: str) -> ClosedLoop:
     model = equations(
-        MOTOR, inputs=["V"], states=["i", "w"], outputs=["w"], parameters=dict.fromkeys(["R", "L", "K", "B", "J"]), name="motor"
+        MOTOR,
+        inputs=["V"],
+        states=["i", "w"],
+        outputs=["w"],
+        parameters=dict.fromkeys(["R", "L", "K", "B", "J"]),
+        name="motor",
     )
     top = float(task.counts)
     controller = pid(float(task.period), lower=0.0, upper=top)

@@ -1,11 +1,13 @@
 """PIDs for 20 process models of the literature beside SIMC and AMIGO: IAE of step and load at no larger Ms.
 
-`python -m benchmarks.process_batch [--rows FILE] [NAME ...]`: rows are kept in the file, so that a run can be cut and goes on.
+`python -m benchmarks.process_batch [--rows FILE] [NAME ...]`: rows are kept in the file, so that a run can be cut and
+goes on.
 
-The processes are members of the nine families of the test batch of K. Astrom, T. Hagglund, J. Process Control 14 (2004) 635, eq. 10. A
-rule's loop is judged by the IAE of a step of the set point and of a step of load at the input, and by Ms, of the sampled loop. Against each
-rule a PID is searched as `plantfit tune` does it on one plant, with the rule's own Ms as its limit, kept within 1.4 to 1.7, for the least
-mean ratio of both IAE (C. Grimholt, S. Skogestad, IFAC PID 2012, eq. 3).
+The processes are members of the nine families of the test batch of K. Astrom, T. Hagglund, J. Process Control 14 (2004)
+635, eq. 10. A rule's loop is judged by the IAE of a step of the set point and of a step of load at the input, and by
+Ms, of the sampled loop. Against each rule a PID is searched as `plantfit tune` does it on one plant, with the rule's
+own Ms as its limit, kept within 1.4 to 1.7, for the least mean ratio of both IAE (C. Grimholt, S. Skogestad, IFAC PID
+2012, eq. 3).
 """
 
 import argparse
@@ -64,7 +66,10 @@ def processes() -> dict[str, Process]:
     found |= {f"P2 T={t:g}": chain(f"e^-s/(1 + {t:g}s)^2", [t, t], 1.0) for t in (0.1, 1.0, 10.0)}
     found |= {f"P3 T={t:g}": chain(f"1/((s + 1)(1 + {t:g}s)^2)", [1.0, t, t]) for t in (0.2, 2.0)}
     found |= {f"P4 n={n}": chain(f"1/(s + 1)^{n}", [1.0] * n) for n in (3, 4, 8)}
-    found |= {f"P5 a={a:g}": chain(f"1/((1 + s)(1 + {a:g}s)(1 + {a:g}^2 s)(1 + {a:g}^3 s))", [a**k for k in range(4)]) for a in (0.2, 0.5)}
+    found |= {
+        f"P5 a={a:g}": chain(f"1/((1 + s)(1 + {a:g}s)(1 + {a:g}^2 s)(1 + {a:g}^3 s))", [a**k for k in range(4)])
+        for a in (0.2, 0.5)
+    }
     tank = "a' = (delay(u, L) - a)/T1\ny' = a\nz = y"
     found["P6 L=0.3"] = Process("e^-0.3s/(s (1 + 0.7s))", tank, {"L": 0.3, "T1": 0.7})
     found["P7 T=5"] = chain("5e^-0.3s/((1 + 5s)(1 + 0.7s))", [5.0, 0.7], 0.3, ahead="t0*x1")
@@ -72,7 +77,9 @@ def processes() -> dict[str, Process]:
         inverse = chain(f"(1 - {a:g}s)/(s + 1)^3", [1.0] * 3, ahead="x2 - a*(x1 - x2)/t2")
         found[f"P8 a={a:g}"] = Process(inverse.written, inverse.text, inverse.parameters | {"a": a})
     waves = "p' = u - p\nq' = v\nv' = (p - q - 1.4*T*v)/T^2\nz = q"
-    found |= {f"P9 T={t:g}": Process(f"1/((s + 1)({t:g}^2 s^2 + {1.4 * t:g}s + 1))", waves, {"T": t}) for t in (0.5, 1.0)}
+    found |= {
+        f"P9 T={t:g}": Process(f"1/((s + 1)({t:g}^2 s^2 + {1.4 * t:g}s + 1))", waves, {"T": t}) for t in (0.5, 1.0)
+    }
     return found
 
 
@@ -98,7 +105,9 @@ class Bench:
         small = reduced(rest, 0.5 * period)
         wishes = Wishes(1.0, 1.0, 1.0, period, -1e4, 1e4, overshoot=1e3)
         form = pid_form(small, sign_of(rest)[0], wishes, {"SIMC": _rule("SIMC", small)}, None)
-        return cls(plant, rest, small, wishes, Judge.of(plant, start, StepAndLoad(0.0, 1.0, 1.0, seconds, period), 0.0, form))
+        return cls(
+            plant, rest, small, wishes, Judge.of(plant, start, StepAndLoad(0.0, 1.0, 1.0, seconds, period), 0.0, form)
+        )
 
     def figures(self, gains: Any) -> dict[str, float]:
         """IAE of step (s) and load (s), overshoot (%) and Ms of a PID."""
@@ -144,7 +153,12 @@ def measured(process: Process) -> dict[str, Any]:
         rule = bench.figures(_rule(name, bench.small).gains())
         limit = float(np.clip(rule["ms"], LOW, HIGH))
         ours = bench.figures(bench.searched(limit, (rule["step"], rule["load"])))
-        row[name] = {"rule": rule, "limit": limit, "ours": ours, "ratio": 0.5 * (ours["step"] / rule["step"] + ours["load"] / rule["load"])}
+        row[name] = {
+            "rule": rule,
+            "limit": limit,
+            "ours": ours,
+            "ratio": 0.5 * (ours["step"] / rule["step"] + ours["load"] / rule["load"]),
+        }
     return row
 
 
@@ -156,12 +170,16 @@ def show(rows: dict[str, Any]) -> None:
         for rule in ("SIMC", "AMIGO"):
             r, o, ratio = row[rule]["rule"], row[rule]["ours"], row[rule]["ratio"]
             first = f"{name}: {row['written']}" if rule == "SIMC" else ""
-            print(f"| {first} | {rule} | {r['ms']:.2f} | {r['step']:.3g} | {r['load']:.3g} | {o['ms']:.2f} | {o['step']:.3g} | "
+            print(f"| {first} | {rule} | {r['ms']:.2f} | {r['step']:.3g} | {r['load']:.3g} | {o['ms']:.2f} | "
+                  f"{o['step']:.3g} | "
                   f"{o['load']:.3g} | {ratio:.2f} |")  # fmt: skip
     for rule in ("SIMC", "AMIGO"):
         ratios = np.array([row[rule]["ratio"] for row in rows.values()])
         loads = np.array([row[rule]["ours"]["load"] / row[rule]["rule"]["load"] for row in rows.values()])
-        good = f"at least as good in {np.sum(ratios <= 1.0 + SAME)} of {len(ratios)}, mean ratio {np.median(ratios):.2f} in the median"
+        good = (
+            f"at least as good in {np.sum(ratios <= 1.0 + SAME)} of {len(ratios)}, mean ratio "
+            f"{np.median(ratios):.2f} in the median"
+        )
         print(f"{rule}: {good}; load alone no worse in {np.sum(loads <= 1.0)}")
 
 
@@ -175,7 +193,9 @@ def main() -> None:
         if name in rows or (given.names and name not in given.names):
             continue
         rows[name] = measured(process)
-        print(f"{name}: " + ", ".join(f"{rule} {rows[name][rule]['ratio']:.3f}" for rule in ("SIMC", "AMIGO")), flush=True)
+        print(
+            f"{name}: " + ", ".join(f"{rule} {rows[name][rule]['ratio']:.3f}" for rule in ("SIMC", "AMIGO")), flush=True
+        )
         if given.rows:
             given.rows.write_text(json.dumps(rows, indent=1))
     show({name: rows[name] for name in processes() if name in rows})

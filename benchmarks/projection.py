@@ -1,8 +1,9 @@
-"""`python -m benchmarks.projection`: one local search with and without variable projection, from given and from random starts.
+"""`python -m benchmarks.projection`: one local search with and without variable projection, from given and from random
+starts.
 
-scipy's trf over the cube, on all coordinates, on the nonlinear ones with Kaufman's derivatives, and with those of Golub and Pereyra.
-A search has succeeded where its cost is within 1e-6 of the best known. Boxes of the NIST regressions reach 10 times the larger
-published start to both sides. QUICK=1 takes fewer starts.
+scipy's trf over the cube, on all coordinates, on the nonlinear ones with Kaufman's derivatives, and with those of Golub
+and Pereyra. A search has succeeded where its cost is within 1e-6 of the best known. Boxes of the NIST regressions reach
+10 times the larger published start to both sides. QUICK=1 takes fewer starts.
 """
 
 import importlib.util
@@ -67,9 +68,13 @@ def exponentials() -> Case:
     """Three decays with noise."""
     rng, t = np.random.default_rng(0), np.linspace(0.0, 6.0, 80)
     y = 2.0 * np.exp(-0.4 * t) - 3.0 * np.exp(-1.5 * t) + 4.0 * np.exp(-6.0 * t) + 2e-3 * rng.normal(size=len(t))
-    bounds = {n: {"bounds": (-40.0, 40.0)} for n in ("a", "b", "c")} | {n: {"bounds": (0.0, 60.0)} for n in ("p", "q", "r")}
+    bounds = {n: {"bounds": (-40.0, 40.0)} for n in ("a", "b", "c")} | {
+        n: {"bounds": (0.0, 60.0)} for n in ("p", "q", "r")
+    }
     model = equations("y = a*exp(-p*x) + b*exp(-q*x) + c*exp(-r*x)", inputs=["x"], outputs=["y"], parameters=bounds)
-    return Case("three decays", Problem(model, Recording(t, {"x": Signal(t), "y": Signal(y)}, "decays")), np.zeros((0, 6)), None)
+    return Case(
+        "three decays", Problem(model, Recording(t, {"x": Signal(t), "y": Signal(y)}, "decays")), np.zeros((0, 6)), None
+    )
 
 
 def process() -> Case:
@@ -80,8 +85,11 @@ def process() -> Case:
     simulator = Simulator.of(model, substeps=4)
     truth = {"K": 2.0, "tau1": 1.5, "tau2": 0.4, "L": 0.73, "c": 5.0, "y0": 4.0}
     y = np.asarray(simulator.outputs(truth, simulator.drive(t, {"u": u}))["y"]) + 0.02 * rng.normal(size=len(t))
-    wide = {n: (-100.0, 100.0) for n in ("K", "c", "y0")} | {n: Parameter((0.02, 50.0), scale="log") for n in ("tau1", "tau2")}
-    return Case("second order", Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)}, "plant"), {**wide, "L": (0.0, 4.0)}),
+    wide = {n: (-100.0, 100.0) for n in ("K", "c", "y0")} | {
+        n: Parameter((0.02, 50.0), scale="log") for n in ("tau1", "tau2")
+    }
+    return Case("second order", Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)}, "plant"),
+                                        {**wide, "L": (0.0, 4.0)}),
                 np.zeros((0, 6)), None)  # fmt: skip
 
 
@@ -144,8 +152,13 @@ def compared(case: Case, starts: int) -> dict[str, list[tuple[Search, float]]]:
 
 def main() -> None:
     starts = QUICK_STARTS if os.environ.get("QUICK", "") not in ("", "0") else STARTS
-    print(f"{starts} random starts; calls: median of rows with derivatives asked for, in searches that succeed; ms: of a call\n")
-    print("| problem | solved for | way | published starts | random starts | calls | ms |\n|---|---|---|---|---|---|---|")
+    print(
+        f"{starts} random starts; calls: median of rows with derivatives asked for, in searches that succeed; ms: of a "
+        f"call\n"
+    )
+    print(
+        "| problem | solved for | way | published starts | random starts | calls | ms |\n|---|---|---|---|---|---|---|"
+    )
     for case in (*nist(), exponentials(), process()):
         found = compared(case, starts)
         projection = Projection.of(case.problem)
@@ -158,7 +171,8 @@ def main() -> None:
             calls = [end.calls for (end, _), ok in zip(ends, good, strict=True) if ok]
             each = 1e3 * sum(s for _, s in ends) / max(sum(end.calls for end, _ in ends), 1)
             print(
-                f"| {case.name} | {linear} | {name} | {sum(good[:given])} of {given} | {sum(good[given:])} of {len(good) - given} "
+                f"| {case.name} | {linear} | {name} | {sum(good[:given])} of {given} | {sum(good[given:])} of "
+                f"{len(good) - given} "
                 f"| {np.median(calls) if calls else float('nan'):.0f} | {each:.2f} |",
                 flush=True,
             )

@@ -2,11 +2,11 @@
 
     python -m benchmarks.promises [--records 100] [--rows promises.jsonl] [--case rich ...]
 
-A plant of first order with dead time is drawn from the prior (uniform in the logarithms of the box of the search), recorded with noise
-and fitted by `plantfit.fit`; a PID is tuned on 80 of the plants that the data allow and judged on 100. The true plant is then judged by
-the same wishes: over records, the share of truths that keep them should be at least the mean of the promised shares. The same for the
-PID tuned on the best fit alone, whose promise is made on the same plants. Rows are appended to the file as they come, and one that is
-there is kept.
+A plant of first order with dead time is drawn from the prior (uniform in the logarithms of the box of the search),
+recorded with noise and fitted by `plantfit.fit`; a PID is tuned on 80 of the plants that the data allow and judged on
+100. The true plant is then judged by the same wishes: over records, the share of truths that keep them should be at
+least the mean of the promised shares. The same for the PID tuned on the best fit alone, whose promise is made on the
+same plants. Rows are appended to the file as they come, and one that is there is kept.
 
 Cases: a livelier input and little noise (rich), a single step (step), a tenth of the samples with more noise (poor).
 """
@@ -29,7 +29,8 @@ START, STEP, LOAD = 2.0, 1.0, 0.1  # of the set point, in the unit of the output
 
 @dataclass(frozen=True)
 class Case:
-    """A record of `samples` samples with noise (standard deviation), whose input holds each of its levels for `hold` samples."""
+    """A record of `samples` samples with noise (standard deviation), whose input holds each of its levels for `hold`
+    samples."""
 
     samples: int
     noise: float
@@ -63,15 +64,20 @@ def plant() -> Any:
     """The model, with the prior as its box."""
     from plantfit.models import equations
 
-    given = {n: {"bounds": ends, "unit": unit, "scale": "log"} for (n, ends), unit in zip(BOX.items(), ("K/V", "s", "s"), strict=True)}
+    given = {
+        n: {"bounds": ends, "unit": unit, "scale": "log"}
+        for (n, ends), unit in zip(BOX.items(), ("K/V", "s", "s"), strict=True)
+    }
     return equations(
-        "y' = (K*delay(u, L) - y)/tau; z = y", inputs={"u": "V"}, states={"y": {"unit": "K", "initial": 0.0}}, outputs={"z": "K"},
+        "y' = (K*delay(u, L) - y)/tau; z = y", inputs={"u": "V"}, states={"y": {"unit": "K", "initial": 0.0}},
+        outputs={"z": "K"},
         parameters=given, name="lag",
     )  # fmt: skip
 
 
 def measured(case: str, seed: int) -> dict[str, Any]:
-    """One record: what was promised and what became of the truth, for the PID on all plants and the one on the best fit."""
+    """One record: what was promised and what became of the truth, for the PID on all plants and the one on the best
+    fit."""
     import plantfit as pf
     from plantfit.control.tune.frequency import frequencies, sampled_response
     from plantfit.control.tune.loop_design import FINE
@@ -89,7 +95,8 @@ def measured(case: str, seed: int) -> dict[str, Any]:
     fitted = time.process_time() - began
     top = 5.0 * START / min(answer.values["K"], truth["K"])
     found = pf.tune(
-        answer, set_point=START, step=STEP, load=LOAD * top, lower=-top, upper=top, period=PERIOD, quantum=0.0, plants=100, budget=100,
+        answer, set_point=START, step=STEP, load=LOAD * top, lower=-top, upper=top, period=PERIOD, quantum=0.0,
+        plants=100, budget=100,
         seed=seed, horizon=8.0 * (BOX["tau"][1] + BOX["L"][1]),
     )  # fmt: skip
     design = found.design
@@ -101,17 +108,30 @@ def measured(case: str, seed: int) -> dict[str, Any]:
     form = design.best.form
     judge = Judge.of(own, start, design.course, design.wishes.quantum, form)
     both = judged_on(
-        judge, form, [r.parameters for r in design.rows[:2]], sampled_response(rest, PERIOD, w), w, design.wishes, 1 + integrators(rest)
+        judge,
+        form,
+        [r.parameters for r in design.rows[:2]],
+        sampled_response(rest, PERIOD, w),
+        w,
+        design.wishes,
+        1 + integrators(rest),
     )
     for k, name in enumerate(("all plants", "best fit alone")):
-        row[name] = {"promised": design.rows[k].share, "kept": bool(both.kept[k, 0]), "iae": float(both.scores.iae[k, 0])}
+        row[name] = {
+            "promised": design.rows[k].share,
+            "kept": bool(both.kept[k, 0]),
+            "iae": float(both.scores.iae[k, 0]),
+        }
     row["seconds"] = [round(fitted, 2), round(time.process_time() - began - fitted, 2)]
     return row
 
 
 def show(rows: list[dict[str, Any]]) -> None:
     """A row for each case and tuning."""
-    print("| case | records | tuned on | promised, mean | truths that keep it | records that promise 95 % | of these kept |")
+    print(
+        "| case | records | tuned on | promised, mean | truths that keep it | records that promise 95 % | of these "
+        "kept |"
+    )
     print("|---|---:|---|---:|---:|---:|---:|")
     for case in CASES:
         own = [r for r in rows if r["case"] == case]
@@ -119,7 +139,10 @@ def show(rows: list[dict[str, Any]]) -> None:
             promised, kept = (np.array([float(r[name][k]) for r in own]) for k in ("promised", "kept"))
             sure = promised >= 0.95
             of = f"{100 * kept[sure].mean():.0f} %" if np.any(sure) else "-"
-            print(f"| {case} | {len(own)} | {name} | {100 * promised.mean():.1f} % | {100 * kept.mean():.1f} % | {np.sum(sure)} | {of} |")
+            print(
+                f"| {case} | {len(own)} | {name} | {100 * promised.mean():.1f} % | {100 * kept.mean():.1f} % | "
+                f"{np.sum(sure)} | {of} |"
+            )
 
 
 def asked(records: int, cases: list[str], done: set[tuple[str, int]]) -> Iterator[tuple[str, int]]:

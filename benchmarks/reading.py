@@ -1,7 +1,8 @@
 """Reading a recording of two million samples (CSV) and checking it, against polars reading the same file into a frame.
 
 python -m benchmarks.reading          a process for each reading, taken in turns; the medians and their ratios
-python -m benchmarks.reading memory   what each format takes of memory for a byte of its file (recording/readers/memory.py)
+python -m benchmarks.reading memory   what each format takes of memory for a byte of its file
+(recording/readers/memory.py)
 """
 
 import subprocess
@@ -33,12 +34,16 @@ print(time.perf_counter() - started, time.process_time() - cpu, peak() - before)
 def frame(samples: int) -> pl.DataFrame:
     rng = np.random.default_rng(0)
     noise = rng.normal(size=(3, samples))
-    return pl.DataFrame({"t [s]": np.arange(samples) * 1e-3, "u [V]": noise[0], "w [rad/s]": np.cumsum(noise[1]), "i [A]": noise[2]})
+    return pl.DataFrame(
+        {"t [s]": np.arange(samples) * 1e-3, "u [V]": noise[0], "w [rad/s]": np.cumsum(noise[1]), "i [A]": noise[2]}
+    )
 
 
 def reading(who: str, small: Path, large: Path) -> tuple[float, ...]:
     """Seconds, seconds of CPU, and bytes of memory more than before, in a process of its own."""
-    done = subprocess.run([sys.executable, "-c", _READ, who, str(small), str(large)], check=True, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", _READ, who, str(small), str(large)], check=True, capture_output=True, text=True
+    )
     return tuple(float(word) for word in done.stdout.split())
 
 
@@ -59,7 +64,11 @@ def run(quick: bool) -> dict[str, float]:
         print(f"{who:9} {wall:6.2f} s, {cpu:5.2f} s of CPU, {memory / 2**20:5.0f} MiB")
     wall, cpu, memory = medians["plantfit"] / medians["polars"]
     print(f"plantfit over polars: {wall:.2f} of the time, {cpu:.2f} of the CPU time, {memory:.2f} of the memory")
-    return {"reading_time_over_polars": float(wall), "reading_cpu_over_polars": float(cpu), "reading_memory_over_polars": float(memory)}
+    return {
+        "reading_time_over_polars": float(wall),
+        "reading_cpu_over_polars": float(cpu),
+        "reading_memory_over_polars": float(memory),
+    }
 
 
 def memory() -> None:
@@ -92,7 +101,8 @@ def memory() -> None:
                 frame(100).write_csv(small.with_suffix(".csv"))
                 _, _, grown = reading("plantfit", small.with_suffix(".csv"), large)
                 print(
-                    f"{what:12} {ending:15} {large.stat().st_size / 1e6:7.2f} MB, {grown / large.stat().st_size:6.1f} bytes for a byte",
+                    f"{what:12} {ending:15} {large.stat().st_size / 1e6:7.2f} MB, {grown / large.stat().st_size:6.1f} "
+                    f"bytes for a byte",
                     flush=True,
                 )
 

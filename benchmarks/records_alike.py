@@ -2,9 +2,10 @@
 
     python -m benchmarks.records_alike [--studies 200] [--seed 0]
 
-First-order plants are simulated by their closed form; every recording is fitted alone by plantfit, with its own inputs and noise: white, or
-an AR(1) of memory 0.9 from sample to sample. Printed: studies in which any parameter was told to differ (5 % where nothing does), and those
-in which the changed recording alone was named with the moved parameter first.
+First-order plants are simulated by their closed form; every recording is fitted alone by plantfit, with its own inputs
+and noise: white, or an AR(1) of memory 0.9 from sample to sample. Printed: studies in which any parameter was told to
+differ (5 % where nothing does), and those in which the changed recording alone was named with the moved parameter
+first.
 """
 
 import argparse
@@ -21,7 +22,12 @@ GAIN, LAG = 8.0, 0.6
 
 
 def recording(
-    rng: np.random.Generator, name: str = "a", lag: float = LAG, memory: float = 0.0, noise: float = 0.4, gain: float = GAIN
+    rng: np.random.Generator,
+    name: str = "a",
+    lag: float = LAG,
+    memory: float = 0.0,
+    noise: float = 0.4,
+    gain: float = GAIN,
 ) -> Any:
     """A recording of x' = (gain u - x)/lag at rest, input held, with noise of standard deviation `noise`."""
     from plantfit.recording import Recording, Signal
@@ -40,7 +46,8 @@ def model() -> Any:
 
     return equations(
         "x' = (K*u - x)/tau; y = x", inputs={"u": "V"}, states={"x": {"unit": "K", "initial": 0.0}}, outputs={"y": "K"},
-        parameters={"K": {"bounds": (0.1, 100.0), "unit": "K/V"}, "tau": {"bounds": (0.01, 10.0), "unit": "s", "scale": "log"}},
+        parameters={"K": {"bounds": (0.1, 100.0), "unit": "K/V"},
+                    "tau": {"bounds": (0.01, 10.0), "unit": "s", "scale": "log"}},
     )  # fmt: skip
 
 
@@ -65,14 +72,18 @@ def record_of(recordings: Sequence[Any]) -> dict[str, Any]:
         z, _ = refit(own, start, np.ones(2, dtype=bool))
         found = estimates(own, z, 0.0)
         each[f"r{k}"] = replace(found, rmse={f"r{k}": found.rmse["a"]})
-    joint = replace(each["r0"], rmse={n: e.rmse[n] for n, e in each.items()})  # its figures are shown, and decide nothing
+    joint = replace(
+        each["r0"], rmse={n: e.rmse[n] for n, e in each.items()}
+    )  # its figures are shown, and decide nothing
     return compared(problem, joint, each)
 
 
 def study(seed: int, count: int, memory: float, changed: float = 1.0) -> dict[str, Any]:
     """A study of so many recordings, the time constant of the last one `changed` times that of the others."""
     rng = np.random.default_rng([seed, count, int(100 * memory)])
-    return record_of([recording(rng, lag=LAG * (changed if k == count - 1 else 1.0), memory=memory) for k in range(count)])
+    return record_of(
+        [recording(rng, lag=LAG * (changed if k == count - 1 else 1.0), memory=memory) for k in range(count)]
+    )
 
 
 def main() -> None:
@@ -80,7 +91,10 @@ def main() -> None:
     parser.add_argument("--studies", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
-    print("| recordings | memory of the noise | alike, told to differ | changed by 10 %, told | the changed one named, tau first |")
+    print(
+        "| recordings | memory of the noise | alike, told to differ | changed by 10 %, told | the changed one named, "
+        "tau first |"
+    )
     print("|---|---|---|---|---|")
     for count in (2, 4):
         for memory in (0.0, 0.9):
@@ -89,7 +103,10 @@ def main() -> None:
             other = [study(s, count, memory, 1.1) for s in seeds]
             false, told = (np.mean([r["agree"] is False for r in rs]) for rs in (alike, other))
             named = np.mean([_named(r, count) for r in other])
-            print(f"| {count} | {memory:g} | {false:.1%} | {told:.1%} | {f'{named:.1%}' if count > 2 else ''} |", flush=True)
+            print(
+                f"| {count} | {memory:g} | {false:.1%} | {told:.1%} | {f'{named:.1%}' if count > 2 else ''} |",
+                flush=True,
+            )
 
 
 def _named(record: dict[str, Any], count: int) -> bool:

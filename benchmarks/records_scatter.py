@@ -1,12 +1,14 @@
-"""Do intervals hold the mean of a plant whose parameters scatter between recordings, and stay as they are where nothing scatters?
+"""Do intervals hold the mean of a plant whose parameters scatter between recordings, and stay as they are where nothing
+scatters?
 
     python -m benchmarks.records_scatter [--studies 200] [--seed 0] [--recordings 2,3]
 
-Gain and lag of a first-order plant are drawn anew for every recording, normal in their logarithms, with the standard deviation `scatter`;
-the recordings of benchmarks/records_alike.py (300 samples, noise of 5 % of the output) are fitted together, and the interval of the lag is
-that of the verdict. Printed: how often it holds the mean, how often it would have without the widening, how often recordings were told
-to disagree, how often the interval was widened, its half width (median and 9 of 10), and how often 400 plants drawn for another recording
-(`predict --bands`, `tune`) have their range of 95 % of the lag around a lag that is drawn as those of the recordings were.
+Gain and lag of a first-order plant are drawn anew for every recording, normal in their logarithms, with the standard
+deviation `scatter`; the recordings of benchmarks/records_alike.py (300 samples, noise of 5 % of the output) are fitted
+together, and the interval of the lag is that of the verdict. Printed: how often it holds the mean, how often it would
+have without the widening, how often recordings were told to disagree, how often the interval was widened, its half
+width (median and 9 of 10), and how often 400 plants drawn for another recording (`predict --bands`, `tune`) have their
+range of 95 % of the lag around a lag that is drawn as those of the recordings were.
 """
 
 import argparse
@@ -32,8 +34,11 @@ def compiled(count: int) -> Any:
     return Problem(model(), {f"r{k}": recording(rng, f"r{k}") for k in range(count)}, substeps=1)
 
 
-def study(seed: int, count: int, scatter: float, memory: float = 0.0, samples: Sequence[int] | None = None) -> dict[str, Any]:
-    """The row of the lag as the noise has it ("before") and as the verdict has it ("row"), and the section "heterogeneity".
+def study(
+    seed: int, count: int, scatter: float, memory: float = 0.0, samples: Sequence[int] | None = None
+) -> dict[str, Any]:
+    """The row of the lag as the noise has it ("before") and as the verdict has it ("row"), and the section
+    "heterogeneity".
 
     Of recording k the first `samples[k]` are fitted, all by default.
     """
@@ -47,7 +52,9 @@ def study(seed: int, count: int, scatter: float, memory: float = 0.0, samples: S
     made = {}
     for k in range(count):
         gain, lag = np.exp(scatter * rng.normal(size=2))
-        made[f"r{k}"] = _cut(recording(rng, f"r{k}", LAG * lag, memory, gain=GAIN * gain), (samples or [SAMPLES] * count)[k])
+        made[f"r{k}"] = _cut(
+            recording(rng, f"r{k}", LAG * lag, memory, gain=GAIN * gain), (samples or [SAMPLES] * count)[k]
+        )
     problem = compiled(count).with_recordings(made)
     z, _ = refit(problem, np.asarray(problem.space.cube(START)), np.ones(2, dtype=bool))
     local = linearise(problem, z)
@@ -85,13 +92,18 @@ def main() -> None:
     given = parser.parse_args()
     asked = [int(k) for k in given.recordings.split(",")]
     print(
-        "| recordings | lengths | scatter | memory of the noise | told to disagree | holds the mean | without widening | widened | width | "
+        "| recordings | lengths | scatter | memory of the noise | told to disagree | holds the mean | without widening "
+        "| widened | width | "
         "of 9 in 10 | draws hold another |"
     )
     print("|" + "---|" * 11)
     uneven = [300, 150, 75, 300, 40]
     cases = [(k, s, 0.0, None) for k in (3, 5) for s in (0.0, 0.005, 0.01, 0.02, 0.05, 0.1)]
-    cases += [(2, s, 0.0, None) for s in (0.0, 0.01, 0.05)] + [(5, 0.0, 0.9, None), (5, 0.05, 0.9, None), (5, 0.05, 0.0, uneven)]
+    cases += [(2, s, 0.0, None) for s in (0.0, 0.01, 0.05)] + [
+        (5, 0.0, 0.9, None),
+        (5, 0.05, 0.9, None),
+        (5, 0.05, 0.0, uneven),
+    ]
     for count, scatter, memory, samples in [c for c in cases if c[0] in asked]:
         own = [study(s, count, scatter, memory, samples) for s in range(given.seed, given.seed + given.studies)]
         told = np.mean([o["section"]["agree"] is False for o in own])

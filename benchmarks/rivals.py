@@ -17,7 +17,8 @@ RTOL, ATOL = 1e-3, 1e-4  # loose: looser gains them little; the column "rms erro
 
 
 def scipy_bdf(t: np.ndarray, u: np.ndarray, rtol: float = RTOL, atol: float = ATOL) -> Callable[[], np.ndarray]:
-    """y (n,) by BDF with the exact Jacobian, begun anew at every edge of the input, in plain floats (its fastest use)."""
+    """y (n,) by BDF with the exact Jacobian, begun anew at every edge of the input, in plain floats (its fastest
+    use)."""
     p = PARAMETERS
     edges = np.r_[0, np.flatnonzero(np.diff(u)) + 1, len(t) - 1]
 

@@ -1,9 +1,11 @@
-"""What the derivatives of multiple shooting cost: in one native loop, beside those of states that both modes can be taken of.
+"""What the derivatives of multiple shooting cost: in one native loop, beside those of states that both modes can be
+taken of.
 
     python -m benchmarks.shooting [--repeats 9]
 
-A pendubot by voltage (4 states, 4 parameters, encoders) and a driven double well (2 states, 3 parameters), in 50 segments of 100 samples
-each, with the derivatives by local parameters and first states of each. The unit beside the ratio is one simulation of the same segments.
+A pendubot by voltage (4 states, 4 parameters, encoders) and a driven double well (2 states, 3 parameters), in 50
+segments of 100 samples each, with the derivatives by local parameters and first states of each. The unit beside the
+ratio is one simulation of the same segments.
 """
 
 import argparse
@@ -35,8 +37,12 @@ def well_problem() -> pf.Problem:
     """A double well driven into chaos."""
     t = np.arange(SEGMENTS * SAMPLES) * 0.02
     names = {"b": (0.1, 10.0), "c": (0.1, 10.0), "d": (0.01, 1.0)}
-    model = pf.equations(WELL, inputs=["u"], states=["x", "v"], outputs=["y"], parameters={n: {"bounds": b} for n, b in names.items()})
-    return pf.Problem(model, pf.from_arrays(t, signals={"u": 0.5 * np.cos(1.2 * t), "y": 0 * t}), stepper="rk4", substeps=1)
+    model = pf.equations(
+        WELL, inputs=["u"], states=["x", "v"], outputs=["y"], parameters={n: {"bounds": b} for n, b in names.items()}
+    )
+    return pf.Problem(
+        model, pf.from_arrays(t, signals={"u": 0.5 * np.cos(1.2 * t), "y": 0 * t}), stepper="rk4", substeps=1
+    )
 
 
 def both_modes(states: Callable) -> Callable:
@@ -69,7 +75,10 @@ def main() -> None:
     repeats = parser.parse_args().repeats
     for name, make in (("pendubot", pendubot_problem), ("double well", well_problem)):
         loop, slow, alone = run(make, repeats)
-        print(f"{name}: {1e3 * loop:.2f} ms in one loop, {slow / loop:.1f} times that for both modes; {loop / alone:.0f} simulations")
+        print(
+            f"{name}: {1e3 * loop:.2f} ms in one loop, {slow / loop:.1f} times that for both modes; {loop / alone:.0f} "
+            f"simulations"
+        )
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """`python -m benchmarks.small_fit`: a small fit against `import jax`, both in the same process, with a warm cache.
 
-The heater's first-order model, 571 samples: choosing the steps, search, finish and judging. `plantfit`'s own imports are told apart.
+The heater's first-order model, 571 samples: choosing the steps, search, finish and judging. `plantfit`'s own imports
+are told apart.
 """
 
 import json
@@ -49,8 +50,14 @@ def run(quick: bool) -> dict[str, float]:
     for name in cold:
         print(f"{name:18}{cold[name]:8.3f}{_median([w[name] for w in warm]):8.3f}")
     ratio = _median(ratios)
-    print(f"prepare + search + finish + judge over import jax: {ratio:.2f} ({ratios[0]:.2f} to {ratios[-1]:.2f}); asked: at most {ASKED}")
-    return {"small_fit_over_import_jax": ratio, "small_fit_finish_over_search": _median([w["finish"] / w["search"] for w in warm])}
+    print(
+        f"prepare + search + finish + judge over import jax: {ratio:.2f} ({ratios[0]:.2f} to {ratios[-1]:.2f}); asked: "
+        f"at most {ASKED}"
+    )
+    return {
+        "small_fit_over_import_jax": ratio,
+        "small_fit_finish_over_search": _median([w["finish"] / w["search"] for w in warm]),
+    }
 
 
 def _ratio(seconds: dict[str, float]) -> float:
@@ -63,7 +70,11 @@ def _median(values: list[float]) -> float:
 
 def _fit(cache: str) -> dict[str, float]:
     done = subprocess.run(
-        [sys.executable, "-c", _FIT, str(STUDY)], check=True, capture_output=True, text=True, env={**os.environ, "PLANTFIT_CACHE": cache}
+        [sys.executable, "-c", _FIT, str(STUDY)],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PLANTFIT_CACHE": cache},
     )
     return json.loads(done.stdout)
 

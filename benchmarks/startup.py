@@ -1,9 +1,11 @@
-"""`python -m benchmarks.startup`: how long a command takes from its start to its end, over `import jax` in the same run.
+"""`python -m benchmarks.startup`: how long a command takes from its start to its end, over `import jax` in the same
+run.
 
-Every turn starts each command once in a new process, one after another, so that other work on the machine falls on all of them alike;
-a figure is the median over turns of the ratio within a turn. Modules are kept as bytecode, as after an install. "Empty" is a run
-with an empty cache folder, else the cache is warm. "Small run" looks for nothing that is missing in the model (`--no-diagnose`), which
-is a row of its own. The study is the heater's first-order model, 571 samples, from CSV to report.
+Every turn starts each command once in a new process, one after another, so that other work on the machine falls on all
+of them alike; a figure is the median over turns of the ratio within a turn. Modules are kept as bytecode, as after an
+install. "Empty" is a run with an empty cache folder, else the cache is warm. "Small run" looks for nothing that is
+missing in the model (`--no-diagnose`), which is a row of its own. The study is the heater's first-order model, 571
+samples, from CSV to report.
 """
 
 import os
@@ -58,15 +60,23 @@ def commands(turns: int) -> dict[str, float]:
         for call in calls.values():  # bytecode and caches are made
             call()
         seconds = [{name: call() for name, call in calls.items()} for _ in range(turns)]
-    print(f"{'':24}{'s':>8}{'s of CPU':>10}{'over import jax, CPU':>22}{'asked':>7}  (medians of {turns} turns; in brackets the quartiles)")
+    print(
+        f"{'':24}{'s':>8}{'s of CPU':>10}{'over import jax, CPU':>22}{'asked':>7}  (medians of {turns} turns; in "
+        f"brackets the quartiles)"
+    )
     figures: dict[str, float] = {"help_seconds": _median([turn["plantfit --help"][0] for turn in seconds])}
     for name in calls:
         wall, cpu = (_median([turn[name][k] for turn in seconds]) for k in (0, 1))
         ratios, of_cpu = (sorted(turn[name][k] / turn[BASE][k] for turn in seconds) for k in (0, 1))
         spread = f"({ratios[len(ratios) // 4]:.2f} to {ratios[-1 - len(ratios) // 4]:.2f})"
-        print(f"{name:24}{wall:8.2f}{cpu:10.2f}{_median(ratios):6.2f} {spread} {_median(of_cpu):6.2f}{ASKED.get(name, ''):>8}")
+        print(
+            f"{name:24}{wall:8.2f}{cpu:10.2f}{_median(ratios):6.2f} {spread} "
+            f"{_median(of_cpu):6.2f}{ASKED.get(name, ''):>8}"
+        )
         if name != BASE:
-            figures[f"{name.replace('plantfit --', '').replace(',', '').replace(' ', '_')}_over_import_jax"] = _median(ratios)
+            figures[f"{name.replace('plantfit --', '').replace(',', '').replace(' ', '_')}_over_import_jax"] = _median(
+                ratios
+            )
     return figures
 
 
@@ -113,7 +123,11 @@ def _median(values: Sequence):
 
 def _fit(cache: str) -> tuple[float, float]:
     done = subprocess.run(
-        [sys.executable, "-c", _FIT], check=True, capture_output=True, text=True, env={**os.environ, "PLANTFIT_CACHE": cache}
+        [sys.executable, "-c", _FIT],
+        check=True,
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PLANTFIT_CACHE": cache},
     )
     first, second = done.stdout.split()
     return float(first), float(second)

@@ -36,12 +36,17 @@ def run(quick: bool) -> dict[str, float]:
         problem = _problem(text)
         z = np.random.default_rng(1).random((CANDIDATES, problem.space.dimension))
         if not np.all(np.isfinite(problem.costs(z))):
-            raise ValueError(f"{kind}: some candidates cannot be simulated, which costs less than those that can; change BOX.")
+            raise ValueError(
+                f"{kind}: some candidates cannot be simulated, which costs less than those that can; change BOX."
+            )
         calls[f"{kind}, costs"] = lambda problem=problem, z=z: problem.costs(z)
         calls[f"{kind}, gradients"] = lambda problem=problem, z=z: problem.values_and_gradients(z)
     seconds = {name: timing.cpu for name, timing in interleaved(calls, 3 if quick else 15, 0.01).items()}
     figures: dict[str, float] = {}
-    print(f"{SAMPLES} samples, {CANDIDATES} candidates, one step a sample; seconds of this process, ratios to the smooth model")
+    print(
+        f"{SAMPLES} samples, {CANDIDATES} candidates, one step a sample; seconds of this process, ratios to the smooth "
+        f"model"
+    )
     print(f"{'':28}{'costs':>10}{'ratio':>8}{'gradients':>12}{'ratio':>8}")
     for kind in KINDS:
         costs, slopes = (seconds[f"{kind}, {what}"] for what in ("costs", "gradients"))
@@ -56,7 +61,9 @@ def _problem(text: str) -> Problem:
     rng = np.random.default_rng(3)
     names = [n for n in BOX if any(f"{s}{n}{e}" in text for s in " *(-" for e in " *)/,\n") or n in ("b", "m", "k")]
     states = ["x", "v", *(["q"] if "play" in text else [])]
-    model = equations(text, inputs=["F"], states=states, outputs=["y"], parameters=dict.fromkeys(names), name="mass", check=False)
+    model = equations(
+        text, inputs=["F"], states=states, outputs=["y"], parameters=dict.fromkeys(names), name="mass", check=False
+    )
     t = PERIOD * np.arange(SAMPLES)
     force = np.repeat(rng.uniform(-3.0, 3.0, SAMPLES // 50), 50)
     record = Recording(t, {"F": Signal(force), "y": Signal(np.cumsum(rng.standard_normal(SAMPLES)) * 0.01)})

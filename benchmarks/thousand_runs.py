@@ -1,4 +1,5 @@
-"""A study of 3000 runs (1000 each of PSO, genetic algorithm, salp swarm) on the torque of a two-link arm: run, stored, compared, reported.
+"""A study of 3000 runs (1000 each of PSO, genetic algorithm, salp swarm) on the torque of a two-link arm: run, stored,
+compared, reported.
 
 python -m benchmarks.thousand_runs [--workers 2] [--runs 1000] [--out FOLDER]
 """
@@ -36,7 +37,9 @@ def problem():
         return low + z * (high - low)
 
     least = np.linalg.lstsq(task.regressor, task.torque)[0]
-    objective = Objective(dimension=6, costs=lambda z: mean_square(compressed, base(physical(z))), lower=low, upper=high)
+    objective = Objective(
+        dimension=6, costs=lambda z: mean_square(compressed, base(physical(z))), lower=low, upper=high
+    )
     return objective, physical, float(mean_square(compressed, least))
 
 
@@ -54,7 +57,15 @@ def main() -> None:
     folder = chosen.out or Path(tempfile.mkdtemp(prefix="plantfit-"))
     folder.mkdir(parents=True, exist_ok=True)
     settings = {m: {"population": PARTICLES} for m in METHODS}
-    plan = Plan("torque", METHODS, runs=chosen.runs, budget=PARTICLES * ITERATIONS, seed=1, settings=settings, chunk=min(100, chosen.runs))
+    plan = Plan(
+        "torque",
+        METHODS,
+        runs=chosen.runs,
+        budget=PARTICLES * ITERATIONS,
+        seed=1,
+        settings=settings,
+        chunk=min(100, chosen.runs),
+    )
     marks = [("begin", time.perf_counter())]
     objective, physical, floor = problem()
     store = Store.open(folder / "torque.db")

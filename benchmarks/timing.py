@@ -15,7 +15,8 @@ class Timing(NamedTuple):
 
 
 def timed(call: Callable[[], Any], repeats: int, at_least: float = 0.02) -> Timing:
-    """Time `call`; short ones are repeated inside each of the `repeats` measurements until `at_least` seconds are filled."""
+    """Time `call`; short ones are repeated inside each of the `repeats` measurements until `at_least` seconds are
+    filled."""
     started = time.perf_counter()
     jax.block_until_ready(call())
     first = time.perf_counter() - started

@@ -1,10 +1,12 @@
-"""How often `plantfit track` raises a false alarm, and how soon it sees a parameter change: python -m benchmarks.tracking
+"""How often `plantfit track` raises a false alarm, and how soon it sees a parameter change: python -m
+benchmarks.tracking
 
-Three plants with known truth, simulated outside plantfit: the motor of a small robot with current and speed measured (linear, by exact
-discretisation), a tank that empties by Torricelli (nonlinear, by Euler-Maruyama in 50 steps a sample) and a heater with a dead time of 6.6
-samples (by exact discretisation between the edges of its late input), all with process noise. A
-study of one record finds parameters and levels; then new records of the same plant are tracked. A false alarm is any alarm
-over a whole record of a healthy plant, five times as long as the study's. A change happens after a fifth of such a record.
+Three plants with known truth, simulated outside plantfit: the motor of a small robot with current and speed measured
+(linear, by exact discretisation), a tank that empties by Torricelli (nonlinear, by Euler-Maruyama in 50 steps a sample)
+and a heater with a dead time of 6.6 samples (by exact discretisation between the edges of its late input), all with
+process noise. A study of one record finds parameters and levels; then new records of the same plant are tracked. A
+false alarm is any alarm over a whole record of a healthy plant, five times as long as the study's. A change happens
+after a fifth of such a record.
 """
 
 import argparse
@@ -25,7 +27,8 @@ SIZES = (0.1, 0.2, 0.3)
 
 @dataclass(frozen=True)
 class Plant:
-    """A plant with known truth: `record(rng, n, input, truth, after)` simulates, `truth` holds from sample `after` on."""
+    """A plant with known truth: `record(rng, n, input, truth, after)` simulates, `truth` holds from sample `after`
+    on."""
 
     name: str
     truth: dict[str, float]
@@ -35,7 +38,8 @@ class Plant:
 
 
 def excitation(rng: np.random.Generator, n: int, kind: str, low: float, high: float, hold: int) -> np.ndarray:
-    """An input between two levels: a random telegraph, a new level at every sample, or white noise through a slow first-order filter."""
+    """An input between two levels: a random telegraph, a new level at every sample, or white noise through a slow
+    first-order filter."""
     if kind == "telegraph":
         return np.where(rng.random(n // hold + 1) < 0.5, low, high).repeat(hold)[:n]
     if kind == "white":
@@ -59,7 +63,9 @@ def _motor_step(p: dict[str, float], h: float) -> tuple[np.ndarray, np.ndarray, 
     return f, np.linalg.solve(a, (f - np.eye(2)) @ np.array([1.0 / p["La"], 0.0])), np.linalg.cholesky(0.5 * (q + q.T))
 
 
-def motor_record(rng: np.random.Generator, n: int, kind: str, then: dict[str, float] | None = None, after: int = 0) -> Recording:
+def motor_record(
+    rng: np.random.Generator, n: int, kind: str, then: dict[str, float] | None = None, after: int = 0
+) -> Recording:
     """Current and speed under a voltage of 0 to 3 V, 1 kHz; parameters `then` from sample `after` on."""
     h, x, y = 1e-3, np.array([0.1, 10.0]) * rng.standard_normal(2), np.empty((n, 2))
     voltage = excitation(rng, n, kind, 0.0, 3.0, 20)
@@ -70,7 +76,9 @@ def motor_record(rng: np.random.Generator, n: int, kind: str, then: dict[str, fl
         f, b, root = later if then is not None and k >= after else now
         x = f @ x + b * voltage[k] + root @ push[k]
     y += rng.standard_normal(y.shape) * [0.01, 2.0]
-    return from_arrays(h * np.arange(n), signals={"V": (voltage, "V"), "i": (y[:, 0], "A"), "w": (y[:, 1], "rad/s")}, name="run")
+    return from_arrays(
+        h * np.arange(n), signals={"V": (voltage, "V"), "i": (y[:, 0], "A"), "w": (y[:, 1], "rad/s")}, name="run"
+    )
 
 
 def motor_problem(recording: Recording) -> Problem:
@@ -90,7 +98,9 @@ def motor_problem(recording: Recording) -> Problem:
 TANK = {"k": 0.5, "area": 2.0}
 
 
-def tank_record(rng: np.random.Generator, n: int, kind: str, then: dict[str, float] | None = None, after: int = 0) -> Recording:
+def tank_record(
+    rng: np.random.Generator, n: int, kind: str, then: dict[str, float] | None = None, after: int = 0
+) -> Recording:
     """The level under an inflow of 0.2 to 0.9 m^3/s, a sample every 0.5 s."""
     h, fine, x = 0.5, 50, 1.0 + 0.1 * rng.standard_normal()
     flow, level = excitation(rng, n, kind, 0.2, 0.9, 15), np.empty(n)
@@ -120,7 +130,9 @@ def tank_problem(recording: Recording) -> Problem:
 HEATER = {"K": 0.8, "tau": 12.0, "L": 3.3}
 
 
-def heater_record(rng: np.random.Generator, n: int, kind: str, then: dict[str, float] | None = None, after: int = 0) -> Recording:
+def heater_record(
+    rng: np.random.Generator, n: int, kind: str, then: dict[str, float] | None = None, after: int = 0
+) -> Recording:
     """The rise of temperature under 0 to 100 % of power, a sample every 0.5 s."""
     h, x, y = 0.5, 40.0 + 5.0 * rng.standard_normal(), np.empty(n)
     power = excitation(rng, n, kind, 0.0, 100.0, 15)
@@ -131,7 +143,11 @@ def heater_record(rng: np.random.Generator, n: int, kind: str, then: dict[str, f
         whole, share = divmod(p["L"] / h, 1.0)
         old, new = power[max(k - int(whole) - 1, 0)], power[max(k - int(whole), 0)]
         f, edge = np.exp(-h / p["tau"]), np.exp(-h * (1.0 - share) / p["tau"])
-        x = f * x + p["K"] * ((edge - f) * old + (1.0 - edge) * new) + 0.3 * np.sqrt(0.5 * p["tau"] * (1.0 - f * f)) * push[k]
+        x = (
+            f * x
+            + p["K"] * ((edge - f) * old + (1.0 - edge) * new)
+            + 0.3 * np.sqrt(0.5 * p["tau"] * (1.0 - f * f)) * push[k]
+        )
     return from_arrays(period=h, signals={"u": (power, "%"), "T": (y + 0.1 * rng.standard_normal(n), "K")}, name="run")
 
 
@@ -176,8 +192,11 @@ def false_alarms(plant: Plant, trackers: list[Tracker], records: int, kind: str,
     return count
 
 
-def delays(plant: Plant, trackers: list[Tracker], records: int, size: float, seed: int) -> list[tuple[str, float | None, str | None]]:
-    """For each record: the parameter that changed, seconds to the alarm (None: none, negative: before), the parameter that it named."""
+def delays(
+    plant: Plant, trackers: list[Tracker], records: int, size: float, seed: int
+) -> list[tuple[str, float | None, str | None]]:
+    """For each record: the parameter that changed, seconds to the alarm (None: none, negative: before), the
+    parameter that it named."""
     found, names, n = [], list(plant.truth), LONGER * plant.samples
     for k in range(records):
         rng = np.random.default_rng((seed, k))
@@ -187,7 +206,13 @@ def delays(plant: Plant, trackers: list[Tracker], records: int, size: float, see
         recording = plant.record(rng, n, INPUTS[k % len(INPUTS)], then, after)
         tracker = tracked(trackers[k % len(trackers)], recording)
         alarm = tracker.alarms[0] if tracker.alarms else None
-        found.append((name, None if alarm is None else alarm.t - float(recording.t[after]), None if alarm is None else alarm.parameter))
+        found.append(
+            (
+                name,
+                None if alarm is None else alarm.t - float(recording.t[after]),
+                None if alarm is None else alarm.parameter,
+            )
+        )
     return found
 
 
@@ -209,7 +234,10 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
         own: dict[str, Any] = {"false": {}, "delay": {}}
         for kind in INPUTS:
             own["false"][kind] = false_alarms(plant, trackers, given.healthy, kind, 100)
-            print(f"{plant.name}, {kind} input: {own['false'][kind]} of {given.healthy} healthy records raise an alarm", flush=True)
+            print(
+                f"{plant.name}, {kind} input: {own['false'][kind]} of {given.healthy} healthy records raise an alarm",
+                flush=True,
+            )
         for size in SIZES:
             runs = delays(plant, trackers, given.changed, size, 200)
             own["delay"][str(size)] = runs
@@ -220,7 +248,8 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
                 right = sum(named == name for d, named in mine if d is not None and d >= 0)
                 middle, late = (np.median(seen), np.quantile(seen, 0.9)) if seen else (np.nan, np.nan)
                 print(
-                    f"{plant.name}, {name} by {100 * size:.0f} %: {len(seen)} of {len(mine)} seen, delay {middle:.3g} s "
+                    f"{plant.name}, {name} by {100 * size:.0f} %: {len(seen)} of {len(mine)} seen, delay {middle:.3g} "
+                    f"s "
                     f"(90 %: {late:.3g} s), named rightly {right}",
                     flush=True,
                 )

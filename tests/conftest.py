@@ -14,10 +14,12 @@ MORE = 0.5e9  # bytes by which a process has to grow after that until they are d
 
 _limit = [LARGE]
 
-# Python looks for cycles after every 700 new objects. A fifth of the time of collection went there, and a thirtieth of that of the tests.
+# Python looks for cycles after every 700 new objects. A fifth of the time of collection went there, and a thirtieth of
+# that of the tests.
 gc.set_threshold(50_000, 20, 50)
 
-# Some machines keep Python from writing compiled files; every process that a test starts would then compile all of plantfit, a second each.
+# Some machines keep Python from writing compiled files; every process that a test starts would then compile all of
+# plantfit, a second each.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 

@@ -39,7 +39,9 @@ def test_pages_ask_nothing_of_the_net(site):
     pages = list(site.rglob("*.html"))
     assert len(pages) > 30
     for page in pages:
-        assert not re.findall(r'<(?:script|link|img|iframe)[^>]+(?:src|href)="(?:https?:)?//[^"]+', page.read_text("utf-8")), page.name
+        assert not re.findall(
+            r'<(?:script|link|img|iframe)[^>]+(?:src|href)="(?:https?:)?//[^"]+', page.read_text("utf-8")
+        ), page.name
 
 
 def test_printed_lines_wrap_and_lines_of_python_do_not(site):
@@ -50,13 +52,18 @@ def test_printed_lines_wrap_and_lines_of_python_do_not(site):
 
 
 def looks_in(room: str, but: str = "") -> set[str]:
-    """The kinds of looks that files of a room make: the first argument of each `Look`, or what a name is bound to that stands there."""
+    """The kinds of looks that files of a room make: the first argument of each `Look`, or what a name is bound to
+    that stands there."""
     found: set[str] = set()
     for path in (ROOT / "src" / "plantfit" / room).glob("*.py"):
         if path.name == but:
             continue
         tree = ast.parse(path.read_text("utf-8"))
-        kinds = [n.args[0] for n in ast.walk(tree) if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and n.func.id == "Look"]
+        kinds = [
+            n.args[0]
+            for n in ast.walk(tree)
+            if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and n.func.id == "Look"
+        ]
         names = {kind.id for kind in kinds if isinstance(kind, ast.Name)}
         pairs = [(n.targets[0], n.value) for n in ast.walk(tree) if isinstance(n, ast.Assign)]
         for to, value in pairs:
@@ -72,12 +79,18 @@ OF_RECORDINGS, OF_MODELS = looks_in("recording/looks", but="of_packages.py"), lo
 
 
 def test_the_table_of_looks_has_every_kind():
-    rows = re.findall(r"^\| (?!look |-)([^|]+) \|", page("diagnosis.md").split("## Looks at the data")[1].split("\n## ")[0], re.MULTILINE)
+    rows = re.findall(
+        r"^\| (?!look |-)([^|]+) \|",
+        page("diagnosis.md").split("## Looks at the data")[1].split("\n## ")[0],
+        re.MULTILINE,
+    )
     assert {"constant", "feedback", "gaps"} <= OF_RECORDINGS
     assert {"sampled slowly", "time unit", "not at rest"} <= OF_MODELS
     told, kinds = {kind for row in rows for kind in row.split(", ")}, OF_RECORDINGS | OF_MODELS
     assert kinds - told == set(), f'add a row for {kinds - told} to the table "Looks at the data" of docs/diagnosis.md'
-    assert told - kinds == set(), f"no look is of the kind {told - kinds}: mend or take out its row in docs/diagnosis.md"
+    assert told - kinds == set(), (
+        f"no look is of the kind {told - kinds}: mend or take out its row in docs/diagnosis.md"
+    )
 
 
 def test_every_addition_and_look_has_a_picture(site):
@@ -101,7 +114,9 @@ def test_notebooks_are_pages_with_their_pictures(site):
 
 
 def test_every_command_stands_in_the_reference(site):
-    help_ = subprocess.run([sys.executable, "-m", "plantfit", "--help"], capture_output=True, text=True, timeout=120).stdout
+    help_ = subprocess.run(
+        [sys.executable, "-m", "plantfit", "--help"], capture_output=True, text=True, timeout=120
+    ).stdout
     known = re.findall(r"^  ([a-z][a-z-]+)  ", help_, re.MULTILINE)
     page = (site / "reference" / "commands.html").read_text("utf-8")
     assert len(known) > 20
@@ -111,7 +126,11 @@ def test_every_command_stands_in_the_reference(site):
 
 def test_python_names_have_their_docstrings(site):
     page = (site / "reference" / "python.html").read_text("utf-8")
-    for words in ("plantfit.fitting.fit", "plantfit.recording.roles.guess_roles", "plantfit.trust.identify.before_fit.before_fit"):
+    for words in (
+        "plantfit.fitting.fit",
+        "plantfit.recording.roles.guess_roles",
+        "plantfit.trust.identify.before_fit.before_fit",
+    ):
         assert f'id="{words}"' in page
     assert "exact sensitivities" in " ".join(re.sub(r"<[^>]+>", "", page).split())
 
@@ -156,7 +175,11 @@ def page(name):
 def test_pages_name_every_function_of_equations():
     text = page("models.md")
     listed = re.findall(r"\w+", text[text.index("Functions:") : text.index("constants pi and e")])
-    missing = [name for name in (*CALLS, *SPECIAL) if name not in listed and f"`{name}(" not in text and f" {name}(" not in text]
+    missing = [
+        name
+        for name in (*CALLS, *SPECIAL)
+        if name not in listed and f"`{name}(" not in text and f" {name}(" not in text
+    ]
     assert missing == [], f'name {missing} in the paragraph "Functions:" of docs/models.md'
 
 

@@ -40,7 +40,9 @@ print(total, names.count("tf_XLAEigen"))
 
 def said(code, *arguments, **environment):
     own = {k: v for k, v in os.environ.items() if k not in ("NPROC", "XLA_FLAGS")}  # this process imported plantfit
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, env=own | environment, timeout=120)
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, env=own | environment, timeout=120
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.split()
 
@@ -54,7 +56,9 @@ def test_a_compilation_cache_of_the_user_stays_his(tmp_path):
     assert said(KEEPS_ITS_CACHE.replace("FOLDER", repr(str(tmp_path)))) == ["True", "7.0"]
 
 
-@pytest.mark.skipif(not Path("/proc/self/task").exists() or os.cpu_count() == 1, reason="counts threads by /proc, of several cores")
+@pytest.mark.skipif(
+    not Path("/proc/self/task").exists() or os.cpu_count() == 1, reason="counts threads by /proc, of several cores"
+)
 def test_xla_gets_one_thread_where_jax_had_not_begun():
     alone, beside = said(ONE_THREAD), said(ONE_THREAD, "first")
     assert float(alone[0]) == float(beside[0]) == 800.0**3

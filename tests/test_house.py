@@ -23,7 +23,9 @@ NAMED = re.compile(rf"(?<![\w./])((?:{'|'.join(ROOMS)})(?:/[a-z_0-9]+)*/(?:[a-z_
 
 def folders() -> list[Path]:
     found = [p for p in sorted(SOURCE.rglob("*")) if p.is_dir() and p.name != "__pycache__"]
-    return [p for p in found if any(e.name != "__pycache__" for e in p.iterdir())]  # not what a moved folder left behind
+    return [
+        p for p in found if any(e.name != "__pycache__" for e in p.iterdir())
+    ]  # not what a moved folder left behind
 
 
 @pytest.mark.parametrize("folder", folders(), ids=lambda p: str(p.relative_to(SOURCE)))
@@ -58,7 +60,9 @@ def test_dotted_names_in_docstrings_and_comments_lead_somewhere():
     assert not wrong, "\n".join(wrong)
 
 
-@pytest.mark.parametrize("name", ["simulate.tight", "optimize.basins.Basins", "answer.undiagnose", "models.parts.tables.lockup"])
+@pytest.mark.parametrize(
+    "name", ["simulate.tight", "optimize.basins.Basins", "answer.undiagnose", "models.parts.tables.lockup"]
+)
 def test_a_dotted_name_that_leads_nowhere_is_found(name):
     assert DOTTED.findall(f"see `{name}`") == [name]
     assert not leads(name)
@@ -107,7 +111,8 @@ def test_the_stages_of_an_answer_stand_in_one_place(stage):
 
 
 def test_public_functions_are_annotated_in_full():
-    """Functions and methods that a reader or an editor may call; of rooms `trust`, `report`, `findings` those within too."""
+    """Functions and methods that a reader or an editor may call; of rooms `trust`, `report`, `findings` those within
+    too."""
     bare = []
     for path in SOURCE.rglob("*.py"):
         place = path.relative_to(SOURCE)
@@ -134,7 +139,9 @@ def lacks_annotations(node: ast.AST) -> bool:
     return bool(bare) or (node.returns is None and node.name not in ("__init__", "__post_init__"))
 
 
-@pytest.mark.parametrize("text", ["def f(a) -> None: ...", "def f(a: int): ...", "class A:\n    def f(self, *a) -> None: ..."])
+@pytest.mark.parametrize(
+    "text", ["def f(a) -> None: ...", "def f(a: int): ...", "class A:\n    def f(self, *a) -> None: ..."]
+)
 def test_a_function_without_annotations_is_found(text):
     assert [lacks_annotations(f) for f in public(ast.parse(text))] == [True]
 
@@ -144,14 +151,21 @@ EVALUATE = SOURCE / "problem" / "evaluate"
 
 def evaluators() -> set[str]:
     """Classes of the evaluators' room that have what the protocol asks for."""
-    protocol = next(n for n in ast.parse((EVALUATE / "evaluator.py").read_text("utf-8")).body if isinstance(n, ast.ClassDef))
-    asked = {n.name for n in protocol.body if isinstance(n, ast.FunctionDef)} - {"local", "recordings"}  # those may be fields
+    protocol = next(
+        n for n in ast.parse((EVALUATE / "evaluator.py").read_text("utf-8")).body if isinstance(n, ast.ClassDef)
+    )
+    asked = {n.name for n in protocol.body if isinstance(n, ast.FunctionDef)} - {
+        "local",
+        "recordings",
+    }  # those may be fields
     found = set()
     for path in EVALUATE.glob("*.py"):
         for node in ast.parse(path.read_text("utf-8")).body:
             if isinstance(node, ast.ClassDef) and node.name != "Evaluator":
                 own = {n.name for n in node.body if isinstance(n, ast.FunctionDef)}
-                own |= {n.target.id for n in node.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
+                own |= {
+                    n.target.id for n in node.body if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)
+                }
                 if asked <= own:
                     found.add(node.name)
     return found
@@ -164,7 +178,11 @@ def told_apart(text: str, names: set[str]) -> list[int]:
     lines = []
     for node in ast.walk(ast.parse(text)):
         kinds: list[ast.AST] = []
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in ("isinstance", "issubclass"):
+        if (
+            isinstance(node, ast.Call)
+            and isinstance(node.func, ast.Name)
+            and node.func.id in ("isinstance", "issubclass")
+        ):
             kinds = list(node.args[1:])
         elif isinstance(node, ast.Compare) and any(_type_of(side) for side in (node.left, *node.comparators)):
             kinds = [node.left, *node.comparators]
@@ -184,10 +202,15 @@ def test_no_evaluator_is_told_apart_by_its_class():
     names = evaluators()
     assert names == {"BatchedRecords", "RecordByRecord", "MovingAndSteady", "Smoothed"}
     for planted in (
-        "if isinstance(e, BatchedRecords):\n    pass", "x = isinstance(e, (int, Smoothed))", "if type(e) is RecordByRecord:\n    pass",
+        "if isinstance(e, BatchedRecords):\n    pass", "x = isinstance(e, (int, Smoothed))",
+        "if type(e) is RecordByRecord:\n    pass",
         "match e:\n    case MovingAndSteady():\n        pass", "x = isinstance(e, int | Smoothed)",
     ):  # fmt: skip
         assert told_apart(planted, names) == [2 if planted.startswith("match") else 1], planted
     assert not told_apart("x = isinstance(e, Model)\ny = BatchedRecords(e)", names)
-    wrong = [f"{path.relative_to(ROOT)}:{line}" for path in SOURCE.rglob("*.py") for line in told_apart(path.read_text("utf-8"), names)]
+    wrong = [
+        f"{path.relative_to(ROOT)}:{line}"
+        for path in SOURCE.rglob("*.py")
+        for line in told_apart(path.read_text("utf-8"), names)
+    ]
     assert not wrong, wrong

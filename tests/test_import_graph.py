@@ -13,12 +13,20 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "src" / "plantfit"
 ALWAYS = {"errors", "folders", "lazy", "plugins", "runtime", "units"}
-CONTRACTS = {"optimize", "models", "space", "problem", "trust"}  # where the contracts are written that "contracts" means
+CONTRACTS = {
+    "optimize",
+    "models",
+    "space",
+    "problem",
+    "trust",
+}  # where the contracts are written that "contracts" means
 
 
 def rooms_of_table() -> dict[str, set[str]]:
     """Room -> rooms that its row names; "all above" and "contracts" spelled out."""
-    rows = re.findall(r"^\| `([\w./]+)` \|[^|]*\|([^|]*)\|$", (ROOT / "docs" / "architecture.md").read_text("utf-8"), re.M)
+    rows = re.findall(
+        r"^\| `([\w./]+)` \|[^|]*\|([^|]*)\|$", (ROOT / "docs" / "architecture.md").read_text("utf-8"), re.M
+    )
     named: dict[str, set[str]] = {}
     for room, allowed in rows:
         text = allowed.strip()
@@ -79,7 +87,8 @@ NAMED = rooms_of_table()
 
 @cache
 def looked_through() -> tuple[dict[str, list[tuple[str, int]]], list[str]]:
-    """What each module imports, and where one prints; each is parsed once, and by the process that runs these tests alone."""
+    """What each module imports, and where one prints; each is parsed once, and by the process that runs these tests
+    alone."""
     edges, prints = {}, []
     for name, path in MODULES.items():
         tree = ast.parse(path.read_text("utf-8"))
@@ -149,7 +158,9 @@ def test_only_cli_prints():
 
 def test_the_checks_see_a_wrong_import():
     known = {"plantfit.simulate", "plantfit.simulate.steps.grid", "plantfit.optimize"}
-    assert imports_of("def f():\n    from plantfit.simulate.steps import grid", known) == [("plantfit.simulate.steps.grid", 2)]
+    assert imports_of("def f():\n    from plantfit.simulate.steps import grid", known) == [
+        ("plantfit.simulate.steps.grid", 2)
+    ]
     assert imports_of("from plantfit.optimize import minimise\nimport numpy", known) == [("plantfit.optimize", 1)]
 
 

@@ -12,7 +12,11 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 BOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-EXACT = ("dc_motor", "robot_motor", "steam_chamber")  # a pendubot's loop plays by encoder steps as the last digits of a machine fall
+EXACT = (
+    "dc_motor",
+    "robot_motor",
+    "steam_chamber",
+)  # a pendubot's loop plays by encoder steps as the last digits of a machine fall
 
 
 def cells(path):
@@ -46,7 +50,11 @@ def test_a_notebook_is_whole_as_it_stands(path):
     assert sum(map(drawn, code)) >= 2
     assert path.stat().st_size < 400_000
     tree = ast.parse("\n".join("".join(c["source"]) for c in code))
-    used = {n.attr for n in ast.walk(tree) if isinstance(n, ast.Attribute) and isinstance(n.value, ast.Name) and n.value.id == "pf"}
+    used = {
+        n.attr
+        for n in ast.walk(tree)
+        if isinstance(n, ast.Attribute) and isinstance(n.value, ast.Name) and n.value.id == "pf"
+    }
     assert used
     assert used <= set(importlib.import_module("plantfit").__all__)
     for node in ast.walk(tree):

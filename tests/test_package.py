@@ -13,7 +13,11 @@ from plantfit import errors
 
 ROOT = Path(__file__).resolve().parent.parent
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
-PINS = dict(line.split("==") for line in (ROOT / "constraints.txt").read_text("utf-8").splitlines() if line and not line.startswith("#"))
+PINS = dict(
+    line.split("==")
+    for line in (ROOT / "constraints.txt").read_text("utf-8").splitlines()
+    if line and not line.startswith("#")
+)
 
 
 def _normal(name: str) -> str:
@@ -59,7 +63,11 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 def test_pins_are_exact_and_name_no_address():
     text = (ROOT / "constraints.txt").read_text("utf-8")
-    assert all(re.fullmatch(r"[\w.-]+==[\w.]+( ; python_version [<>=]+ '[\d.]+')?|#.*", line) for line in text.splitlines() if line)
+    assert all(
+        re.fullmatch(r"[\w.-]+==[\w.]+( ; python_version [<>=]+ '[\d.]+')?|#.*", line)
+        for line in text.splitlines()
+        if line
+    )
     assert "://" not in text
 
 
@@ -93,17 +101,45 @@ def test_the_range_of_pythons_is_said_alike():
     assert f"python3 ({versions[0]} to {versions[-1]})" in readme
     assert f"Python {', '.join(versions[:-1])} or {versions[-1]}" in readme
     assert "tools/python_version.py" in (ROOT / "Makefile").read_text("utf-8")
-    code = "import runpy; f = runpy.run_path('tools/python_version.py')['allowed']; print([f('{}', (3, n)) for n in range(9, 16)])"
-    told = subprocess.run([sys.executable, "-c", code.format(PROJECT["requires-python"])], cwd=ROOT, capture_output=True, text=True)
+    code = (
+        "import runpy; f = runpy.run_path('tools/python_version.py')['allowed']; print([f('{}', (3, n)) for n in "
+        "range(9, 16)])"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", code.format(PROJECT["requires-python"])], cwd=ROOT, capture_output=True, text=True
+    )
     assert told.stdout.strip() == str([low <= n < high for n in range(9, 16)]), told.stderr
     assert subprocess.run([sys.executable, "tools/python_version.py"], cwd=ROOT).returncode == 0
 
 
 def test_the_core_imports_no_extra():
     """Whatever an extra brings, and what SALib brings, stays out of the import of every room."""
-    rooms = ["recording", "problem", "study", "spec", "trust", "report", "control", "rig", "fitting", "intervals_compared"]
+    rooms = [
+        "recording",
+        "problem",
+        "study",
+        "spec",
+        "trust",
+        "report",
+        "control",
+        "rig",
+        "fitting",
+        "intervals_compared",
+    ]
     rooms += ["cli.main", "cli.commands.understand.sensitivity"]
-    heavy = ["SALib", "pandas", "matplotlib", "distributed", "fastexcel", "psycopg", "serial", "control", "osqp", "blackjax", "optax"]
+    heavy = [
+        "SALib",
+        "pandas",
+        "matplotlib",
+        "distributed",
+        "fastexcel",
+        "psycopg",
+        "serial",
+        "control",
+        "osqp",
+        "blackjax",
+        "optax",
+    ]
     loaded = f"print([n for n in {heavy} if n in sys.modules])"
     code = (
         f"import sys, importlib\nfor room in {rooms}:\n    module = importlib.import_module('plantfit.' + room)\n"
@@ -114,18 +150,23 @@ def test_the_core_imports_no_extra():
 
 
 def test_extras_that_no_other_test_takes_away_explain_themselves(tmp_path, monkeypatch):
-    """`postgres`, `cluster`, `board`, `trust` and `posterior` are taken away in test_postgres, test_cluster, test_cli_record,
-    test_cli_sensitivity and test_cli_intervals."""
+    """`postgres`, `cluster`, `board`, `trust` and `posterior` are taken away in test_postgres, test_cluster,
+    test_cli_record, test_cli_sensitivity and test_cli_intervals."""
     from plantfit.bridges import python_control
     from plantfit.recording import read
 
     monkeypatch.setitem(sys.modules, "fastexcel", None)
     (tmp_path / "x.xlsx").write_bytes(b"PK")
-    with pytest.raises(errors.MissingExtra, match=r"x\.xlsx needs the package fastexcel; install it with: pip install 'plantfit\[xlsx\]'"):
+    with pytest.raises(
+        errors.MissingExtra,
+        match=r"x\.xlsx needs the package fastexcel; install it with: pip install 'plantfit\[xlsx\]'",
+    ):
         read(tmp_path / "x.xlsx")
     monkeypatch.setitem(sys.modules, "control", None)
     head = python_control._CONTROL.partition("A, C =")[0]  # of every file that `plantfit export --to control` writes
-    with pytest.raises(ImportError, match=r"needs the package control; install it with: pip install 'plantfit\[control\]'"):
+    with pytest.raises(
+        ImportError, match=r"needs the package control; install it with: pip install 'plantfit\[control\]'"
+    ):
         exec(head, {})
 
 

@@ -1,4 +1,5 @@
-"""docs/papers.md: every command on it is one that there is, with options, demos, rigs, methods, models and files that there are."""
+"""docs/papers.md: every command on it is one that there is, with options, demos, rigs, methods, models and files
+that there are."""
 
 import re
 import shlex
@@ -19,7 +20,9 @@ from plantfit.spec import load
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "papers.md").read_text("utf-8")
 COMMANDS = list(dict.fromkeys(re.findall(r"`plantfit ([^`]+)`", PAGE)))
 ROWS = [line for line in PAGE.splitlines() if line.startswith("| ") and not line.startswith("| part ")]
-BRACKETS = re.compile(r"`([^`]*)`|\[([^\]`]+)\](?!\()")  # what is quoted, or a section of the demo named last in the row
+BRACKETS = re.compile(
+    r"`([^`]*)`|\[([^\]`]+)\](?!\()"
+)  # what is quoted, or a section of the demo named last in the row
 WRITTEN = re.findall(r"```toml\n# (\S+\.toml)", PAGE)  # study files that the page holds
 
 
@@ -41,7 +44,10 @@ ALL = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAcc
 
 
 def options_of(name):
-    return {o: p for p in ALL[name].params for o in (*p.opts, *p.secondary_opts) if o.startswith("-")} | {"-h": None, "--help": None}
+    return {o: p for p in ALL[name].params for o in (*p.opts, *p.secondary_opts) if o.startswith("-")} | {
+        "-h": None,
+        "--help": None,
+    }
 
 
 def made_before(place):

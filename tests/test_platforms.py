@@ -28,7 +28,8 @@ from cli_call import heater  # pyright: ignore[reportMissingImports]
 
 NOWHERE = Path("/nowhere/at/all")
 
-# One process in which the modules of plantfit see another system: its names, and neither /proc nor what POSIX alone has.
+# One process in which the modules of plantfit see another system: its names, and neither /proc nor what POSIX alone
+# has.
 STUDY = """
 import importlib, io, json, pkgutil, sys, warnings
 from contextlib import suppress
@@ -105,9 +106,13 @@ def fitted(kind, folder):
     folder.mkdir(exist_ok=True)
     heater(folder)
     text = (folder / "heater.toml").read_text("utf-8") + 'methods = ["least_squares"]\nruns = 1\nbudget = 60\n'
-    (folder / "heater.toml").write_text(text.replace(")/tau", ")/tau*exp(1e-9*atan(L/tau))"), "utf-8")  # functions of the C library
+    (folder / "heater.toml").write_text(
+        text.replace(")/tau", ")/tau*exp(1e-9*atan(L/tau))"), "utf-8"
+    )  # functions of the C library
     environment = os.environ | {"PLANTFIT_CACHE": str(folder / "cache")}
-    done = subprocess.run([sys.executable, "-c", STUDY, kind, "heater.toml"], cwd=folder, env=environment, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", STUDY, kind, "heater.toml"], cwd=folder, env=environment, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     assert "Traceback" not in done.stderr
     return json.loads(done.stdout)
@@ -249,7 +254,9 @@ def test_functions_of_the_c_library_of_windows_and_macos(monkeypatch, asked_anew
             raise OSError(f"no {name}")
         return ctypes.CDLL(None)
 
-    faked = SimpleNamespace(CDLL=library, cast=ctypes.cast, c_void_p=ctypes.c_void_p, util=SimpleNamespace(find_library=lambda name: None))
+    faked = SimpleNamespace(
+        CDLL=library, cast=ctypes.cast, c_void_p=ctypes.c_void_p, util=SimpleNamespace(find_library=lambda name: None)
+    )
     monkeypatch.setattr(compilation, "ctypes", faked)
     monkeypatch.setattr(compilation, "sys", SimpleNamespace(platform="win32"))
     compilation.find_libm(("exp",))
@@ -332,13 +339,16 @@ def test_a_cache_folder_of_windows_has_no_rights_to_look_at(monkeypatch):
 @pytest.mark.parametrize(
     ("name", "port", "words", "number", "told"),
     [
-        ("nt", "COM9", "could not open port 'COM9': FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)", None,
+        ("nt", "COM9", "could not open port 'COM9': FileNotFoundError(2, 'The system cannot find the file specified.', "
+                       "None, 2)", None,
          "There is no port COM9; this machine has COM3; name the port of the board."),
         ("nt", "COM3", "could not open port 'COM3': PermissionError(13, 'Access is denied.', None, 5)", None,
          "Port COM3 is in use by another program"),
-        ("nt", "COM3", "could not open port 'COM3': OSError(22, 'The semaphore timeout period has expired.', None, 121)", None,
+        ("nt", "COM3", "could not open port 'COM3': OSError(22, 'The semaphore timeout period has expired.', "
+                       "None, 121)", None,
          "Port COM3 cannot be opened"),
-        ("posix", "/dev/cu.usbmodem9", "[Errno 2] No such file or directory", errno.ENOENT, "There is no port /dev/cu.usbmodem9"),
+        ("posix", "/dev/cu.usbmodem9", "[Errno 2] No such file or directory", errno.ENOENT,
+         "There is no port /dev/cu.usbmodem9"),
         ("posix", "/dev/null", "[Errno 16] Resource busy", errno.EBUSY, "in use by another program"),
         ("posix", "/dev/null", "[Errno 13] Permission denied", errno.EACCES, "may not be used by this user"),
     ],
@@ -391,7 +401,9 @@ run()
 
 @pytest.mark.skipif(os.name != "posix", reason="sends signals as POSIX does")
 def test_two_ctrl_c_with_the_facts_of_windows(tmp_path):
-    process = subprocess.Popen([sys.executable, "-c", INTERRUPTED], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    process = subprocess.Popen(
+        [sys.executable, "-c", INTERRUPTED], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path
+    )
     assert process.stdout is not None
     assert process.stderr is not None
     assert process.stdout.readline() == "computing\n"

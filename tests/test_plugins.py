@@ -1,4 +1,5 @@
-"""A package as docs/plug-ins.md shows it, installed beside plantfit: its model, reader and method in Python, study file and commands."""
+"""A package as docs/plug-ins.md shows it, installed beside plantfit: its model, reader and method in Python, study
+file and commands."""
 
 import json
 import os
@@ -35,7 +36,11 @@ def bench_tools(tmp_path_factory):
     folder, work = tmp_path_factory.mktemp("site"), tmp_path_factory.mktemp("work")
     [project, study] = blocks("toml")
     points = [line for line in project.splitlines() if '"bench_tools' in line or line.startswith("[project.entry")]
-    metadata(folder, "bench-tools", "\n".join(points).replace('[project.entry-points."', "[").replace('"]', "]").replace('"', "") + "\n")
+    metadata(
+        folder,
+        "bench-tools",
+        "\n".join(points).replace('[project.entry-points."', "[").replace('"]', "]").replace('"', "") + "\n",
+    )
     (folder / "bench_tools.py").write_text("\n".join(blocks("python")))
     (work / "tank.toml").write_text(study)
     t = np.arange(0, 400.0, 2.0)
@@ -54,9 +59,13 @@ def bench_tools(tmp_path_factory):
 
 def run(bench_tools, *words, code=None, status=0):
     folder, work = bench_tools
-    command = [sys.executable, "-c", code] if code else [sys.executable, "-c", "from plantfit.cli.start import run; run()", *words]
-    done = subprocess.run(command, cwd=work, env={**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"},
-                          capture_output=True, text=True, check=False)  # fmt: skip
+    command = (
+        [sys.executable, "-c", code]
+        if code
+        else [sys.executable, "-c", "from plantfit.cli.start import run; run()", *words]
+    )
+    where = {**os.environ, "PYTHONPATH": f"{folder}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"}
+    done = subprocess.run(command, cwd=work, env=where, capture_output=True, text=True, check=False)
     assert done.returncode == status, done.stdout + done.stderr
     return done.stdout if status == 0 else done.stderr
 
@@ -94,7 +103,8 @@ def test_a_look_of_a_package_is_said_beside_those_of_plantfit(bench_tools, tmp_p
     tone = 0.5 * np.sin(2 * np.pi * 50 * t + 1.0)
     y = np.where(t < 1, 0.0, 1 - np.exp(-(t - 1) / 0.1)) + 0.01 * np.random.default_rng(1).normal(size=2000)
     study = (
-        'name = "lag"\n[recording.a]\nfile = "a.csv"\ntime = "t"\n[model]\nequations = "x\' = (K*u - x)/tau; y = x"\ninputs = { u = "1" }\n'
+        'name = "lag"\n[recording.a]\nfile = "a.csv"\ntime = "t"\n[model]\nequations = "x\' = (K*u - x)/tau; y = '
+        'x"\ninputs = { u = "1" }\n'
         'outputs = { y = "1" }\nstates = { x = "1" }\n[parameters.K]\nbounds = [0.1, 10]\n'
         '[parameters.tau]\nbounds = [0.01, 1]\nunit = "s"\n'
     )
@@ -114,8 +124,16 @@ def test_a_look_that_fails_is_one_sentence(tmp_path, monkeypatch):
     from plantfit.recording.looks.of_packages import looks_of_packages
     from plantfit.recording.record import Recording, Signal
 
-    metadata(tmp_path, "bad-tools", "[plantfit.looks]\na = math:sin\nb = no_such_module:f\nc = builtins:str\nd = grave_look:f\n")
-    text = "from plantfit.recording.looks import Look\ndef f(r, name, _): return [Look('a', 'grave', r.name, name, 'It is.', 0.0, 1.0)]\n"
+    metadata(
+        tmp_path,
+        "bad-tools",
+        "[plantfit.looks]\na = math:sin\nb = no_such_module:f\nc = builtins:str\nd = grave_look:f\n",
+    )
+    text = (
+        "from plantfit.recording.looks import Look\ndef f(r, name, _): return [Look('a', 'grave', r.name, name, "
+        "'It "
+        "is.', 0.0, 1.0)]\n"
+    )
     (tmp_path / "grave_look.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     offered.cache_clear()
@@ -139,7 +157,11 @@ def test_the_exam_of_looks_refuses(wrong):
             return [int(np.nanmax(y))]
         if wrong == "noisy" or (there.any() and np.ptp(y[there]) > 100):
             sentence = "It jumps" if wrong == "no sentence" else "It jumps."
-            return ["jumps"] if wrong == "no look" else [Look("a", "info", "r", name, sentence, t[0], t[-1] + (wrong == "outside"))]
+            return (
+                ["jumps"]
+                if wrong == "no look"
+                else [Look("a", "info", "r", name, sentence, t[0], t[-1] + (wrong == "outside"))]
+            )
         return []
 
     with pytest.raises(AssertionError):
@@ -164,14 +186,17 @@ unit = "s"
 
 
 def lagging(folder, name, bend, extensions=""):
-    """A recording of a lag of first order by its closed form, gain 2, whose sensor shows y + bend y^2; and its study file."""
+    """A recording of a lag of first order by its closed form, gain 2, whose sensor shows y + bend y^2; and its study
+    file."""
     t, u = np.arange(600) * 0.05, np.repeat(np.random.default_rng(3).uniform(-2, 3, 20), 30)
     decay, y = np.exp(-0.05 / 0.4), np.zeros(600)
     for k in range(599):
         y[k + 1] = decay * y[k] + (1 - decay) * 2 * u[k]
     shown = y + bend * y**2 + 0.02 * np.random.default_rng(4).normal(size=600)
     np.savetxt(folder / f"{name}.csv", np.column_stack([t, u, shown]), "%.9g", ",", header="t [s],u,y", comments="")
-    (folder / f"{name}.toml").write_text(LAG.replace("a.csv", f"{name}.csv").replace("[parameters.K]", f"{extensions}\n[parameters.K]"))
+    (folder / f"{name}.toml").write_text(
+        LAG.replace("a.csv", f"{name}.csv").replace("[parameters.K]", f"{extensions}\n[parameters.K]")
+    )
 
 
 def test_a_candidate_of_a_package_is_tried_named_and_fitted(bench_tools, tmp_path):
@@ -180,7 +205,8 @@ def test_a_candidate_of_a_package_is_tried_named_and_fitted(bench_tools, tmp_pat
     lagging(tmp_path, "treated", 0.03, "extensions = { sensor_curve = { y = [-1, 1] } }")
     code = (
         "import json, plantfit as pf\nfrom plantfit.spec import load\n"
-        "bent, straight, treated = (pf.fit(load(f'{n}.toml').problem, budget=400) for n in ('bent', 'straight', 'treated'))\n"
+        "bent, straight, treated = (pf.fit(load(f'{n}.toml').problem, budget=400) for n in ('bent', 'straight', "
+        "'treated'))\n"
         "print(json.dumps([bent.diagnose(), straight.diagnose(whole=True), treated.findings['parameters']]))\n"
     )
     found, nothing, rows = json.loads(run((bench_tools[0], tmp_path), code=code))
@@ -227,23 +253,34 @@ def test_candidates_that_cannot_be_used_are_one_sentence_each(packages):
         "elsewhere = replace(good, extension=KINDS['lag'])\n"
         "dumb = replace(good, phrase='an offset')\n"
         "lost = replace(good, extension=KINDS['offset']._replace(make=fails), law=fails)\n",
-        "good = bad_tools:good\nelsewhere = bad_tools:elsewhere\ndumb = bad_tools:dumb\nbare = math:pi\nnone = no_such_module:f\n"
+        "good = bad_tools:good\nelsewhere = bad_tools:elsewhere\ndumb = bad_tools:dumb\nbare = math:pi\nnone = "
+        "no_such_module:f\n"
         "lost = bad_tools:lost\noffset = bad_tools:good\n",
     )
-    with pytest.warns(UserWarning, match="'offset' of the package bad-tools is left out: plantfit has one of this name"):
+    with pytest.warns(
+        UserWarning, match="'offset' of the package bad-tools is left out: plantfit has one of this name"
+    ):
         rows, told = of_packages()
     assert list(rows) == ["good", "lost"]
-    assert [t for t in told if "no candidate with an `extension`" in t and t.startswith("'bare' of the package bad-tools")]
+    assert [
+        t for t in told if "no candidate with an `extension`" in t and t.startswith("'bare' of the package bad-tools")
+    ]
     assert [t for t in told if t.startswith("'none' of the package bad-tools cannot be loaded")]
-    assert [t for t in told if "it is tried on outputs, and its extension is to inputs; update or uninstall bad-tools." in t]
+    assert [
+        t for t in told if "it is tried on outputs, and its extension is to inputs; update or uninstall bad-tools." in t
+    ]
     assert [t for t in told if t.startswith("'dumb'") and "leaves out the signal or value" in t]
     assert set(candidates(Behind)) == {k for k, c in CANDIDATES.items() if isinstance(c, Behind)} | {"good", "lost"}
     assert "good_y" in {p.name for p in with_extensions(first_order(), {"good": {"y": (-1, 1)}}).parameters}
-    with pytest.raises(ModelError, match=r"'lost' of the package bad-tools fails at 'y' \(ValueError: of no use\); update or uninstall"):
+    with pytest.raises(
+        ModelError, match=r"'lost' of the package bad-tools fails at 'y' \(ValueError: of no use\); update or uninstall"
+    ):
         with_extensions(first_order(), {"lost": {"y": (-1, 1)}})
     with pytest.raises(ModelError, match=r"extensions name 'goof'\. Did you mean 'good'"):
         with_extensions(first_order(), {"goof": {"y": (-1, 1)}})
-    with pytest.raises(ModelError, match=r"The candidate 'lost' of the package bad-tools failed \(ValueError: of no use\)"):
+    with pytest.raises(
+        ModelError, match=r"The candidate 'lost' of the package bad-tools failed \(ValueError: of no use\)"
+    ):
         rows["lost"].law(np.zeros(3), np.zeros(3), np.zeros((3, 0)), 1.0, 1.0)  # type: ignore[union-attr]
 
 
@@ -271,16 +308,56 @@ def test_the_exam_of_candidates_passes_those_of_plantfit_and_refuses_others():
             own,
             "at zero, where it is",
         ),
-        ("not finite", replace(good, law=lambda t, y, j, v, s: (y + np.where(t > 1, v, np.inf), j, 1 + t)), own, "not finite"),
-        ("slope", replace(good, law=lambda t, y, j, v, s: (y + v / s, j, np.full(len(y), 2 / s))), own, "derivatives by its value differ"),
-        ("plant", replace(good, law=lambda t, y, j, v, s: (y + v / s, 0 * j, np.full(len(y), 1 / s))), own, "by the plant's parameters"),
-        ("bent", replace(good, law=lambda t, y, j, v, s: (y + v**2 / s, j, np.full(len(y), 2 * v / s))), own, "no straight line"),
+        (
+            "not finite",
+            replace(good, law=lambda t, y, j, v, s: (y + np.where(t > 1, v, np.inf), j, 1 + t)),
+            own,
+            "not finite",
+        ),
+        (
+            "slope",
+            replace(good, law=lambda t, y, j, v, s: (y + v / s, j, np.full(len(y), 2 / s))),
+            own,
+            "derivatives by its value differ",
+        ),
+        (
+            "plant",
+            replace(good, law=lambda t, y, j, v, s: (y + v / s, 0 * j, np.full(len(y), 1 / s))),
+            own,
+            "by the plant's parameters",
+        ),
+        (
+            "bent",
+            replace(good, law=lambda t, y, j, v, s: (y + v**2 / s, j, np.full(len(y), 2 * v / s))),
+            own,
+            "no straight line",
+        ),
         ("another model", good, KINDS["drift"], "its law and its model differ"),
         ("fails", replace(zone, law=lambda t, u, v, held: 1 / 0), KINDS["dead_zone"], "its law fails"),
-        ("changes", replace(zone, law=lambda t, u, v, held: np.clip(u, -v, v, out=u) * 0), KINDS["dead_zone"], "changes"),
-        ("no starts", replace(zone, tried=lambda s: replace(zone.tried(s), starts=())), KINDS["dead_zone"], "values to begin with"),
-        ("outside", replace(zone, tried=lambda s: replace(zone.tried(s), starts=(99.0,))), KINDS["dead_zone"], "outside of its range"),
-        ("still", drag, braked._replace(make=lambda m, x, b, n: braked.make(m, x, b, n + "_")), "its model has no parameter 'still_x'"),
+        (
+            "changes",
+            replace(zone, law=lambda t, u, v, held: np.clip(u, -v, v, out=u) * 0),
+            KINDS["dead_zone"],
+            "changes",
+        ),
+        (
+            "no starts",
+            replace(zone, tried=lambda s: replace(zone.tried(s), starts=())),
+            KINDS["dead_zone"],
+            "values to begin with",
+        ),
+        (
+            "outside",
+            replace(zone, tried=lambda s: replace(zone.tried(s), starts=(99.0,))),
+            KINDS["dead_zone"],
+            "outside of its range",
+        ),
+        (
+            "still",
+            drag,
+            braked._replace(make=lambda m, x, b, n: braked.make(m, x, b, n + "_")),
+            "its model has no parameter 'still_x'",
+        ),
         ("no size", replace(drag, size=lambda spread, rate: float("nan")), braked, "its size is nan"),
     ]
     for kind, candidate, extension, words in wrong:
@@ -295,7 +372,8 @@ def test_what_is_wrong_with_a_package_is_one_sentence(tmp_path):
     (tmp_path / "a.rlog").write_bytes(b"123")
     code = (
         "import warnings\nwarnings.simplefilter('ignore')\nimport plantfit as pf\n"
-        "for ask in (lambda: pf.methods.make('broken'), lambda: pf.methods.make('no_method'), lambda: pf.models.make('no_factory'),\n"
+        "for ask in (lambda: pf.methods.make('broken'), lambda: pf.methods.make('no_method'), lambda: "
+        "pf.models.make('no_factory'),\n"
         "            lambda: pf.read('a.rlog', time='t')):\n"
         "    try: ask()\n"
         "    except pf.PlantfitError as error: print(type(error).__name__, error)\n"
@@ -305,7 +383,11 @@ def test_what_is_wrong_with_a_package_is_one_sentence(tmp_path):
     for line, (kind, words) in zip(
         lines,
         [
-            (SearchError, "'broken' of the package bad-tools cannot be loaded (ModuleNotFoundError: No module named 'no_such_module')"),
+            (
+                SearchError,
+                "'broken' of the package bad-tools cannot be loaded (ModuleNotFoundError: No module named "
+                "'no_such_module')",
+            ),
             (SearchError, "'no_method' of the package bad-tools is no search method"),
             (ModelError, "'no_factory' of the package bad-tools is not a function that makes a model"),
             (RecordingError, "a.rlog cannot be read (TypeError"),
@@ -345,8 +427,18 @@ def test_the_exam_of_models_refuses(wrong):
         "kinked": lambda x, u, p: {"x": jax.lax.stop_gradient((u["u"] - x["x"]) / p["T"])},
         "silent": lambda x, u, p: {},
     }
-    parts = {"states": {"x": None}, "inputs": {"u": None}, "outputs": {"y": None}, "parameters": (Declared("T", bounds=(1.0, 2.0)),)}
-    good = Model("good", **parts, output=lambda x, u, p: {"y": x["x"]}, derivative=lambda x, u, p: {"x": (u["u"] - x["x"]) / p["T"]})
+    parts = {
+        "states": {"x": None},
+        "inputs": {"u": None},
+        "outputs": {"y": None},
+        "parameters": (Declared("T", bounds=(1.0, 2.0)),),
+    }
+    good = Model(
+        "good",
+        **parts,
+        output=lambda x, u, p: {"y": x["x"]},
+        derivative=lambda x, u, p: {"x": (u["u"] - x["x"]) / p["T"]},
+    )
     check_model(good)
     with pytest.raises(AssertionError):
         check_model(Model(wrong, **parts, output=lambda x, u, p: {"y": x["x"]}, derivative=laws[wrong]))
@@ -363,7 +455,9 @@ def test_the_exam_of_models_passes_those_of_plantfit():
             check_model(model)
 
 
-@pytest.mark.parametrize("reader", [lambda p: [1.0], lambda p: {"a": np.zeros((2, 2))}, lambda p: {"a": np.array(["x"])}])
+@pytest.mark.parametrize(
+    "reader", [lambda p: [1.0], lambda p: {"a": np.zeros((2, 2))}, lambda p: {"a": np.array(["x"])}]
+)
 def test_the_exam_of_readers_refuses(reader, tmp_path):
     from plantfit.testing import check_reader
 

@@ -1,4 +1,5 @@
-"""Commands import what they need: what a new process has loaded after the doors of the package, and the names of lazy rooms."""
+"""Commands import what they need: what a new process has loaded after the doors of the package, and the names of
+lazy rooms."""
 
 import ast
 import subprocess
@@ -13,7 +14,19 @@ from plantfit import lazy
 
 SOURCE = Path(__file__).resolve().parent.parent / "src" / "plantfit"
 HEATER = SOURCE / "cases" / "heater" / "first_order.toml"
-HEAVY = ("jax", "numpy", "scipy", "scipy.stats", "scipy.signal", "scipy.optimize", "polars", "pint", "sqlalchemy", "jinja2", "plotly")
+HEAVY = (
+    "jax",
+    "numpy",
+    "scipy",
+    "scipy.stats",
+    "scipy.signal",
+    "scipy.optimize",
+    "polars",
+    "pint",
+    "sqlalchemy",
+    "jinja2",
+    "plotly",
+)
 SLOW_OF_SCIPY = ("scipy.stats", "scipy.signal", "scipy.interpolate")
 LAZY = sorted(p.parent.name for p in SOURCE.glob("*/__init__.py") if "names_of(" in p.read_text("utf-8"))
 
@@ -32,8 +45,11 @@ print("LOADED", code, *sorted(sys.modules))
 
 
 def _loaded(code: str, *arguments: str, folder: Path | None = None) -> tuple[set[str], list[str], str]:
-    """The modules that a new process has loaded at its end, the words before them, and what it said on standard error."""
-    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=300, cwd=folder)
+    """The modules that a new process has loaded at its end, the words before them, and what it said on standard
+    error."""
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments], capture_output=True, text=True, timeout=300, cwd=folder
+    )
     lines = [line for line in done.stdout.splitlines() if line.startswith("LOADED")]
     assert lines, done.stderr
     words = lines[-1].split()[1:]
@@ -124,7 +140,8 @@ def test_names_of_a_lazy_room_are_those_that_editors_see(room):
 
 @pytest.mark.parametrize("room", LAZY)
 def test_a_module_never_hides_the_name_that_it_shares(room):
-    """trust/intervals/covariance.py holds the function `covariance`, which the room gives, also after the module was imported."""
+    """trust/intervals/covariance.py holds the function `covariance`, which the room gives, also after the module was
+    imported."""
     code = (
         "import sys\nfrom importlib import import_module\n"
         f"room = import_module('plantfit.{room}')\n"
@@ -150,7 +167,8 @@ def test_modules_that_import_jax_are_set_up_by_the_runtime_first():
     names = [
         ".".join(("plantfit", *p.relative_to(SOURCE).with_suffix("").parts))
         for p in sorted(SOURCE.rglob("*.py"))
-        if any(line.startswith(("import jax", "from jax")) for line in p.read_text("utf-8").splitlines()) and p.name != "runtime.py"
+        if any(line.startswith(("import jax", "from jax")) for line in p.read_text("utf-8").splitlines())
+        and p.name != "runtime.py"
     ]
     assert len(names) > 100
     wrong = [name for name in names if not _runtime_comes_first(name, set())]
@@ -180,7 +198,10 @@ def _runtime_comes_first(name: str, seen: set[str]) -> bool:
     return False
 
 
-_UNITS = "from plantfit import units as u\nprint('LOADED', 0, u.factor('V s', 'mV s'), u.factor('Nm', 'N*mm'), u.known('PWM'))"
+_UNITS = (
+    "from plantfit import units as u\nprint('LOADED', 0, u.factor('V s', 'mV s'), u.factor('Nm', 'N*mm'), "
+    "u.known('PWM'))"
+)
 
 
 def test_units_are_the_same_from_an_empty_a_kept_and_a_damaged_cache(tmp_path, monkeypatch):
@@ -202,4 +223,6 @@ def test_units_are_the_same_from_an_empty_a_kept_and_a_damaged_cache(tmp_path, m
         content[place] ^= 1
         one.write_bytes(content)
         assert _loaded(_UNITS)[0] == empty
-    assert [folder.name for folder in (tmp_path / "cache").glob("pint-*/*")] == ["definitions"]  # nothing is left beside them
+    assert [folder.name for folder in (tmp_path / "cache").glob("pint-*/*")] == [
+        "definitions"
+    ]  # nothing is left beside them

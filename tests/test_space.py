@@ -24,7 +24,15 @@ def test_names_order_and_tree():
     assert space.names == ("R", "T", "offset[a]", "offset[b]")
     assert space.dimension == 4
     tree = space.tree(np.array([1.0, 2.0, 3.0, 4.0]), "b")
-    assert {k: float(v) for k, v in tree.items()} == {"R": 1, "T": 2, "g": 9.81, "offset": 4, "R2": 1, "g2": 9.81, "offset2": 4}
+    assert {k: float(v) for k, v in tree.items()} == {
+        "R": 1,
+        "T": 2,
+        "g": 9.81,
+        "offset": 4,
+        "R2": 1,
+        "g2": 9.81,
+        "offset2": 4,
+    }
 
 
 def test_physical_matches_closed_form():

@@ -34,7 +34,8 @@ class Skip(Exception):
 
 @dataclass(frozen=True)
 class Contender:
-    """A method or a reference: `run` (runs, seed) -> processor seconds; `about` (dimension, budget) -> facts for the results."""
+    """A method or a reference: `run` (runs, seed) -> processor seconds; `about` (dimension, budget) -> facts for the
+    results."""
 
     name: str
     run: Callable[[list[Run], int], float]
@@ -54,7 +55,10 @@ def contender(name: str) -> Contender:
             pyhms_rival.interpreter()
         except pyhms_rival.Missing as error:
             raise Skip(str(error)) from None
-        told = {"package": pyhms_rival.NEEDS[0].replace("==", " "), "settings": "minimize()" + ", sprouting repaired" * PYHMS[name]}
+        told = {
+            "package": pyhms_rival.NEEDS[0].replace("==", " "),
+            "settings": "minimize()" + ", sprouting repaired" * PYHMS[name],
+        }
         return Contender(name, partial(pyhms_rival.run_pyhms, repaired=PYHMS[name]), lambda d, b: told)
     reference = references.REFERENCES[name]
     try:
@@ -143,7 +147,8 @@ def report_rate(name: str, dimension: int, parts: list[Result], wall: float) -> 
     rate = seconds / max(1, evaluations)
     most = rate * len(FUNCTIONS) * len(INSTANCES) * FULL["per_dimension"] * dimension / 60
     print(
-        f"{time.strftime('%H:%M:%S')} {name:28}{dimension:3}-D {len(parts):2} functions {seconds:8.1f} s processor {wall:8.1f} s "
+        f"{time.strftime('%H:%M:%S')} {name:28}{dimension:3}-D {len(parts):2} functions {seconds:8.1f} s processor "
+        f"{wall:8.1f} s "
         f"{1e6 * rate:7.1f} us/evaluation; all at most {most:.1f} min",
         flush=True,
     )
@@ -180,13 +185,19 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--dimensions", type=numbers, default=list(DIMENSIONS), help="default 5,20")
     parser.add_argument("--functions", type=numbers, default=list(FUNCTIONS), help="default 1-24")
     parser.add_argument("--instances", type=numbers, help="default 1-15; with --quick 1-3")
-    parser.add_argument("--quick", action="store_true", help="3 instances and 100 d evaluations in place of 15 and 1000 d")
-    parser.add_argument("--out", type=Path, help="folder of results, which is filled up (default out/bbob or out/bbob-quick)")
+    parser.add_argument(
+        "--quick", action="store_true", help="3 instances and 100 d evaluations in place of 15 and 1000 d"
+    )
+    parser.add_argument(
+        "--out", type=Path, help="folder of results, which is filled up (default out/bbob or out/bbob-quick)"
+    )
     parser.add_argument("--again", action="store_true", help="run what the folder already has")
     parser.add_argument("--logs", action="store_true", help="also write COCO logs under OUT/logs/METHOD")
     parser.add_argument("--ert", action="store_true", help="also print expected running times by function")
     parser.add_argument("--table", action="store_true", help="run nothing, print tables of what the folder has")
-    parser.add_argument("--markdown", action="store_true", help="print the tables of docs/bbob.md in place of the others")
+    parser.add_argument(
+        "--markdown", action="store_true", help="print the tables of docs/bbob.md in place of the others"
+    )
     parser.add_argument("--seed", type=int, default=1)
     options = parser.parse_args(arguments)
     size = QUICK if options.quick else FULL

@@ -15,7 +15,8 @@ DECADES = 3.0  # evaluations / d from 1 to 1000
 
 
 def solved_share(hits: Any, dimension: int, per_dimension: Any) -> np.ndarray:
-    """Share of (run, target) pairs with hits (k, t) at most per_dimension * d evaluations, for each of per_dimension (n,)."""
+    """Share of (run, target) pairs with hits (k, t) at most per_dimension * d evaluations, for each of per_dimension
+    (n,)."""
     times = np.sort(np.asarray(hits, dtype=float).ravel()) / dimension
     return np.searchsorted(times, np.asarray(per_dimension, dtype=float), side="right") / len(times)
 
@@ -38,7 +39,9 @@ def shares(hits: Any) -> np.ndarray:
 
 def running_times(hits: Any, spent: Any) -> np.ndarray:
     """Expected running time (t,) of every target from hits (k, t) and evaluations spent (k,)."""
-    return np.array([expected_running_time(np.asarray(spent, dtype=float), column) for column in np.asarray(hits, dtype=float).T])
+    return np.array(
+        [expected_running_time(np.asarray(spent, dtype=float), column) for column in np.asarray(hits, dtype=float).T]
+    )
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,8 @@ def signed_rank(first: Any, second: Any) -> float:
 def differences(areas_of: Mapping[str, Mapping[int, np.ndarray]], pairs: Sequence[tuple[str, str]]) -> list[Difference]:
     """Compare pairs (method, reference) over the functions both have; `areas_of[method][function]` is (runs,).
 
-    Replicates are functions, not runs: the test sees one mean area per function. Holm's correction covers the pairs given.
+    Replicates are functions, not runs: the test sees one mean area per function. Holm's correction covers the pairs
+    given.
     """
     found = []
     for method, reference in pairs:
@@ -84,7 +88,8 @@ def differences(areas_of: Mapping[str, Mapping[int, np.ndarray]], pairs: Sequenc
         found.append((method, reference, mine, other, signed_rank(mine, other), effect))
     corrected = holm([row[4] for row in found])
     return [
-        Difference(method, reference, float(mine.mean()), float(other.mean()), int(np.sum(mine > other)), int(np.sum(mine < other)),
+        Difference(method, reference, float(mine.mean()), float(other.mean()), int(np.sum(mine > other)),
+                   int(np.sum(mine < other)),
                    p, fixed, effect)
         for (method, reference, mine, other, p, effect), fixed in zip(found, corrected, strict=True)
     ]  # fmt: skip

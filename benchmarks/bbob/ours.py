@@ -1,9 +1,9 @@
 """plantfit's methods on BBOB: the instances of a function side by side, costs computed outside jax.
 
-This is a driver of its own, because the loops of plantfit.optimize want a cost that jax can trace. It keeps their contract:
-generation g of a run asks with fold_in(run key, g), a generation that does not fit into the budget is not started, and rows
-that a method does not declare live are neither evaluated nor counted. A run that ends by its own rule begins anew with the
-budget that is left, as restarts of the reference do; methods with a schedule end.
+This is a driver of its own, because the loops of plantfit.optimize want a cost that jax can trace. It keeps their
+contract: generation g of a run asks with fold_in(run key, g), a generation that does not fit into the budget is not
+started, and rows that a method does not declare live are neither evaluated nor counted. A run that ends by its own rule
+begins anew with the budget that is left, as restarts of the reference do; methods with a schedule end.
 """
 
 import functools
@@ -72,8 +72,12 @@ VARIANTS = {
     "jso-paper-n": Ours("jso", lambda d: {"population": jso_population(d)}, ("minion-jso",)),
     "lshade-nearest": Ours("lshade", {"rounding": "nearest"}, ("minion-lshade-few",)),
     "jso-nearest": Ours("jso", {"rounding": "nearest"}, ("minion-jso-few",)),
-    "lshade-paper-n-nearest": Ours("lshade", lambda d: {"population": 18 * d, "rounding": "nearest"}, ("minion-lshade",)),
-    "jso-paper-n-nearest": Ours("jso", lambda d: {"population": jso_population(d), "rounding": "nearest"}, ("minion-jso",)),
+    "lshade-paper-n-nearest": Ours(
+        "lshade", lambda d: {"population": 18 * d, "rounding": "nearest"}, ("minion-lshade",)
+    ),
+    "jso-paper-n-nearest": Ours(
+        "jso", lambda d: {"population": jso_population(d), "rounding": "nearest"}, ("minion-jso",)
+    ),
     "cmaes-penalty": Ours("cmaes", {"bounds": "penalty"}, ("pycma",)),
     "cmaes-mirror": Ours("cmaes", {"bounds": "mirror"}, ("pycma",)),
 }
@@ -106,7 +110,8 @@ def run_ours(ours: Ours, runs: list[Run], seed: int) -> float:
 
 
 class Compiled(NamedTuple):
-    """`first` (keys) and `next` (keys, g, anew, state, x, f, reborn) return (x, state, live); `next` adds who has ended."""
+    """`first` (keys) and `next` (keys, g, anew, state, x, f, reborn) return (x, state, live); `next` adds who has
+    ended."""
 
     first: Callable
     next: Callable
@@ -127,7 +132,9 @@ def _compiled(method: Any, dimension: int, budget: int) -> Compiled:
 
     def born(keys: Array, times: Array) -> Any:
         # beyond the numbers of generations
-        state = jax.vmap(lambda key, n: method.init(jax.random.fold_in(key, 2**31 + n), facts))(keys, times.astype(jnp.uint32))
+        state = jax.vmap(lambda key, n: method.init(jax.random.fold_in(key, 2**31 + n), facts))(
+            keys, times.astype(jnp.uint32)
+        )
         return jax.tree.map(lambda a: lax.convert_element_type(a, a.dtype), state)
 
     def first(keys: Array) -> tuple[Array, Any, Array]:
@@ -190,7 +197,8 @@ class NumpyCounter(Counter):
 
 
 def _objective(run: Run, *, gradient: bool) -> Objective:
-    """A cost that jax does not see; if asked for with a gradient by forward differences, which costs d + 1 evaluations."""
+    """A cost that jax does not see; if asked for with a gradient by forward differences, which costs d + 1
+    evaluations."""
 
     def hidden(x: Array) -> Array:
         raise TypeError("A BBOB function cannot be traced; it is evaluated through NumpyCounter.")
@@ -219,7 +227,12 @@ def _run_host(method: Any, run: Run, key: Array) -> None:
             status = method.run(jax.random.fold_in(key, restart), counter.objective, run.remaining, counter)
         except (BudgetSpent, Done):
             return
-        if run.done or run.evaluations == before or status in (Status.budget, Status.failed) or method.needs.schedule_bound:
+        if (
+            run.done
+            or run.evaluations == before
+            or status in (Status.budget, Status.failed)
+            or method.needs.schedule_bound
+        ):
             return
 
 

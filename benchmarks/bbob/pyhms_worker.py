@@ -1,4 +1,5 @@
-"""Runs pyhms in a Python of its own (numpy < 2): `python -m benchmarks.bbob.pyhms_worker TASK.json OUT.npz`; see pyhms_rival."""
+"""Runs pyhms in a Python of its own (numpy < 2): `python -m benchmarks.bbob.pyhms_worker TASK.json OUT.npz`; see
+pyhms_rival."""
 
 import importlib
 import json
@@ -13,7 +14,8 @@ from benchmarks.bbob.suite import LOWER, UPPER, Done, Problem, Run, coco_suite
 
 
 def start(run: Run, seed: int, repaired: bool) -> None:
-    """One tree of demes on the unit cube: `pyhms.minimize`, or the same with a sprout condition that lets leaves sprout."""
+    """One tree of demes on the unit cube: `pyhms.minimize`, or the same with a sprout condition that lets leaves
+    sprout."""
     # `from pyhms import hms` gives a function of that name
     hms: Any = importlib.import_module("pyhms.hms")
     if repaired:
@@ -40,8 +42,12 @@ def main() -> None:
     warnings.simplefilter("ignore")
     began, runs = time.process_time(), []
     for instance, optimum, seed in zip(task["instances"], task["optima"], task["seeds"], strict=True):
-        cost = coco_suite(task["dimension"]).get_problem_by_function_dimension_instance(task["function"], task["dimension"], instance)
-        run = Run(Problem(task["function"], task["dimension"], instance, optimum, cost), task["budget"], keep=task["keep"])
+        cost = coco_suite(task["dimension"]).get_problem_by_function_dimension_instance(
+            task["function"], task["dimension"], instance
+        )
+        run = Run(
+            Problem(task["function"], task["dimension"], instance, optimum, cost), task["budget"], keep=task["keep"]
+        )
         for attempt in range(100):
             before = run.evaluations
             try:

@@ -1,6 +1,6 @@
 # pyright: reportMissingImports=false
-"""Reference implementations, each as one start on a `Run`: `start(run, seed)` minimises until it stops by its own rule or
-`run` raises Done; the driver begins anew with what is left of the budget.
+"""Reference implementations, each as one start on a `Run`: `start(run, seed)` minimises until it stops by its own rule
+or `run` raises Done; the driver begins anew with what is left of the budget.
 
 Settings are those the package recommends, with its tolerances opened so far that the last target (1e-8) can be met, or,
 where a package is there to check the same algorithm, ours (docs/bbob.md has the table).
@@ -135,7 +135,9 @@ def swarm_size(dimension: int) -> int:
 def pymoo_pso(run: Run, seed: int) -> None:
     from pymoo.algorithms.soo.nonconvex.pso import PSO
 
-    swarm = PSO(pop_size=swarm_size(run.dimension), adaptive=False, pertube_best=False, w=0.72984, c1=1.49618, c2=1.49618)
+    swarm = PSO(
+        pop_size=swarm_size(run.dimension), adaptive=False, pertube_best=False, w=0.72984, c1=1.49618, c2=1.49618
+    )
     _pymoo(run, seed, swarm, run.dimension)
 
 
@@ -145,7 +147,9 @@ def pymoo_ga(run: Run, seed: int) -> None:
     from pymoo.operators.mutation.pm import PM
 
     d = run.dimension
-    _pymoo(run, seed, GA(pop_size=100, crossover=SBX(prob=0.9, eta=15), mutation=PM(prob=1.0, prob_var=1 / d, eta=20)), d)
+    _pymoo(
+        run, seed, GA(pop_size=100, crossover=SBX(prob=0.9, eta=15), mutation=PM(prob=1.0, prob_var=1 / d, eta=20)), d
+    )
 
 
 BITS = 16
@@ -175,7 +179,9 @@ def pymoo_de(run: Run, seed: int, *, mutated: float = 0.1) -> None:
     from pymoo.algorithms.soo.nonconvex.de import DE
 
     d = run.dimension
-    _pymoo(run, seed, DE(pop_size=min(max(5 * d, 20), 100), variant="DE/rand/1/bin", CR=0.9, F=0.5, prob_mut=mutated), d)
+    _pymoo(
+        run, seed, DE(pop_size=min(max(5 * d, 20), 100), variant="DE/rand/1/bin", CR=0.9, F=0.5, prob_mut=mutated), d
+    )
 
 
 def minion(run: Run, seed: int, *, name: str, options: Callable[[int], dict[str, Any]]) -> None:
@@ -210,8 +216,15 @@ def jso_options(dimension: int, *, fewer: bool = False) -> dict[str, Any]:
 
 
 def fixed_population(dimension: int) -> dict[str, Any]:
-    """Options that make SHADE of minionpy's L-SHADE: nothing shrinks, memory and archive as in Tanabe and Fukunaga 2013."""
-    return {"population_size": 100, "minimum_population_size": 100, "memory_size": 100, "archive_size_ratio": 1.0, "x_tol": 0.0}
+    """Options that make SHADE of minionpy's L-SHADE: nothing shrinks, memory and archive as in Tanabe and Fukunaga
+    2013."""
+    return {
+        "population_size": 100,
+        "minimum_population_size": 100,
+        "memory_size": 100,
+        "archive_size_ratio": 1.0,
+        "x_tol": 0.0,
+    }
 
 
 def dish_python(run: Run, seed: int, *, faults: bool) -> None:
@@ -233,18 +246,28 @@ def mealpy_sso(run: Run, seed: int) -> None:
 
 REFERENCES: dict[str, Reference] = {
     "numpy-random": Reference(numpy_random, "numpy", "uniform points"),
-    "minion-jso": Reference(partial(minion, name="jSO", options=jso_options), "minionpy", "N0 = 25 ln(d) sqrt(d), x_tol 0"),
-    "minion-jso-few": Reference(
-        partial(minion, name="jSO", options=partial(jso_options, fewer=True)), "minionpy", "N0 at most max(50, 10 d), x_tol 0"
+    "minion-jso": Reference(
+        partial(minion, name="jSO", options=jso_options), "minionpy", "N0 = 25 ln(d) sqrt(d), x_tol 0"
     ),
-    "minion-lshade": Reference(partial(minion, name="LSHADE", options=lshade_options), "minionpy", "N0 = 18 d, x_tol 0"),
+    "minion-jso-few": Reference(
+        partial(minion, name="jSO", options=partial(jso_options, fewer=True)),
+        "minionpy",
+        "N0 at most max(50, 10 d), x_tol 0",
+    ),
+    "minion-lshade": Reference(
+        partial(minion, name="LSHADE", options=lshade_options), "minionpy", "N0 = 18 d, x_tol 0"
+    ),
     "minion-lshade-few": Reference(
         partial(minion, name="LSHADE", options=partial(lshade_options, fewer=True)),
         "minionpy",
         "N0 at most max(50, 10 d), x_tol 0",
     ),
-    "minion-shade": Reference(partial(minion, name="LSHADE", options=fixed_population), "minionpy", "L-SHADE held at N = H = 100"),
-    "minion-pso": Reference(partial(minion, name="PSO", options=lambda d: {"x_tol": 0.0}), "minionpy", "defaults (N = 5 d), x_tol 0"),
+    "minion-shade": Reference(
+        partial(minion, name="LSHADE", options=fixed_population), "minionpy", "L-SHADE held at N = H = 100"
+    ),
+    "minion-pso": Reference(
+        partial(minion, name="PSO", options=lambda d: {"x_tol": 0.0}), "minionpy", "defaults (N = 5 d), x_tol 0"
+    ),
     "scipy-lbfgsb": Reference(scipy_lbfgsb, "scipy", "2-point differences counted, memory 20, restarted"),
     "scipy-nelder-mead": Reference(scipy_nelder_mead, "scipy", "adaptive, bounded, xatol 1e-10, restarted"),
     "dish-python": Reference(partial(dish_python, faults=True), "numpy", "as DISH_python publishes it, re-implemented"),
@@ -252,12 +275,18 @@ REFERENCES: dict[str, Reference] = {
     "pymoo-pso": Reference(pymoo_pso, "pymoo", "not adaptive, constriction coefficients, N = 40 (14 in 5-D)"),
     "pymoo-ga": Reference(pymoo_ga, "pymoo", "N = 100, SBX(0.9, 15), PM(1/d, 20)"),
     "pymoo-de": Reference(pymoo_de, "pymoo", "rand/1/bin, N = 5 d, F = 0.5, CR = 0.9, a tenth of the trials mutated"),
-    "pymoo-de-published": Reference(partial(pymoo_de, mutated=0.0), "pymoo", "the same as published, without that mutation"),
+    "pymoo-de-published": Reference(
+        partial(pymoo_de, mutated=0.0), "pymoo", "the same as published, without that mutation"
+    ),
     "scipy-de": Reference(scipy_de, "scipy", "defaults (best/1/bin, N = 15 d), tol 0, no polish"),
     "mealpy-sso": Reference(mealpy_sso, "mealpy", "OriginalSSO, N = 50"),
     "pycma": Reference(pycma, "cma", "bounds, sigma0 = 0.3 ranges, uniform start, restarted"),
     "pycma-sep": Reference(partial(pycma, diagonal=True), "cma", "as pycma, CMA_diagonal"),
     "pycma-ipop": Reference(partial(pycma_restarts, bipop=False), "cma", "fmin2(restarts=9), otherwise as pycma"),
-    "pycma-bipop": Reference(partial(pycma_restarts, bipop=True), "cma", "fmin2(restarts=9, bipop=True), otherwise as pycma"),
-    "pymoo-binary-ga": Reference(pymoo_binary_ga, "pymoo", "N = 50, 16 bits, Gray code, one-point 0.6, one flip in 0.4"),
+    "pycma-bipop": Reference(
+        partial(pycma_restarts, bipop=True), "cma", "fmin2(restarts=9, bipop=True), otherwise as pycma"
+    ),
+    "pymoo-binary-ga": Reference(
+        pymoo_binary_ga, "pymoo", "N = 50, 16 bits, Gray code, one-point 0.6, one flip in 0.4"
+    ),
 }

@@ -33,7 +33,9 @@ class Result:
 
     def hits(self) -> np.ndarray:
         """Evaluations (k, 51) until each target was reached, inf where it was not."""
-        return np.array([first_hits(at, above) for at, above in zip(self.at, self.above, strict=True)]).reshape(-1, len(TARGETS))
+        return np.array([first_hits(at, above) for at, above in zip(self.at, self.above, strict=True)]).reshape(
+            -1, len(TARGETS)
+        )
 
     def only(self, instances: Any) -> "Result":
         """The runs on these instances alone."""
@@ -66,7 +68,8 @@ def save(result: Result, folder: Path) -> None:
     """Write the file at once, so that a killed process leaves it whole or not at all."""
     path = path_of(folder, result.method, result.function, result.dimension)
     path.parent.mkdir(parents=True, exist_ok=True)
-    facts = {"method": result.method, "function": result.function, "dimension": result.dimension, "budget": result.budget,
+    facts = {"method": result.method, "function": result.function, "dimension": result.dimension,
+             "budget": result.budget,
              "seconds": result.seconds, "about": result.about}  # fmt: skip
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".part", delete=False) as file:
         np.savez_compressed(

@@ -1,8 +1,8 @@
 # pyright: reportMissingImports=false
 """The BBOB functions (Hansen, Finck, Ros and Auger 2009, INRIA RR-6829) and runs on them that are counted.
 
-Costs come from COCO itself (cocoex), without it from ioh; the optimal values come from ioh, which tells them. Both compute
-the same instances: they agree to 1e-11 on all functions but f19, where it is 3e-9 of the cost.
+Costs come from COCO itself (cocoex), without it from ioh; the optimal values come from ioh, which tells them. Both
+compute the same instances: they agree to 1e-11 on all functions but f19, where it is 3e-9 of the cost.
 """
 
 import sys
@@ -93,7 +93,8 @@ class Run:
         return float(self.costs(np.asarray(x, dtype=float)[None])[0])
 
     def costs(self, x: Any) -> np.ndarray:
-        """Costs (n,) of points (n, d). Raises Done when the budget does not cover them, after evaluating what it covers."""
+        """Costs (n,) of points (n, d). Raises Done when the budget does not cover them, after evaluating what it
+        covers."""
         x = np.ascontiguousarray(x, dtype=float)
         if self.done:
             raise Done

@@ -31,23 +31,35 @@ def by_method(results: Iterable[Result], dimension: int) -> dict[str, dict[int, 
 
 
 def area_table(of: ByMethod, dimension: int) -> list[str]:
-    """One line a method, best first: mean area, areas by group of functions, functions met, runs that met 1e-8, time."""
+    """One line a method, best first: mean area, areas by group of functions, functions met, runs that met 1e-8,
+    time."""
     rows = []
     for method, results in of.items():
         area = {f: areas(r.hits(), dimension).mean() for f, r in results.items()}
         met = [np.isfinite(r.hits()[:, -1]) for r in results.values()]
-        groups = [np.mean([area[f] for f in fs if f in area]) if any(f in area for f in fs) else np.nan for fs in GROUPS.values()]
-        microseconds = 1e6 * sum(r.seconds for r in results.values()) / max(1, sum(r.spent.sum() for r in results.values()))
-        rows.append((np.mean(list(area.values())), method, groups, sum(m.any() for m in met), np.concatenate(met), microseconds))
+        groups = [
+            np.mean([area[f] for f in fs if f in area]) if any(f in area for f in fs) else np.nan
+            for fs in GROUPS.values()
+        ]
+        microseconds = (
+            1e6 * sum(r.seconds for r in results.values()) / max(1, sum(r.spent.sum() for r in results.values()))
+        )
+        rows.append(
+            (np.mean(list(area.values())), method, groups, sum(m.any() for m in met), np.concatenate(met), microseconds)
+        )
     rows.sort(key=lambda row: -row[0])
     lines = [
         f"{dimension}-D, area under the ECDF (1: all targets within d evaluations)",
-        f"{'method':28}{'all':>7}" + "".join(f"{g:>12}" for g in GROUPS) + f"{'functions':>11}{'runs':>10}{'us/eval':>9}",
+        f"{'method':28}{'all':>7}"
+        + "".join(f"{g:>12}" for g in GROUPS)
+        + f"{'functions':>11}{'runs':>10}{'us/eval':>9}",
     ]
     for mean, method, groups, solved, met, microseconds in rows:
         part = "" if len(of[method]) == len(FUNCTIONS) else f"  ({len(of[method])} functions)"
         lines.append(
-            f"{method:28}{mean:7.3f}" + "".join(f"{g:12.3f}" for g in groups) + f"{solved:11}{met.mean():10.1%}{microseconds:9.1f}{part}"
+            f"{method:28}{mean:7.3f}"
+            + "".join(f"{g:12.3f}" for g in groups)
+            + f"{solved:11}{met.mean():10.1%}{microseconds:9.1f}{part}"
         )
     return lines
 
@@ -69,7 +81,8 @@ def common_runs(of: ByMethod, pair: tuple[str, str]) -> tuple[dict[int, Result],
 def compared(
     of: ByMethod, pairs: Iterable[tuple[str, str]], measure: Callable[[Result], np.ndarray], without: Iterable[int] = ()
 ) -> list[Difference]:
-    """Differences of a measure (runs,) over the functions of each pair, but for those in `without`; Holm over the pairs."""
+    """Differences of a measure (runs,) over the functions of each pair, but for those in `without`; Holm over the
+    pairs."""
     each: dict[str, dict[int, np.ndarray]] = {}
     names = []
     for k, pair in enumerate(pairs):
@@ -91,7 +104,8 @@ def at_the_end(result: Result) -> np.ndarray:
 
 
 def comparison_table(of: ByMethod, pairs: Iterable[tuple[str, str]], dimension: int) -> list[str]:
-    """One line a pair: areas, wins and losses, signed-rank p after Holm, A12, and the ratio of expected running times to 1e-8."""
+    """One line a pair: areas, wins and losses, signed-rank p after Holm, A12, and the ratio of expected running
+    times to 1e-8."""
     there = paired(of, pairs)
     if not there:
         return []
@@ -113,7 +127,8 @@ SLOPE = (5,)  # the linear slope, whose optimum is a corner of the box: it tells
 
 
 def page_table(of: ByMethod, pairs: Iterable[tuple[str, str]], dimension: int) -> list[str]:
-    """The two tables of docs/bbob.md for one dimension, in Markdown: areas, then the same without f5 and targets at the end.
+    """The two tables of docs/bbob.md for one dimension, in Markdown: areas, then the same without f5 and targets at the
+    end.
 
     A method that is behind by more than chance (p < 0.05 after Holm) stands in bold.
     """
@@ -136,7 +151,9 @@ def page_table(of: ByMethod, pairs: Iterable[tuple[str, str]], dimension: int) -
         ratio, _ = ert_ratio(*common)
         runs = min(len(r.instances) for r in common[0].values())
         part = "" if len(common[0]) == len(FUNCTIONS) else f" ({len(common[0])} functions)"
-        first.append(f"| {_name(a.method, a)} | {a.reference}{part} | {runs} | {_cells(a)} | {a.effect:.3f} | {ratio:.2f} |")
+        first.append(
+            f"| {_name(a.method, a)} | {a.reference}{part} | {runs} | {_cells(a)} | {a.effect:.3f} | {ratio:.2f} |"
+        )
         second.append(f"| {_name(a.method, s, e)} | {a.reference}{part} | {_cells(s)} | {_cells(e)} |")
     return first + second
 
@@ -151,7 +168,8 @@ def _cells(d: Difference) -> str:
 
 
 def ert_ratio(ours: Mapping[int, Result], theirs: Mapping[int, Result]) -> tuple[float, int]:
-    """Geometric mean over functions of ERT / reference's ERT at the hardest target that both met, and how many functions."""
+    """Geometric mean over functions of ERT / reference's ERT at the hardest target that both met, and how many
+    functions."""
     logs = []
     for f in sorted(set(ours) & set(theirs)):
         mine, other = (running_times(r.hits(), r.spent) for r in (ours[f], theirs[f]))
@@ -164,7 +182,10 @@ def ert_ratio(ours: Mapping[int, Result], theirs: Mapping[int, Result]) -> tuple
 def running_time_table(of: ByMethod, methods: Iterable[str], dimension: int) -> list[str]:
     """Expected evaluations / d until the targets SHOWN, one line a method and function."""
     columns = [int(np.argmin(np.abs(np.log(TARGETS / t)))) for t in SHOWN]
-    lines = [f"{dimension}-D, expected running time / d", f"{'method':28}{'f':>3}" + "".join(f"{t:>10.0e}" for t in SHOWN) + f"{'met':>7}"]
+    lines = [
+        f"{dimension}-D, expected running time / d",
+        f"{'method':28}{'f':>3}" + "".join(f"{t:>10.0e}" for t in SHOWN) + f"{'met':>7}",
+    ]
     for method in methods:
         for f, r in sorted(of.get(method, {}).items()):
             times = running_times(r.hits(), r.spent)[columns] / dimension

@@ -1,8 +1,10 @@
-"""`python -m benchmarks.published_odes [NAME...] --seeds 10`: published problems as a user would fit them, judged by other solvers.
+"""`python -m benchmarks.published_odes [NAME...] --seeds 10`: published problems as a user would fit them, judged by
+other solvers.
 
-For each study file: the simulation at the published parameters against a tight solver and against the published simulation, as a share of
-each output's range; then fits with default settings, and whether any reports a cost below that of the tight solver by more than 1 %.
-With `--json FILE` what stands in the file already is not computed again, so that a study of hours can be stopped and taken up.
+For each study file: the simulation at the published parameters against a tight solver and against the published
+simulation, as a share of each output's range; then fits with default settings, and whether any reports a cost below
+that of the tight solver by more than 1 %. With `--json FILE` what stands in the file already is not computed again, so
+that a study of hours can be stopped and taken up.
 """
 
 import argparse
@@ -60,14 +62,18 @@ def at_published(name: str) -> dict[str, Any]:
                 off = float(np.max(np.abs(y[o] - exact))) / width
                 worst[key] = max(worst[key], off if np.isfinite(off) else np.inf)
             if np.any(seen):
-                worst["published"] = max(worst["published"], float(np.max(np.abs(ours["at the values"][o] - told[o])[seen])) / width)
-                worst["published and tight"] = max(worst["published and tight"], float(np.max(np.abs(exact - told[o])[seen])) / width)
+                worst["published"] = max(
+                    worst["published"], float(np.max(np.abs(ours["at the values"][o] - told[o])[seen])) / width
+                )
+                worst["published and tight"] = max(
+                    worst["published and tight"], float(np.max(np.abs(exact - told[o])[seen])) / width
+                )
     return {"name": name, "steps": shown.steps_a_sample, "cost": float(shown.cost(z)), **worst}
 
 
 def fitted(name: str, seed: int) -> dict[str, Any]:
-    """One fit with default settings from no start; its cost beside those of the tight solver, whole records, there and at the published
-    parameters: a search among false costs would end above these."""
+    """One fit with default settings from no start; its cost beside those of the tight solver, whole records, there
+    and at the published parameters: a search among false costs would end above these."""
     from plantfit import fit, spec
     from plantfit.problem.accuracy.verification import checked_cost
 
@@ -108,8 +114,10 @@ def main() -> None:
         rows[name] = row
         keep()
         print(
-            f"{name}: at the published parameters {row['steps']:g} steps a sample; error as a share of the range: default steps "
-            f"{row['default']:.1e}, steps for these values {row['at the values']:.1e}; against the published simulation "
+            f"{name}: at the published parameters {row['steps']:g} steps a sample; error as a share of the range: "
+            f"default steps "
+            f"{row['default']:.1e}, steps for these values {row['at the values']:.1e}; against the published "
+            f"simulation "
             f"{row['published']:.1e} (tight solver {row['published and tight']:.1e})",
             flush=True,
         )

@@ -2,9 +2,9 @@
 
     python -m benchmarks.published_odes.from_petab FOLDER NAME...
 
-Reads the part of SBML (level 2) and PEtab (version 1) that these six problems use. Time is taken in the problem's own unit and called
-s. What conditions set become inputs that are constant in each recording. Estimated noise is left out; replicates are averaged; outputs
-on a log10 scale are fitted as logarithms.
+Reads the part of SBML (level 2) and PEtab (version 1) that these six problems use. Time is taken in the problem's own
+unit and called s. What conditions set become inputs that are constant in each recording. Estimated noise is left out;
+replicates are averaged; outputs on a log10 scale are fitted as logarithms.
 """
 
 import csv
@@ -16,7 +16,8 @@ from xml.etree import ElementTree
 import numpy as np
 
 NAMES = (
-    "Boehm_JProteomeRes2014", "Bruno_JExpBot2016", "Crauste_CellSystems2017", "Elowitz_Nature2000", "Perelson_Science1996",
+    "Boehm_JProteomeRes2014", "Bruno_JExpBot2016", "Crauste_CellSystems2017", "Elowitz_Nature2000",
+    "Perelson_Science1996",
     "Sneyd_PNAS2002",
 )  # fmt: skip
 OPERATORS = {"times": "*", "plus": "+", "minus": "-", "divide": "/", "power": "^"}
@@ -27,7 +28,8 @@ def converted(folder: Path, name: str, to: Path) -> None:
     place, short = folder / name, name.split("_")[0].lower()
     sbml = ElementTree.parse(next(iter(place.glob("model*.xml")))).getroot()
     observables, parameters, conditions, measurements, published = (
-        _table(place, kind) for kind in ("observables", "parameters", "experimentalCondition", "measurementData", "simulatedData")
+        _table(place, kind)
+        for kind in ("observables", "parameters", "experimentalCondition", "measurementData", "simulatedData")
     )
     observables = [o for o in observables if any(m["observableId"] == o["observableId"] for m in measurements)]
     own = [o["observableId"] for o in observables]
@@ -44,9 +46,15 @@ def converted(folder: Path, name: str, to: Path) -> None:
             formula = formula.replace(f"observableParameter{k + 1}_{o['observableId']}", v)
         for n, v in values.items():
             formula = formula if n in free else re.sub(rf"\b{n}\b", v, formula)
-        equations.append(f"y_{o['observableId']} = " + (f"log10({formula})" if o.get("observableTransformation") == "log10" else formula))
+        equations.append(
+            f"y_{o['observableId']} = "
+            + (f"log10({formula})" if o.get("observableTransformation") == "log10" else formula)
+        )
     simulated = {_row(s): s for s in published}  # the two tables need not have one order
-    text = [f"# {name} of the collection Benchmark-Models-PEtab (BSD-3-Clause), made by benchmarks/published_odes/from_petab.py"]
+    text = [
+        f"# {name} of the collection Benchmark-Models-PEtab (BSD-3-Clause), made by "
+        f"benchmarks/published_odes/from_petab.py"
+    ]
     text.append(f'name = "{short}"\n')
     for condition in conditions:
         ident = condition["conditionId"]

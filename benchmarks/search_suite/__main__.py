@@ -1,6 +1,7 @@
 """`python -m benchmarks.search_suite`: searches at default settings, held against problems whose best optimum is known.
 
-Without --suite and --nist both. Results are printed and, with --json, kept; --against prints what changed since a kept file.
+Without --suite and --nist both. Results are printed and, with --json, kept; --against prints what changed since a kept
+file.
 """
 
 import argparse
@@ -29,9 +30,13 @@ def parse(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument("--nist", action="store_true", help="the regressions of NIST StRD")
     parser.add_argument("--seeds", type=int, default=5, help="searches of every problem (default 5)")
     parser.add_argument("--only", action="append", help="one problem or regression; may be given several times")
-    parser.add_argument("--linear", action="store_true", help="only problems of the suite in which something can be solved for")
+    parser.add_argument(
+        "--linear", action="store_true", help="only problems of the suite in which something can be solved for"
+    )
     parser.add_argument("--method", default="auto")
-    parser.add_argument("--settings", type=json.loads, default={}, help="settings of the method as JSON, '{\"agree\": 5}'")
+    parser.add_argument(
+        "--settings", type=json.loads, default={}, help="settings of the method as JSON, '{\"agree\": 5}'"
+    )
     parser.add_argument("--json", type=Path, help="file to keep the results in")
     parser.add_argument("--against", type=Path, help="file of earlier results to compare with")
     options = parser.parse_args(arguments)

@@ -1,4 +1,5 @@
-"""One identification problem of the suite: equations, a box, and data made from parameters that the search never sees."""
+"""One identification problem of the suite: equations, a box, and data made from parameters that the search never
+sees."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,9 +20,10 @@ Drives = Mapping[str, tuple[np.ndarray, Mapping[str, np.ndarray]]]  # recording 
 class Case:
     """What a user would write, and `truth` and `noise` from which the data are made.
 
-    `drives` makes times and inputs of every recording from a generator; `noise` is the standard deviation of each output in its
-    unit, 0 for a perfect fit. `truth` maps the names of coordinates to values; a value outside the bounds puts the optimum on one.
-    `scales` are needed where there are several outputs, so that the cost of the search is the cost of the truth.
+    `drives` makes times and inputs of every recording from a generator; `noise` is the standard deviation of each
+    output in its unit, 0 for a perfect fit. `truth` maps the names of coordinates to values; a value outside the bounds
+    puts the optimum on one. `scales` are needed where there are several outputs, so that the cost of the search is the
+    cost of the truth.
     """
 
     name: str
@@ -52,14 +54,19 @@ class Case:
         """The problem with its data; steps of the simulation are fixed, so that the cost is one function."""
         return _problem(self)
 
-    def _made(self, recordings: Mapping[str, pf.Recording], substeps: int, parameters: Mapping[str, Parameter]) -> pf.Problem:
+    def _made(
+        self, recordings: Mapping[str, pf.Recording], substeps: int, parameters: Mapping[str, Parameter]
+    ) -> pf.Problem:
         model = pf.equations(
-            self.equations, name=self.name, inputs=dict(self.inputs), states=dict(self.states), outputs=dict(self.outputs),
+            self.equations, name=self.name, inputs=dict(self.inputs), states=dict(self.states),
+            outputs=dict(self.outputs),
             constants=dict(self.constants), tables=dict(self.tables),
-            parameters={n: {"unit": p.unit} for n, p in parameters.items() if n not in self.tables}, check=self.check_units,
+            parameters={n: {"unit": p.unit} for n, p in parameters.items() if n not in self.tables},
+            check=self.check_units,
         )  # fmt: skip
         return pf.Problem(
-            model, dict(recordings), dict(parameters), scales=self.scales, hold=dict(self.hold or {}), stepper=self.stepper,
+            model, dict(recordings), dict(parameters), scales=self.scales, hold=dict(self.hold or {}),
+            stepper=self.stepper,
             substeps=substeps, name=self.name,
         )  # fmt: skip
 
@@ -68,7 +75,10 @@ class Case:
 def _problem(case: Case) -> pf.Problem:
     rng = np.random.default_rng([case.seed, *case.name.encode()])
     drives = case.drives(rng)
-    still = {name: _recording(case, name, t, inputs, {o: np.zeros(len(t)) for o in case.outputs}) for name, (t, inputs) in drives.items()}
+    still = {
+        name: _recording(case, name, t, inputs, {o: np.zeros(len(t)) for o in case.outputs})
+        for name, (t, inputs) in drives.items()
+    }
     source = case._made(still, FINER * case.substeps, case.parameters)
     values = source.space.vector(case.truth)
     recordings = {}
@@ -79,6 +89,8 @@ def _problem(case: Case) -> pf.Problem:
     return case._made(recordings, case.substeps, case.parameters)
 
 
-def _recording(case: Case, name: str, t: np.ndarray, inputs: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]) -> pf.Recording:
+def _recording(
+    case: Case, name: str, t: np.ndarray, inputs: Mapping[str, np.ndarray], outputs: Mapping[str, np.ndarray]
+) -> pf.Recording:
     signals = {n: pf.Signal(v, case.inputs[n]) for n, v in inputs.items()}
     return pf.Recording(t, {**signals, **{o: pf.Signal(v, case.outputs[o]) for o, v in outputs.items()}}, name)

@@ -1,4 +1,5 @@
-"""Local searches that share no code with plantfit.optimize: scipy's one at a time, and Levenberg-Marquardt of many lanes by QR."""
+"""Local searches that share no code with plantfit.optimize: scipy's one at a time, and Levenberg-Marquardt of many
+lanes by QR."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,7 +20,8 @@ TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class End:
-    """Where a local search ended: cube point (d,), cost (mean square of the residuals, +inf where the start failed), evaluations."""
+    """Where a local search ended: cube point (d,), cost (mean square of the residuals, +inf where the start failed),
+    evaluations."""
 
     z: np.ndarray
     cost: float
@@ -36,7 +38,9 @@ def descend(problem: pf.Problem, z: np.ndarray, longest: int = LONGEST) -> End:
             known.clear()
             r, jacobian = problem.residuals_and_jacobian(z)
             fine = bool(np.all(np.abs(r) < HUGE)) and bool(np.all(np.isfinite(jacobian)))
-            known[key] = (np.array(r), np.array(jacobian)) if fine else (np.full(r.shape, np.nan), np.zeros(jacobian.shape))
+            known[key] = (
+                (np.array(r), np.array(jacobian)) if fine else (np.full(r.shape, np.nan), np.zeros(jacobian.shape))
+            )
         return known[key]
 
     z = np.clip(np.asarray(z, dtype=float), 1e-10, 1 - 1e-10)
@@ -60,10 +64,11 @@ def descend(problem: pf.Problem, z: np.ndarray, longest: int = LONGEST) -> End:
 
 
 def descend_many(problem: pf.Problem, zs: np.ndarray, longest: int = LONGEST) -> tuple[np.ndarray, np.ndarray]:
-    """Projected Levenberg-Marquardt from cube points (n, d), each to its end: points (n, d) and costs (n,), +inf where a start failed.
+    """Projected Levenberg-Marquardt from cube points (n, d), each to its end: points (n, d) and costs (n,), +inf where
+    a start failed.
 
-    Steps by QR of the Jacobian, never of its square; steps are cut at the box and taken when the cost falls (Kanzow, Yamashita and
-    Fukushima 2004, J. Comput. Appl. Math. 172:375).
+    Steps by QR of the Jacobian, never of its square; steps are cut at the box and taken when the cost falls (Kanzow,
+    Yamashita and Fukushima 2004, J. Comput. Appl. Math. 172:375).
     """
     function = jax.jit(jax.vmap(problem.compiled["residuals_and_jacobian"], in_axes=(0, None)))
     rows = len(np.asarray(problem.residuals(zs[0])))
@@ -80,7 +85,11 @@ def descend_many(problem: pf.Problem, zs: np.ndarray, longest: int = LONGEST) ->
     points, costs, at = np.array(zs), np.full(len(zs), np.inf), 0
     lanes: _Lanes | None = None
     while at < len(zs) or lanes is not None:
-        room = 0 if lanes is not None and len(lanes.place) > width // 2 else width - (0 if lanes is None else len(lanes.place))
+        room = (
+            0
+            if lanes is not None and len(lanes.place) > width // 2
+            else width - (0 if lanes is None else len(lanes.place))
+        )
         if room and at < len(zs):
             fresh = _Lanes.begin(np.arange(at, min(at + room, len(zs))), points, evaluate)
             lanes = fresh if lanes is None else lanes.joined(fresh)
@@ -97,7 +106,8 @@ Evaluate = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 @dataclass
 class _Lanes:
-    """Searches under way: their places among all, points, costs, triangles with right sides, dampings, column norms, steps."""
+    """Searches under way: their places among all, points, costs, triangles with right sides, dampings, column norms,
+    steps."""
 
     place: np.ndarray
     z: np.ndarray
@@ -132,9 +142,17 @@ class _Lanes:
             ratio = np.where(promised > 0, gained / promised, 0.0)
         moved = np.linalg.norm(trial - self.z, axis=1)
         ended = (moved <= 1e-11 * (1e-11 + np.linalg.norm(self.z, axis=1))) | (promised <= TOLERANCE * self.cost)
-        ended |= ~np.isfinite(self.cost) | (good & (gained <= TOLERANCE * self.cost)) | (self.damping > 1e14) | (self.steps >= longest)
+        ended |= (
+            ~np.isfinite(self.cost)
+            | (good & (gained <= TOLERANCE * self.cost))
+            | (self.damping > 1e14)
+            | (self.steps >= longest)
+        )
         self.z, self.cost = np.where(good[:, None], trial, self.z), np.where(good, cost, self.cost)
-        self.upper, self.right = np.where(good[:, None, None], upper, self.upper), np.where(good[:, None], right, self.right)
+        self.upper, self.right = (
+            np.where(good[:, None, None], upper, self.upper),
+            np.where(good[:, None], right, self.right),
+        )
         self.scale = np.maximum(self.scale, np.linalg.norm(self.upper, axis=1))
         easier = self.damping * np.where(ratio > 0.75, 0.2, np.where(ratio < 0.25, 2.0, 0.7))
         self.damping = np.maximum(np.where(good, easier, 5.0 * self.damping), 1e-16)
@@ -151,8 +169,11 @@ def _triangles(j: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.pad(upper, ((0, 0), (0, short), (0, 0))), np.pad(right, ((0, 0), (0, short)))
 
 
-def _steps(z: np.ndarray, upper: np.ndarray, right: np.ndarray, damping: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Damped steps (n, d) with coordinates on a bound that the gradient holds there left out, and the decrease that is promised."""
+def _steps(
+    z: np.ndarray, upper: np.ndarray, right: np.ndarray, damping: np.ndarray, scale: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damped steps (n, d) with coordinates on a bound that the gradient holds there left out, and the decrease that
+    is promised."""
     d = z.shape[1]
     gradient = np.einsum("nij,ni->nj", upper, right)
     held = ((z <= 0) & (gradient > 0)) | ((z >= 1) & (gradient < 0))

@@ -28,7 +28,8 @@ CASES = (
     Case(
         "cogging",
         "friction",
-        "Force over a rail: friction by the direction, and cogging whose pitch is unknown. The best offset is on its bound.",
+        "Force over a rail: friction by the direction, and cogging whose pitch is unknown. The best offset is on its "
+        "bound.",
         "y = Fc*v + a*sin(k*x) + b*cos(k*x) + off",
         {"y": "N"},
         {
@@ -40,7 +41,9 @@ CASES = (
         },
         {"Fc": 6.1, "a": 1.9, "b": 1.2, "k": 203.0, "off": 0.4},
         {"y": 0.8},
-        lambda rng: {"rail": (np.arange(190.0), {"x": np.abs(np.linspace(-0.55, 0.55, 190)), "v": np.repeat([-1.0, 1.0], 95)})},
+        lambda rng: {
+            "rail": (np.arange(190.0), {"x": np.abs(np.linspace(-0.55, 0.55, 190)), "v": np.repeat([-1.0, 1.0], 95)})
+        },
         inputs={"x": "m", "v": None},
         check_units=False,
     ),
@@ -85,7 +88,8 @@ CASES = (
     Case(
         "friction of two joints",
         "friction",
-        "Torques of two joints with one Stribeck velocity, far below the middle of its box, and cogging of unknown order.",
+        "Torques of two joints with one Stribeck velocity, far below the middle of its box, and cogging of unknown "
+        "order.",
         "s = exp(-(v/vs)^2)\np = sign(v)*(F1 + S1*s) + a*sin(n*x)\nq = sign(v)*(F2 + S2*s) + b*sin(n*x)",
         {"p": "N*m", "q": "N*m"},
         {
@@ -100,7 +104,9 @@ CASES = (
         },
         {"F1": 3.1, "S1": 2.4, "F2": 1.7, "S2": 1.2, "vs": 0.083, "a": 0.6, "b": -0.5, "n": 14.2},
         {"p": 0.25, "q": 0.2},
-        lambda rng: {"sweep": (np.arange(150.0), {"x": np.linspace(0.0, 5.9, 150), "v": np.sort(rng.uniform(-1.0, 1.0, 150))})},
+        lambda rng: {
+            "sweep": (np.arange(150.0), {"x": np.linspace(0.0, 5.9, 150), "v": np.sort(rng.uniform(-1.0, 1.0, 150))})
+        },
         inputs={"x": "rad", "v": "rad/s"},
         scales={"p": 0.25, "q": 0.2},
         check_units=False,

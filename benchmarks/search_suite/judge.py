@@ -1,8 +1,8 @@
 """One search of one problem at the default budget, and whether what it says of itself is true.
 
-A search says that so many independent local searches ended at its answer, and that it has converged. The judge keeps every point at
-which it saw a Jacobian, runs scipy's local search on from the answer and from every counted end that it can find again, and looks
-whether they stay where they were said to be.
+A search says that so many independent local searches ended at its answer, and that it has converged. The judge keeps
+every point at which it saw a Jacobian, runs scipy's local search on from the answer and from every counted end that it
+can find again, and looks whether they stay where they were said to be.
 """
 
 import dataclasses
@@ -28,11 +28,12 @@ AGREE = 3  # hits from which a search may call itself converged, the default of 
 class Verdict:
     """What one run found and said.
 
-    `found`: its cost is the certified best. `false_convergence`: it said converged, by its own count of agreeing searches, at another
-    cost. `unfinished`: a local search from its answer goes on downhill. Of the ends listed at its cost, which hold the `counted`
-    ones, `rerun` had points that were seen, and `stray` of these, run to their end, did not end at the answer. `miscounted`: it
-    claims more agreeing searches than it lists, lists a lower cost than it returns, or says converged with too few that agree.
-    `solved_for`: coordinates that it solved for at every point and did not search.
+    `found`: its cost is the certified best. `false_convergence`: it said converged, by its own count of agreeing
+    searches, at another cost. `unfinished`: a local search from its answer goes on downhill. Of the ends listed at its
+    cost, which hold the `counted` ones, `rerun` had points that were seen, and `stray` of these, run to their end, did
+    not end at the answer. `miscounted`: it claims more agreeing searches than it lists, lists a lower cost than it
+    returns, or says converged with too few that agree. `solved_for`: coordinates that it solved for at every point and
+    did not search.
     """
 
     problem: str
@@ -94,7 +95,8 @@ class Watch:
         return watched
 
     def at(self, cost: float) -> np.ndarray | None:
-        """The point with this cost up to rounding that lies nearest in cost and was not given before; None when there was none."""
+        """The point with this cost up to rounding that lies nearest in cost and was not given before; None when
+        there was none."""
         if not self._costs:
             return None
         costs = np.concatenate(self._costs)
@@ -126,7 +128,9 @@ class WatchedProjection:
     def cost_charge(self) -> float:
         return self.inner.cost_charge
 
-    def rows(self, zn: np.ndarray, below: np.ndarray | None = None, /) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def rows(
+        self, zn: np.ndarray, below: np.ndarray | None = None, /
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         r, jacobian, points, whole = (np.asarray(a) for a in self.inner.rows(zn, below))
         self.watch.see(points, r)
         return r, jacobian, points, whole
@@ -136,12 +140,19 @@ class WatchedProjection:
 
 
 def judge(
-    problem: pf.Problem, truth: Truth, seed: int, *, method: str = "auto", settings: dict[str, Any] | None = None, budget: int | None = None
+    problem: pf.Problem,
+    truth: Truth,
+    seed: int,
+    *,
+    method: str = "auto",
+    settings: dict[str, Any] | None = None,
+    budget: int | None = None,
 ) -> Verdict:
     """Search with `seed` at the default budget and hold what is said against the truth."""
     watch, settings = Watch(), settings or {}
     [result] = minimise(
-        watch.objective(objective_of(problem)), method, runs=1, budget=budget or default_budget(problem.space.dimension), seed=seed,
+        watch.objective(objective_of(problem)), method, runs=1,
+        budget=budget or default_budget(problem.space.dimension), seed=seed,
         settings=settings,
     )  # fmt: skip
     same = result.cost * (1 + SAME) + truth.floor

@@ -1,7 +1,8 @@
 """The eight regressions of NIST StRD with default settings, in boxes that know neither scale nor sign.
 
-Box of every parameter: -10 m to 10 m, m the larger of both starts in magnitude. From start 1, from start 2, and without a start with
-five seeds. The score is the smallest log relative error of all parameters, up to exchange of equal terms and of signs that do not count.
+Box of every parameter: -10 m to 10 m, m the larger of both starts in magnitude. From start 1, from start 2, and without
+a start with five seeds. The score is the smallest log relative error of all parameters, up to exchange of equal terms
+and of signs that do not count.
 """
 
 import itertools
@@ -88,7 +89,9 @@ def problem_of(name: str, start: int | None) -> pf.Problem:
     for n in known.values:
         most = WIDE * max(abs(s[n]) for s in known.starts)
         parameters[n] = Parameter((-most, most), start=None if start is None else known.starts[start - 1][n])
-    recording = pf.Recording(np.arange(len(known.y), dtype=float), {"x": pf.Signal(known.x), "y": pf.Signal(known.y)}, "data")
+    recording = pf.Recording(
+        np.arange(len(known.y), dtype=float), {"x": pf.Signal(known.x), "y": pf.Signal(known.y)}, "data"
+    )
     return pf.Problem(model, recording, parameters, name=name)
 
 

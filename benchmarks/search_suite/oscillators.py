@@ -7,7 +7,9 @@ from benchmarks.search_suite.regressions import evenly
 from plantfit.space import Parameter as P
 
 
-def steps(names: tuple[str, ...], n: int, period: float, size: float, held: int, recordings: tuple[str, ...] = ("run",)):
+def steps(
+    names: tuple[str, ...], n: int, period: float, size: float, held: int, recordings: tuple[str, ...] = ("run",)
+):
     """Inputs that jump to random levels after a random number of samples, `held` on average."""
 
     def drives(rng):
@@ -50,7 +52,12 @@ CASES = (
         "A pendulum let go at a large angle, whose period depends on the swing: length, friction and where it began.",
         "x' = v\nv' = -g/l*sin(x) - c*v\ny = x + off",
         {"y": "rad"},
-        {"l": P((0.05, 9.0), "m"), "c": P((0.0, 0.27), "1/s"), "x0": P((-2.9, 2.7), "rad"), "off": P((-1.0, 1.3), "rad")},
+        {
+            "l": P((0.05, 9.0), "m"),
+            "c": P((0.0, 0.27), "1/s"),
+            "x0": P((-2.9, 2.7), "rad"),
+            "off": P((-1.0, 1.3), "rad"),
+        },
         {"l": 0.61, "c": 0.037, "x0": 1.87, "off": 0.11},
         {"y": 0.08},
         evenly(330, 50.0),
@@ -65,7 +72,13 @@ CASES = (
         "Van der Pol's oscillator: its period grows with its nonlinearity.",
         "x' = w*v\nv' = w*(mu*(1 - x^2)*v - x)\ny = gain*x",
         {"y": "V"},
-        {"w": P((0.3, 14.0), "rad/s"), "mu": P((0.05, 3.1)), "x0": P((-3.0, 2.6)), "v0": P((-3.0, 3.4)), "gain": P((0.1, 9.0), "V")},
+        {
+            "w": P((0.3, 14.0), "rad/s"),
+            "mu": P((0.05, 3.1)),
+            "x0": P((-3.0, 2.6)),
+            "v0": P((-3.0, 3.4)),
+            "gain": P((0.1, 9.0), "V"),
+        },
         {"w": 4.37, "mu": 0.64, "x0": 1.2, "v0": -0.7, "gain": 2.3},
         {"y": 0.5},
         evenly(200, 12.0),
@@ -79,7 +92,13 @@ CASES = (
         "Lotka and Volterra's cycle, both populations counted.",
         "a' = r*a - k*a*b\nb' = k*gain*a*b - m*b\np = a\nq = b",
         {"p": None, "q": None},
-        {"r": P((0.05, 5.0), "1/s"), "k": P((0.05, 3.0)), "gain": P((0.05, 4.0)), "m": P((0.05, 6.0), "1/s"), "a0": P((0.1, 9.0))},
+        {
+            "r": P((0.05, 5.0), "1/s"),
+            "k": P((0.05, 3.0)),
+            "gain": P((0.05, 4.0)),
+            "m": P((0.05, 6.0), "1/s"),
+            "a0": P((0.1, 9.0)),
+        },
         {"r": 1.1, "k": 0.43, "gain": 0.81, "m": 0.92, "a0": 3.3},
         {"p": 0.3, "q": 0.2},
         evenly(110, 30.0),

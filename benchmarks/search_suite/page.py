@@ -20,7 +20,9 @@ def sums_row(title: str, runs: Runs) -> str:
     """Counts over all runs."""
     found, total = sum(r["found"] for r in runs), len(runs)
     converged = sum(r["status"] == "converged" for r in runs)
-    wrong = " | ".join(str(sum(bool(r[key]) for r in runs)) for key in ("false_convergence", "unfinished", "miscounted"))
+    wrong = " | ".join(
+        str(sum(bool(r[key]) for r in runs)) for key in ("false_convergence", "unfinished", "miscounted")
+    )
     stray = f"{sum(r['stray'] for r in runs)} of {sum(r['rerun'] for r in runs)}"
     return f"| {title} | {total} | {found} ({100 * found / total:.1f} %) | {converged} | {wrong} | {stray} |"
 
@@ -50,7 +52,10 @@ def tables() -> list[str]:
     ]
     for name in dict.fromkeys(r["problem"] for r in now):
         own = [[r for r in runs if r["problem"] == name] for runs in (before, now, without)]
-        facts = f"{CASES[name].problem().space.dimension} | {own[1][0]['solved_for']} | {100 * known[name].trust_region.share:.1f} %"
+        facts = (
+            f"{CASES[name].problem().space.dimension} | {own[1][0]['solved_for']} | "
+            f"{100 * known[name].trust_region.share:.1f} %"
+        )
         lines.append(f"| {name} | {facts} | {' | '.join(map(cell, own))} |")
     return lines
 

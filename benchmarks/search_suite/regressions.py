@@ -88,7 +88,8 @@ CASES = (
     Case(
         "thin film",
         "regression",
-        "Interference of light in a film: thickness from fringes over the wavelength, with one optimum for every fringe order.",
+        "Interference of light in a film: thickness from fringes over the wavelength, with one optimum for every "
+        "fringe order.",
         "y = a + b*cos(4*pi*n*d/lam)*(1 + s*(lam - 600))",
         {"y": None},
         {
@@ -130,7 +131,12 @@ CASES = (
         "A machine that runs up: first speed and acceleration from its vibration.",
         "y = A*sin(w*t + 0.5*k*t^2 + phi)",
         {"y": "um"},
-        {"A": P((0.4, 31.0), "um"), "w": P((1.5, 15.0), "rad/s"), "k": P((-0.2, 2.3), "rad/s^2"), "phi": P((-2.9, 3.6), "rad")},
+        {
+            "A": P((0.4, 31.0), "um"),
+            "w": P((1.5, 15.0), "rad/s"),
+            "k": P((-0.2, 2.3), "rad/s^2"),
+            "phi": P((-2.9, 3.6), "rad"),
+        },
         {"A": 6.2, "w": 7.4, "k": 0.83, "phi": 1.1},
         {"y": 1.4},
         over_time(160, 9.0),

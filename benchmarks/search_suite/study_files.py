@@ -236,7 +236,10 @@ substeps = 1
         lambda rng: {
             "stroke": (
                 np.arange(200.0),
-                {"x": 60.0 - 60.0 * np.cos(np.linspace(0.0, 2 * np.pi, 200)), "v": 60.0 * np.sin(np.linspace(1e-3, 2 * np.pi - 1e-3, 200))},
+                {
+                    "x": 60.0 - 60.0 * np.cos(np.linspace(0.0, 2 * np.pi, 200)),
+                    "v": 60.0 * np.sin(np.linspace(1e-3, 2 * np.pi - 1e-3, 200)),
+                },
             )
         },
     ),

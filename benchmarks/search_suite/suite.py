@@ -1,6 +1,16 @@
-"""All problems by name: those of the suite, whose optimum is certified in truths.json, and candidates that wait for it."""
+"""All problems by name: those of the suite, whose optimum is certified in truths.json, and candidates that wait for
+it."""
 
-from benchmarks.search_suite import dead_times, exponentials, friction, oscillators, regressions, study_files, tables, truths
+from benchmarks.search_suite import (
+    dead_times,
+    exponentials,
+    friction,
+    oscillators,
+    regressions,
+    study_files,
+    tables,
+    truths,
+)
 from benchmarks.search_suite.case import Case
 from benchmarks.search_suite.study_files import StudyCase
 

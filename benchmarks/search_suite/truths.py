@@ -1,7 +1,8 @@
 """The best cost of every problem, how it was found and how often a single local search finds it; kept in truths.json.
 
-`python -m benchmarks.search_suite.truths [NAME ...]` makes them anew: thousands of starts of Levenberg-Marquardt, hundreds of scipy's
-trust-region search from uniform points, and differential evolution, which needs no start and no derivatives.
+`python -m benchmarks.search_suite.truths [NAME ...]` makes them anew: thousands of starts of Levenberg-Marquardt,
+hundreds of scipy's trust-region search from uniform points, and differential evolution, which needs no start and no
+derivatives.
 """
 
 import argparse
@@ -30,7 +31,8 @@ SEED = 20_17
 
 @dataclass(frozen=True)
 class Share:
-    """How many of so many local searches from uniform points ended at the best cost; `failed` starts could not be simulated."""
+    """How many of so many local searches from uniform points ended at the best cost; `failed` starts could not be
+    simulated."""
 
     starts: int
     reached: int
@@ -44,16 +46,19 @@ class Share:
     @property
     def most(self) -> float:
         """Upper end of the one-sided 95 % interval of Clopper and Pearson (1934, Biometrika 26:404)."""
-        return float(beta.ppf(0.95, self.reached + 1, self.starts - self.reached)) if self.reached < self.starts else 1.0
+        return (
+            float(beta.ppf(0.95, self.reached + 1, self.starts - self.reached)) if self.reached < self.starts else 1.0
+        )
 
 
 @dataclass(frozen=True)
 class Truth:
     """The certified optimum of one problem.
 
-    `floor` is the absolute excess that counts as nothing (perfect fits); `others` are costs of other optima with the number of
-    Levenberg-Marquardt searches that ended there, most frequent first; `truth_cost` is the cost of the parameters the data were made
-    with (None when they lie outside the box); `at_bound` names coordinates that the optimum has on a bound.
+    `floor` is the absolute excess that counts as nothing (perfect fits); `others` are costs of other optima with the
+    number of Levenberg-Marquardt searches that ended there, most frequent first; `truth_cost` is the cost of the
+    parameters the data were made with (None when they lie outside the box); `at_bound` names coordinates that the
+    optimum has on a bound.
     """
 
     name: str
@@ -94,7 +99,9 @@ def save(truths: dict[str, Truth], path: Path = PATH) -> None:
     path.write_text("{\n" + ",\n".join(lines) + "\n}\n", "utf-8")
 
 
-def make(case: Case | StudyCase, *, trust_region: int, levenberg_marquardt: int, evolution: int, limit: float) -> Truth | None:
+def make(
+    case: Case | StudyCase, *, trust_region: int, levenberg_marquardt: int, evolution: int, limit: float
+) -> Truth | None:
     """Search a problem from many starts; None where nearly every other succeeds.
 
     scipy's searches end after `limit` seconds, but not before 200.
@@ -110,7 +117,9 @@ def make(case: Case | StudyCase, *, trust_region: int, levenberg_marquardt: int,
         if len(ends) >= 200 and time.perf_counter() - started > limit:
             break
         ends.append(descend(problem, start))
-        if len(ends) == 50 and np.sum([e.cost <= min(e.cost for e in ends) * (1 + SAME) + floor for e in ends]) > HOPELESS * len(ends):
+        if len(ends) == 50 and np.sum(
+            [e.cost <= min(e.cost for e in ends) * (1 + SAME) + floor for e in ends]
+        ) > HOPELESS * len(ends):
             return None
     points, costs = descend_many(problem, rng.random((levenberg_marquardt, d)))
     population, evolved, spent = _evolve(problem, evolution, rng)
@@ -123,7 +132,8 @@ def make(case: Case | StudyCase, *, trust_region: int, levenberg_marquardt: int,
     same = best.cost * (1 + SAME) + floor
     physical = np.asarray(problem.space.physical(best.z))
     inside = all(
-        low <= case.truth[n] <= high for n, low, high in zip(problem.space.names, problem.space.lower, problem.space.upper, strict=True)
+        low <= case.truth[n] <= high
+        for n, low, high in zip(problem.space.names, problem.space.lower, problem.space.upper, strict=True)
     )
     at = problem.space.cube(problem.space.vector(case.truth))
     finite = costs[np.isfinite(costs)]
@@ -135,7 +145,12 @@ def make(case: Case | StudyCase, *, trust_region: int, levenberg_marquardt: int,
         dict(zip(problem.space.names, physical.tolist(), strict=True)),
         [n for n, z in zip(problem.space.names, best.z, strict=True) if z < 1e-9 or z > 1 - 1e-9],
         float(problem.costs(at[None])[0]) if inside else None,
-        Share(len(trf), int(np.sum(trf <= same)), int(np.sum(~np.isfinite(trf))), round(float(np.mean([e.evaluations for e in ends])), 1)),
+        Share(
+            len(trf),
+            int(np.sum(trf <= same)),
+            int(np.sum(~np.isfinite(trf))),
+            round(float(np.mean([e.evaluations for e in ends])), 1),
+        ),
         Share(len(costs), int(np.sum(costs <= same)), int(np.sum(~np.isfinite(costs))), 0.0),
         {"evaluations": spent, "cost": evolved.cost},
         [float(f"{q:.6g}") for q in np.quantile(finite, [0.0, 0.05, 0.25, 0.5, 0.75, 0.95])],
@@ -145,7 +160,8 @@ def make(case: Case | StudyCase, *, trust_region: int, levenberg_marquardt: int,
 
 
 def _evolve(problem: pf.Problem, budget: int, rng: np.random.Generator):
-    """The best member of differential evolution (Storn and Price 1997), where a local search from it ends, and evaluations spent."""
+    """The best member of differential evolution (Storn and Price 1997), where a local search from it ends, and
+    evaluations spent."""
     d = problem.space.dimension
     members = 12 * d
 
@@ -154,7 +170,8 @@ def _evolve(problem: pf.Problem, budget: int, rng: np.random.Generator):
         return np.where(np.isfinite(f), f, 1e300)
 
     answer = optimize.differential_evolution(
-        costs, [(0.0, 1.0)] * d, popsize=12, maxiter=max(1, budget // members - 1), tol=1e-10, polish=False, vectorized=True,
+        costs, [(0.0, 1.0)] * d, popsize=12, maxiter=max(1, budget // members - 1), tol=1e-10, polish=False,
+        vectorized=True,
         updating="deferred", mutation=(0.4, 0.9), recombination=0.9, rng=rng,
     )  # fmt: skip
     z = np.clip(answer.x, 0.0, 1.0)
@@ -165,7 +182,9 @@ def _polished(problem: pf.Problem, z: np.ndarray):
     """Both local searches in turn until neither gains, so that a coordinate on a bound gets there."""
     best = descend(problem, z)
     for _ in range(5):
-        points, costs = descend_many(problem, np.stack([best.z, np.where(best.z < 1e-7, 0.0, np.where(best.z > 1 - 1e-7, 1.0, best.z))]))
+        points, costs = descend_many(
+            problem, np.stack([best.z, np.where(best.z < 1e-7, 0.0, np.where(best.z > 1 - 1e-7, 1.0, best.z))])
+        )
         k = int(np.argmin(costs))
         if not costs[k] < best.cost * (1 - 1e-13):
             return type(best)(points[k], float(costs[k]), 0) if costs[k] <= best.cost else best
@@ -193,7 +212,8 @@ def line(truth: Truth) -> str:
     bound = f"; on a bound: {', '.join(truth.at_bound)}" if truth.at_bound else ""
     verdict = "" if trf.most < ENOUGH else "   TOO EASY"
     return (
-        f"{truth.name:22} best {truth.cost:.8g}  trust region {100 * trf.share:5.1f} % of {trf.starts} ({trf.evaluations:.0f} evaluations)"
+        f"{truth.name:22} best {truth.cost:.8g}  trust region {100 * trf.share:5.1f} % of {trf.starts} "
+        f"({trf.evaluations:.0f} evaluations)"
         f"  LM {100 * lm.share:5.1f} % of {lm.starts}  evolution {found}  {truth.seconds:.0f} s{bound}{verdict}"
     )
 

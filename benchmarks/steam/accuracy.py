@@ -1,4 +1,5 @@
-"""`python -m benchmarks.steam.accuracy`: largest error in bar of both schemes against Radau, with 1, 2 and 4 steps a sample."""
+"""`python -m benchmarks.steam.accuracy`: largest error in bar of both schemes against Radau, with 1, 2 and 4 steps a
+sample."""
 
 import numpy as np
 
@@ -41,7 +42,10 @@ def run() -> None:
             print(f"{scheme:14}{substeps:16d}" + "".join(f"{e:12.1e}" for e in found))
             if enough is None and max(found) < TARGET:
                 enough = substeps
-        print(f"{scheme}: {'more than 8' if enough is None else enough} steps a sample keep every error under {TARGET:g} bar")
+        print(
+            f"{scheme}: {'more than 8' if enough is None else enough} steps a sample keep every error under {TARGET:g} "
+            f"bar"
+        )
 
 
 if __name__ == "__main__":

@@ -1,4 +1,5 @@
-"""The cost and its gradient by CasADi: the exponential scheme as a mapaccum, reverse mode, generated C compiled with gcc -O3."""
+"""The cost and its gradient by CasADi: the exponential scheme as a mapaccum, reverse mode, generated C compiled with
+gcc -O3."""
 
 import hashlib
 import os
@@ -53,7 +54,8 @@ def casadi_cost(steam: Steam) -> CasadiCost | None:
 
 
 def _step() -> Any:
-    """(state (2,), h, tables (30,), u) -> the state a step later, as one SX function; a table is its first value and 9 slopes."""
+    """(state (2,), h, tables (30,), u) -> the state a step later, as one SX function; a table is its first value and
+    9 slopes."""
     x, h, tables, u = ca.SX.sym("x", 2), ca.SX.sym("h"), ca.SX.sym("tables", 30), ca.SX.sym("u")
     parts = ca.vertcat(*(ca.fmin(ca.fmax(x[0] - _PIECE * j, 0), _PIECE) for j in range(9)))
     on = ca.vertcat(*(ca.logic_and(x[0] >= _PIECE * j, x[0] < _PIECE * (j + 1)) for j in range(9)))

@@ -1,4 +1,5 @@
-"""C compiled at run time into the user's cache folder; a missing compiler is fetched through apt when that is allowed."""
+"""C compiled at run time into the user's cache folder; a missing compiler is fetched through apt when that is
+allowed."""
 
 import hashlib
 import os

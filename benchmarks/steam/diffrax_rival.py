@@ -1,4 +1,5 @@
-"""The cost and its gradient by diffrax: adaptive Kvaerno5, begun at the delayed edge of each opening, recursive checkpoints."""
+"""The cost and its gradient by diffrax: adaptive Kvaerno5, begun at the delayed edge of each opening, recursive
+checkpoints."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +28,8 @@ class DiffraxCost:
 
 
 def diffrax_cost(steam: Steam, tolerance: float) -> DiffraxCost | None:
-    """By Kvaerno5 (Kvaerno3 took longer at equal error) with rtol = atol = `tolerance`; None without diffrax (extra `bench`).
+    """By Kvaerno5 (Kvaerno3 took longer at equal error) with rtol = atol = `tolerance`; None without diffrax (extra
+    `bench`).
 
     The openings are solved one after the other: together, all would wait for the longest and the most difficult.
     """

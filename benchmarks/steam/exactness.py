@@ -1,4 +1,5 @@
-"""`python -m benchmarks.steam.exactness`: steps a sample that plantfit needs, opening by opening, for 1e-3 bar at 21 vectors of the box."""
+"""`python -m benchmarks.steam.exactness`: steps a sample that plantfit needs, opening by opening, for 1e-3 bar at 21
+vectors of the box."""
 
 import numpy as np
 
@@ -12,7 +13,8 @@ FINEST = 256
 
 
 def run() -> None:
-    """Refine by doubling against Radau, as `plantfit check --verify --tolerance` does, and print the largest errors that remain."""
+    """Refine by doubling against Radau, as `plantfit check --verify --tolerance` does, and print the largest errors
+    that remain."""
     data = steam()
     plain = problem(data, substeps=1)
     variants = {1: plain}

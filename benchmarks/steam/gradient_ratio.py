@@ -1,4 +1,5 @@
-"""How many evaluations derivatives cost on workload S: cost and derivative alternate, so that a busy machine slows both alike.
+"""How many evaluations derivatives cost on workload S: cost and derivative alternate, so that a busy machine slows both
+alike.
 
 Processor time of this process, which has one thread: what other programs take of the machine meanwhile is not in it.
 """
@@ -19,15 +20,22 @@ PAIRS = 150
 
 
 def run() -> dict[str, float]:
-    """Print and return the medians of derivative over evaluation, of the gradient of 20, of one, and of the block Jacobian."""
+    """Print and return the medians of derivative over evaluation, of the gradient of 20, of one, and of the block
+    Jacobian."""
     data = steam()
     whole = problem(data)
     compiled, arguments = whole.compiled, whole.arguments
     several = jnp.asarray(cube(whole, data.draw(20, 5)))
     one, point = several[:1], several[0]
     pairs: dict[str, tuple[Callable, Callable]] = {
-        "gradients of 20": (lambda: compiled["costs"](several, arguments), lambda: compiled["values_and_gradients"](several, arguments)),
-        "gradient of one": (lambda: compiled["costs"](one, arguments), lambda: compiled["values_and_gradients"](one, arguments)),
+        "gradients of 20": (
+            lambda: compiled["costs"](several, arguments),
+            lambda: compiled["values_and_gradients"](several, arguments),
+        ),
+        "gradient of one": (
+            lambda: compiled["costs"](one, arguments),
+            lambda: compiled["values_and_gradients"](one, arguments),
+        ),
         "block Jacobian": (lambda: compiled["costs"](one, arguments), lambda: compiled["blocks"](point, arguments)),
     }
     found = {}

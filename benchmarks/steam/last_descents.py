@@ -1,9 +1,11 @@
-"""A descent of workload D's ten openings to its end, with all openings simulated at every step or only those that still move.
+"""A descent of workload D's ten openings to its end, with all openings simulated at every step or only those that still
+move.
 
     python -m benchmarks.steam.last_descents
 
-Both ways alternate in one process and must end in the same bits; the ratio is that of processor time. The searches begin where one of
-10 000 evaluations from a random start has ended, as the last descents of `plantfit run` do, there with the finer steps of the answer.
+Both ways alternate in one process and must end in the same bits; the ratio is that of processor time. The searches
+begin where one of 10 000 evaluations from a random start has ended, as the last descents of `plantfit run` do, there
+with the finer steps of the answer.
 """
 
 import dataclasses
@@ -50,7 +52,8 @@ def run(pairs: int = PAIRS) -> dict[str, float]:
     whole, part = np.array(times[1:]).T
     ratio = float(np.median(whole / part))
     print(
-        f"descents of at most {STEPS} steps: {np.median(whole):.1f} s with all openings, {np.median(part):.1f} s with those that move "
+        f"descents of at most {STEPS} steps: {np.median(whole):.1f} s with all openings, {np.median(part):.1f} s with "
+        f"those that move "
         f"({100 * np.mean(asked):.0f} %), {ratio:.1f} times less; same bits"
     )
     return {"last_descents": ratio, "last_descents_moving": float(np.mean(asked))}

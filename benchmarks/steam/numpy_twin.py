@@ -22,7 +22,8 @@ def numpy_costs(steam: Steam, theta: np.ndarray, scheme: Scheme = "exponential",
 
 
 def check(twin: Twin) -> float:
-    """Largest relative difference of the C costs from numpy's: the truth and 4 vectors, which fill more than a block."""
+    """Largest relative difference of the C costs from numpy's: the truth and 4 vectors, which fill more than a
+    block."""
     theta = np.vstack([twin.steam.truth.ravel(), twin.steam.draw(4, 2)])
     expected = numpy_costs(twin.steam, theta, twin.scheme, twin.substeps)
     return float(np.max(np.abs(twin.cost_batch(theta) / expected - 1)))

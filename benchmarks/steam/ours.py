@@ -29,7 +29,8 @@ def problem(data: Steam, substeps: int | None = 1, stepper: str = "exponential")
 
 
 def cube(problem: Problem, theta: np.ndarray) -> np.ndarray:
-    """Cube points (P, 310) from candidates (P, 310) in the layout of benchmarks/data.py: rows of k[10], A1[10], A2[10], Td."""
+    """Cube points (P, 310) from candidates (P, 310) in the layout of benchmarks/data.py: rows of k[10], A1[10],
+    A2[10], Td."""
     rows = np.asarray(theta, dtype=float).reshape(len(theta), 10, 31)
     place = {name: i for i, name in enumerate(problem.space.names)}
     values = np.empty((len(theta), 310))
@@ -53,6 +54,9 @@ def ours() -> dict[str, tuple[Callable, int]]:
         rows[f"plantfit {batch}"] = (lambda zs=zs: jax.block_until_ready(compiled["costs"](zs, arguments)), batch)
     several = jnp.asarray(cube(whole, data.draw(20, 5)))
     rows["plantfit gradient 1"] = (lambda: jax.block_until_ready(compiled["values_and_gradients"](truth, arguments)), 1)
-    rows["plantfit gradient 20"] = (lambda: jax.block_until_ready(compiled["values_and_gradients"](several, arguments)), 20)
+    rows["plantfit gradient 20"] = (
+        lambda: jax.block_until_ready(compiled["values_and_gradients"](several, arguments)),
+        20,
+    )
     rows["plantfit block jacobian 1"] = (lambda: jax.block_until_ready(compiled["blocks"](truth[0], arguments)), 1)
     return rows

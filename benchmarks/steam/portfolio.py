@@ -1,8 +1,9 @@
-"""`python -m benchmarks.steam.portfolio --out FOLDER`: every method and its references on workload S, 310 parameters, 10 000 evaluations.
+"""`python -m benchmarks.steam.portfolio --out FOLDER`: every method and its references on workload S, 310 parameters,
+10 000 evaluations.
 
-Two tasks: `box`, from anywhere in the box, and `static`, from the best four constants of each opening. Costs are ratios to the
-noise floor, 0.025 bar^2. The noise and the seeds of the runs are not those that settings were chosen on. Finished methods are
-kept in FOLDER and skipped the next time; `--table` only prints.
+Two tasks: `box`, from anywhere in the box, and `static`, from the best four constants of each opening. Costs are ratios
+to the noise floor, 0.025 bar^2. The noise and the seeds of the runs are not those that settings were chosen on.
+Finished methods are kept in FOLDER and skipped the next time; `--table` only prints.
 """
 
 import argparse
@@ -38,8 +39,10 @@ HOST_WARM_UP = 600  # evaluations that compile what a host method calls
 FINER = 8  # steps a sample with which answers are checked
 FEW = {"nelder_mead": 2}  # runs of what asks for one candidate at a time and is here as a baseline only
 OURS = (
-    "random", "sobol", "salp_swarm", "pso", "de", "shade", "lshade", "jso", "dish", "elite_ga", "binary_ga", "cga", "sea",
-    "sep_cmaes", "dd_cmaes", "cmaes", "hms", "bipop_cmaes", "ipop_cmaes", "least_squares", "auto", "lbfgsb", "nelder_mead",
+    "random", "sobol", "salp_swarm", "pso", "de", "shade", "lshade", "jso", "dish", "elite_ga", "binary_ga", "cga",
+    "sea",
+    "sep_cmaes", "dd_cmaes", "cmaes", "hms", "bipop_cmaes", "ipop_cmaes", "least_squares", "auto", "lbfgsb",
+    "nelder_mead",
 )  # fmt: skip
 """Cheapest first."""
 OURS_LOCAL = ("least_squares", "lbfgsb", "sep_cmaes", "dd_cmaes", "cmaes")
@@ -67,8 +70,8 @@ PAIRS_LOCAL = {name: tuple(f"pycma-{step:g}" for step in STEPS) for name in ("cm
 
 
 class Outcome(NamedTuple):
-    """Final costs (runs,), the same with FINER steps a sample, evaluations (runs,), processor seconds of all runs, those of them
-    spent outside our engine (NaN: not told apart) and what a reader has to know."""
+    """Final costs (runs,), the same with FINER steps a sample, evaluations (runs,), processor seconds of all runs,
+    those of them spent outside our engine (NaN: not told apart) and what a reader has to know."""
 
     costs: np.ndarray
     finer: np.ndarray
@@ -115,7 +118,10 @@ class Bench:
     @cached_property
     def static(self) -> np.ndarray:
         z, found = static(self.problem, self.objective, self.seed)
-        print(f"static solution: {found.cost / FLOOR:.3f} times the floor, {found.evaluations:.0f} evaluations", flush=True)
+        print(
+            f"static solution: {found.cost / FLOOR:.3f} times the floor, {found.evaluations:.0f} evaluations",
+            flush=True,
+        )
         return z
 
     # -- ours ---------------------------------------------------------------------------------------
@@ -134,7 +140,8 @@ class Bench:
         seconds = time.process_time() - began
         x = np.stack([r.x for r in results])
         return Outcome(
-            np.array([r.cost for r in results]), self.finer(x), np.array([r.evaluations for r in results]), seconds, np.nan,
+            np.array([r.cost for r in results]), self.finer(x), np.array([r.evaluations for r in results]), seconds,
+            np.nan,
             f"plantfit {importlib.metadata.version('plantfit')}",
         )  # fmt: skip
 
@@ -143,12 +150,16 @@ class Bench:
     def reference(self, reference: Reference, runs: int, budget: int, *, together: bool = False) -> Outcome:
         """A reference implementation; `together` runs it in threads, for those that ask for one candidate at a time."""
         drive = rivals.run_side_by_side if together else rivals.run_one_after_another
-        return self._counted(lambda searches: drive(reference, searches, self.seed), runs, budget, rivals.about(reference))
+        return self._counted(
+            lambda searches: drive(reference, searches, self.seed), runs, budget, rivals.about(reference)
+        )
 
     def pyhms(self, repaired: bool, runs: int, budget: int) -> Outcome:
         """pyhms, whose own processor time is that of its process and comes on top. Raises Missing."""
         note = "pyhms 1.0.0: " + ("sprouting repaired" if repaired else "minimize()")
-        told = self._counted(lambda searches: rivals.run_pyhms(searches, self.seed, repaired=repaired), runs, budget, note)
+        told = self._counted(
+            lambda searches: rivals.run_pyhms(searches, self.seed, repaired=repaired), runs, budget, note
+        )
         return told._replace(seconds=told.seconds + told.own)
 
     def _counted(self, search: Callable[[list[rivals.SteamRun]], float], runs: int, budget: int, note: str) -> Outcome:
@@ -159,7 +170,9 @@ class Bench:
         own = search(searches)
         seconds = time.process_time() - began
         finer = self.finer(np.stack([s.best_z for s in searches]))
-        return Outcome(np.array([s.best for s in searches]), finer, np.array([s.evaluations for s in searches]), seconds, own, note)
+        return Outcome(
+            np.array([s.best for s in searches]), finer, np.array([s.evaluations for s in searches]), seconds, own, note
+        )
 
 
 Task = dict[str, Callable[[], Outcome]]
@@ -168,7 +181,10 @@ Task = dict[str, Callable[[], Outcome]]
 def from_anywhere(bench: Bench, runs: int, budget: int) -> Task:
     """Methods and references from the whole box, by name, cheapest first."""
     own: Task = {n: (lambda n=n: bench.ours(n, bench.objective, min(runs, FEW.get(n, runs)), budget)) for n in OURS}
-    others: Task = {n: (lambda n=n, r=r: bench.reference(r, runs, budget, together=n in rivals.ONE_BY_ONE)) for n, r in rivals.BOX.items()}
+    others: Task = {
+        n: (lambda n=n, r=r: bench.reference(r, runs, budget, together=n in rivals.ONE_BY_ONE))
+        for n, r in rivals.BOX.items()
+    }
     hms: Task = {n: (lambda r=r: bench.pyhms(r, min(runs, rivals.PYHMS_RUNS), budget)) for n, r in rivals.PYHMS.items()}
     slow = OURS[OURS.index("least_squares") :]
     return {n: call for n, call in own.items() if n not in slow} | others | {n: own[n] for n in slow} | hms
@@ -182,7 +198,9 @@ def from_static(bench: Bench, runs: int, budget: int) -> Task:
         return bench.ours(name, started, 1 if name in DRAWLESS else runs, budget)
 
     own: Task = {n: (lambda n=n: ours(n)) for n in OURS_LOCAL}
-    return own | {f"pycma-{s:g}": (lambda s=s: bench.reference(rivals.pycma_from(bench.static, s), runs, budget)) for s in STEPS}
+    return own | {
+        f"pycma-{s:g}": (lambda s=s: bench.reference(rivals.pycma_from(bench.static, s), runs, budget)) for s in STEPS
+    }
 
 
 TASKS = {"box": (from_anywhere, PAIRS), "static": (from_static, PAIRS_LOCAL)}
@@ -211,11 +229,17 @@ def measure(options: argparse.Namespace) -> None:
                 continue
             _save(file, **outcome._asdict())
             middle = np.median(outcome.costs) / FLOOR
-            print(f"{task} {name}: median {middle:.3g}, {outcome.seconds:.0f} CPU s, {time.perf_counter() - began:.0f} s", flush=True)
+            print(
+                f"{task} {name}: median {middle:.3g}, {outcome.seconds:.0f} CPU s, {time.perf_counter() - began:.0f} s",
+                flush=True,
+            )
 
 
 def _file(options: argparse.Namespace, task: str, name: str) -> Path:
-    return options.out / f"{task}-{name}-record{options.record_seed}-seed{options.seed}-budget{options.budget}-runs{options.runs}.npz"
+    return (
+        options.out
+        / f"{task}-{name}-record{options.record_seed}-seed{options.seed}-budget{options.budget}-runs{options.runs}.npz"
+    )
 
 
 def _save(file: Path, **arrays: Any) -> None:
@@ -239,7 +263,10 @@ def stored(options: argparse.Namespace, task: str) -> dict[str, Outcome]:
 
 def show(options: argparse.Namespace) -> None:
     """Print the tables."""
-    print(f"record: noise seed {options.record_seed} (WORKLOADS has {WORKLOAD_SEED}); runs: seed {options.seed}, budget {options.budget}")
+    print(
+        f"record: noise seed {options.record_seed} (WORKLOADS has {WORKLOAD_SEED}); runs: seed {options.seed}, budget "
+        f"{options.budget}"
+    )
     for fact, sentence in (("record", "cost of the truth"), ("static", "static solution")):
         file = _file(options, "facts", fact)
         if file.exists():
@@ -248,7 +275,9 @@ def show(options: argparse.Namespace) -> None:
     for task in options.tasks:
         found = stored(options, task)
         if found:
-            print(f"\n{task}: final cost over the floor; `finer`: median of the same answers with {FINER} steps a sample")
+            print(
+                f"\n{task}: final cost over the floor; `finer`: median of the same answers with {FINER} steps a sample"
+            )
             _print_costs(found)
             _print_pairs(found, TASKS[task][1])
         missing = [n for n in TASKS[task][0](None, 1, 1) if n not in found]  # type: ignore[arg-type]
@@ -257,7 +286,11 @@ def show(options: argparse.Namespace) -> None:
 
 
 def _print_costs(found: dict[str, Outcome]) -> None:
-    print(f"{'':24}{'runs':>5}{'evals':>8}" + "".join(f"{h:>9}" for h in ("min", "max", "median", "mean", "std", "finer")), end="")
+    print(
+        f"{'':24}{'runs':>5}{'evals':>8}"
+        + "".join(f"{h:>9}" for h in ("min", "max", "median", "mean", "std", "finer")),
+        end="",
+    )
     print(f"{'CPU s':>8}{'own':>8}  note")
     for name, o in sorted(found.items(), key=lambda item: float(np.median(item[1].costs))):
         ratio, n = o.costs / FLOOR, len(o.costs)
@@ -279,7 +312,9 @@ def _print_pairs(found: dict[str, Outcome], pairs: dict[str, tuple[str, ...]]) -
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.steam.portfolio", description=str(__doc__).split("\n\n")[0])
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.steam.portfolio", description=str(__doc__).split("\n\n")[0]
+    )
     parser.add_argument("--out", type=Path, required=True, help="folder of the results")
     parser.add_argument("--record-seed", type=int, default=RECORD_SEED, help=f"of the noise (default {RECORD_SEED})")
     parser.add_argument("--seed", type=int, default=RUN_SEED, help=f"of the runs (default {RUN_SEED})")

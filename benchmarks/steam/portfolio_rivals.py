@@ -1,8 +1,9 @@
 # pyright: reportMissingImports=false
-"""Reference implementations on workload S: starts of benchmarks/bbob/references.py on the 310-parameter box, costs by our engine.
+"""Reference implementations on workload S: starts of benchmarks/bbob/references.py on the 310-parameter box, costs by
+our engine.
 
-A reference sees the box [-5, 5]^310. Where it asks for one candidate at a time, its runs go side by side in threads and are
-answered together, so that the time left over is its own.
+A reference sees the box [-5, 5]^310. Where it asks for one candidate at a time, its runs go side by side in threads and
+are answered together, so that the time left over is its own.
 """
 
 import importlib.metadata
@@ -24,7 +25,11 @@ from benchmarks.bbob.suite import LOWER, Done, Problem, Run, seed_of
 
 Costs = Callable[[np.ndarray], np.ndarray]  # cube points (n, d) to (n,)
 ROOT = Path(__file__).resolve().parents[2]
-ONE_BY_ONE = ("dish-python", "dish-python-repaired", "mealpy-sso")  # have generators of their own, so that threads change nothing
+ONE_BY_ONE = (
+    "dish-python",
+    "dish-python-repaired",
+    "mealpy-sso",
+)  # have generators of their own, so that threads change nothing
 PYHMS = {"pyhms": False, "pyhms-repaired": True}
 PYHMS_RUNS = 3
 SAME_POPULATION = {"population_size": 100, "x_tol": 0.0}  # what our L-SHADE and jSO begin with in 310-D
@@ -32,10 +37,18 @@ SAME_POPULATION = {"population_size": 100, "x_tol": 0.0}  # what our L-SHADE and
 BOX: dict[str, Reference] = {
     **{name: REFERENCES[name] for name in ("numpy-random", "pymoo-pso", "pymoo-ga", "pymoo-de", "pymoo-de-published")},
     **{name: REFERENCES[name] for name in ("mealpy-sso", "minion-pso", "minion-shade")},
-    "minion-lshade": Reference(partial(minion, name="LSHADE", options=lambda d: SAME_POPULATION), "minionpy", "N0 = 100 as ours, x_tol 0"),
-    "minion-jso": Reference(partial(minion, name="jSO", options=lambda d: SAME_POPULATION), "minionpy", "N0 = 100 as ours, x_tol 0"),
-    "minion-lshade-default": Reference(partial(minion, name="LSHADE", options=lambda d: {"x_tol": 0.0}), "minionpy", "its default N0"),
-    "minion-jso-default": Reference(partial(minion, name="jSO", options=lambda d: {"x_tol": 0.0}), "minionpy", "its default N0"),
+    "minion-lshade": Reference(
+        partial(minion, name="LSHADE", options=lambda d: SAME_POPULATION), "minionpy", "N0 = 100 as ours, x_tol 0"
+    ),
+    "minion-jso": Reference(
+        partial(minion, name="jSO", options=lambda d: SAME_POPULATION), "minionpy", "N0 = 100 as ours, x_tol 0"
+    ),
+    "minion-lshade-default": Reference(
+        partial(minion, name="LSHADE", options=lambda d: {"x_tol": 0.0}), "minionpy", "its default N0"
+    ),
+    "minion-jso-default": Reference(
+        partial(minion, name="jSO", options=lambda d: {"x_tol": 0.0}), "minionpy", "its default N0"
+    ),
     **{name: REFERENCES[name] for name in ("dish-python", "dish-python-repaired", "pycma-sep", "pycma")},
 }
 """Cheapest first."""
@@ -43,8 +56,8 @@ BOX: dict[str, Reference] = {
 
 @dataclass
 class SteamRun(Run):
-    """A run whose candidates are evaluated in batches. `best_z` (d,) is its best cube point; `outside` is the processor time that
-    its thread spent on costs."""
+    """A run whose candidates are evaluated in batches. `best_z` (d,) is its best cube point; `outside` is the
+    processor time that its thread spent on costs."""
 
     evaluate: Costs = field(default=np.asarray)
     best_z: np.ndarray = field(default_factory=lambda: np.zeros(0))
@@ -150,11 +163,20 @@ def run_side_by_side(reference: Reference, runs: list[SteamRun], seed: int) -> f
 
 
 def run_pyhms(runs: list[SteamRun], seed: int, *, repaired: bool) -> float:
-    """pyhms in its own environment, a subprocess for each run; its processor seconds. Raises Missing without the environment."""
+    """pyhms in its own environment, a subprocess for each run; its processor seconds. Raises Missing without the
+    environment."""
     python, seconds = interpreter(), 0.0
     for run in runs:
         one = seed_of(seed, run.problem.function, run.dimension, run.problem.instance)
-        command = [str(python), "-m", "benchmarks.steam.pyhms_worker", str(one), str(int(repaired)), str(run.budget), str(run.dimension)]
+        command = [
+            str(python),
+            "-m",
+            "benchmarks.steam.pyhms_worker",
+            str(one),
+            str(int(repaired)),
+            str(run.budget),
+            str(run.dimension),
+        ]
         with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT) as worker:
             assert worker.stdin is not None
             assert worker.stdout is not None

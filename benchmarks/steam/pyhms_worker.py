@@ -1,7 +1,8 @@
-"""pyhms in a Python of its own (numpy < 2), its costs asked for through pipes: `python -m benchmarks.steam.pyhms_worker SEED REPAIRED
-BUDGET DIMENSION`.
+"""pyhms in a Python of its own (numpy < 2), its costs asked for through pipes: `python -m benchmarks.steam.pyhms_worker
+SEED REPAIRED BUDGET DIMENSION`.
 
-Requests on stdout: the number of points (int64), the points; answers on stdin: the costs. At the end: -1, own processor seconds.
+Requests on stdout: the number of points (int64), the points; answers on stdin: the costs. At the end: -1, own processor
+seconds.
 """
 
 import os

@@ -1,4 +1,5 @@
-"""Ten runs with exact derivatives from random starts, on two processes: the seconds, and the costs over the noise floor."""
+"""Ten runs with exact derivatives from random starts, on two processes: the seconds, and the costs over the noise
+floor."""
 
 import argparse
 import multiprocessing

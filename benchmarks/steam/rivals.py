@@ -1,4 +1,5 @@
-"""Every rival on workload S: what to call, for how many candidates, and how far its responses are from the reference."""
+"""Every rival on workload S: what to call, for how many candidates, and how far its responses are from the
+reference."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,7 +16,8 @@ from benchmarks.steam.twin import Scheme, twin
 
 
 class Tolerances(NamedTuple):
-    """What makes the largest error at the truth come out just under `name`; (rtol, atol) for scipy, both alike for diffrax."""
+    """What makes the largest error at the truth come out just under `name`; (rtol, atol) for scipy, both alike for
+    diffrax."""
 
     name: str
     bdf: tuple[float, float]
@@ -29,7 +31,8 @@ EQUAL = Tolerances("2e-5 bar", bdf=(1e-6, 1e-6), lsoda=(1e-6, 1e-7), diffrax=1e-
 
 @dataclass(frozen=True)
 class Rival:
-    """A call that evaluates `batch` candidates (`kind` "cost") or one gradient; `error` in bar at the truth, None if not its own."""
+    """A call that evaluates `batch` candidates (`kind` "cost") or one gradient; `error` in bar at the truth, None if
+    not its own."""
 
     call: Callable[[], Any]
     batch: int = 1
@@ -57,7 +60,9 @@ def twins(steam: Steam, batches: tuple[int, ...]) -> dict[str, Rival]:
                 return {}
             theta = steam.truth.reshape(1, -1) if batch == 1 else steam.draw(batch, 5)
             error = worst_error(steam, [steam.truth], [engine.responses(steam.truth)])
-            rows[f"{name}, {batch}"] = Rival(lambda engine=engine, theta=theta: engine.cost_batch(theta), batch, error=error)
+            rows[f"{name}, {batch}"] = Rival(
+                lambda engine=engine, theta=theta: engine.cost_batch(theta), batch, error=error
+            )
     return rows
 
 
@@ -71,7 +76,10 @@ def solvers(steam: Steam, quick: bool) -> dict[str, Rival]:
 
 def _scipy(steam: Steam, tolerances: Tolerances) -> dict[str, Rival]:
     theta = steam.truth.ravel()
-    runs = {"scipy BDF": bdf(steam, theta, *tolerances.bdf), "scipy LSODA, C rate": lsoda(steam, theta, *tolerances.lsoda)}
+    runs = {
+        "scipy BDF": bdf(steam, theta, *tolerances.bdf),
+        "scipy LSODA, C rate": lsoda(steam, theta, *tolerances.lsoda),
+    }
     rows = {}
     for name, run in runs.items():
         if run is None:
@@ -103,5 +111,7 @@ def _diffrax(steam: Steam, tolerances: Tolerances) -> dict[str, Rival]:
     error = worst_error(steam, [theta], [responses])
     return {
         f"diffrax, {tolerances.name}": Rival(lambda: compiled.cost(theta), error=error),
-        f"diffrax, gradient, {tolerances.name}": Rival(lambda: compiled.value_and_gradient(theta), kind="gradient", error=error),
+        f"diffrax, gradient, {tolerances.name}": Rival(
+            lambda: compiled.value_and_gradient(theta), kind="gradient", error=error
+        ),
     }

@@ -1,4 +1,5 @@
-"""The ten responses by scipy: BDF in plain floats with the exact Jacobian, and LSODA with a compiled right-hand side."""
+"""The ten responses by scipy: BDF in plain floats with the exact Jacobian, and LSODA with a compiled right-hand
+side."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -27,7 +28,9 @@ def bdf(steam: Steam, theta: np.ndarray, rtol: float, atol: float) -> Responses:
         for i, (delay, t) in enumerate(_times(steam, theta)):
             rate, jacobian = plants[i]
             rest = int(np.searchsorted(t, delay + 1e-9))
-            solved = solve_ivp(rate, (delay, t[-1]), [0.0, 0.0], "BDF", t_eval=t[rest:], rtol=rtol, atol=atol, jac=jacobian)
+            solved = solve_ivp(
+                rate, (delay, t[-1]), [0.0, 0.0], "BDF", t_eval=t[rest:], rtol=rtol, atol=atol, jac=jacobian
+            )
             y[i, :rest], y[i, rest : len(t)] = 0.0, solved.y[0]
         return y
 
@@ -50,7 +53,9 @@ def lsoda(steam: Steam, theta: np.ndarray, rtol: float, atol: float) -> Response
         for i, (delay, t) in enumerate(_times(steam, theta)):
             rest = int(np.searchsorted(t, delay + 1e-9))
             y[i, :rest] = 0.0
-            y[i, rest : len(t)] = odeint(rates[i], [0.0, 0.0], np.r_[delay, t[rest:]], rtol=rtol, atol=atol, mxstep=100_000)[1:, 0]
+            y[i, rest : len(t)] = odeint(
+                rates[i], [0.0, 0.0], np.r_[delay, t[rest:]], rtol=rtol, atol=atol, mxstep=100_000
+            )[1:, 0]
         return y
 
     return run

@@ -17,7 +17,8 @@ AGREEMENT = 1e-12  # relative, of the C costs with numpy's
 
 
 def run(quick: bool) -> dict[str, float]:
-    """Print the table and return the figures; QUICK takes three turns instead of five and leaves out the tight tolerances."""
+    """Print the table and return the figures; QUICK takes three turns instead of five and leaves out the tight
+    tolerances."""
     data = steam()
     _check_twin(data)
     own = _own()
@@ -25,7 +26,10 @@ def run(quick: bool) -> dict[str, float]:
     calls: dict[str, Callable[[], Any]] = {label: call for label, (call, _) in own.items() if callable(call)}
     timings = interleaved(calls | {label: rival.call for label, rival in rows.items()}, 3 if quick else 5)
     ours = {label: (timings[label] if callable(value) else value, batch) for label, (value, batch) in own.items()}
-    print("24 400 samples, 310 parameters; one thread; medians; errors against Radau at the truth; a batch is drawn over the box")
+    print(
+        "24 400 samples, 310 parameters; one thread; medians; errors against Radau at the truth; a batch is drawn over "
+        "the box"
+    )
     print(f"{'':34}{'batch':>6}{'first':>9}{'ms each':>10}{'CPU ms':>10}{'per CPU s':>10}{'max error':>13}")
     for label, (timing, batch) in ours.items():
         _print(label, timing, batch, None)
@@ -49,25 +53,34 @@ def _check_twin(data: Steam) -> None:
         difference = check(engine)
         if not difference < AGREEMENT:
             raise RuntimeError(
-                f"twin.c ({scheme}) differs from numpy by {difference:.1e}, more than {AGREEMENT:g}; do not trust its timing."
+                f"twin.c ({scheme}) differs from numpy by {difference:.1e}, more than {AGREEMENT:g}; do not trust its "
+                f"timing."
             )
 
 
 def _print(label: str, timing: Any, batch: int, error: float | None) -> None:
     wall, cpu = timing.median / batch, getattr(timing, "cpu", float("nan")) / batch
     shown = "" if error is None else f"{error:9.1e} bar"
-    print(f"{label:34}{batch:6d}{timing.first:7.2f} s{1e3 * wall:10.3f}{1e3 * cpu:10.3f}{batch / _seconds(timing):10.0f}{shown:>13}")
+    print(
+        f"{label:34}{batch:6d}{timing.first:7.2f} "
+        f"s{1e3 * wall:10.3f}{1e3 * cpu:10.3f}{batch / _seconds(timing):10.0f}{shown:>13}"
+    )
 
 
-def _figures(ours: Mapping[str, tuple[Any, int]], rows: Mapping[str, Rival], timings: Mapping[str, Timing]) -> dict[str, float]:
-    """Candidates or gradients per CPU second of every rival, and the rate of each row of ours over theirs: over the C twin at the same
-    batch, over the solvers at any; costs with costs, gradients with gradients, nothing with a row that is neither."""
+def _figures(
+    ours: Mapping[str, tuple[Any, int]], rows: Mapping[str, Rival], timings: Mapping[str, Timing]
+) -> dict[str, float]:
+    """Candidates or gradients per CPU second of every rival, and the rate of each row of ours over theirs: over the
+    C twin at the same batch, over the solvers at any; costs with costs, gradients with gradients, nothing with a row
+    that is neither."""
     figures = {f"steam {label} per second": rival.batch / _seconds(timings[label]) for label, rival in rows.items()}
     for mine, (timing, batch) in ours.items():
         for label, rival in rows.items():
             alike = rival.kind == _kind(mine) and (rival.batch == batch or not label.startswith("C twin"))
             if alike:
-                figures[f"steam {mine} over {label}"] = _seconds(timings[label], timing) / rival.batch / (_seconds(timing) / batch)
+                figures[f"steam {mine} over {label}"] = (
+                    _seconds(timings[label], timing) / rival.batch / (_seconds(timing) / batch)
+                )
     return {name.replace(",", "").replace(" ", "_"): value for name, value in figures.items()}
 
 

@@ -32,7 +32,9 @@ class Twin:
         theta = np.ascontiguousarray(theta, dtype=float).reshape(-1, 310)
         count = len(theta)
         means, costs = np.empty((10, count)), np.empty(count)
-        self.library.steam_costs(*self._settings(), ctypes.c_int64(count), *self._arrays(theta), _pointer(means), _pointer(costs))
+        self.library.steam_costs(
+            *self._settings(), ctypes.c_int64(count), *self._arrays(theta), _pointer(means), _pointer(costs)
+        )
         return costs
 
     def responses(self, theta: np.ndarray) -> np.ndarray:
@@ -40,7 +42,9 @@ class Twin:
         theta = np.ascontiguousarray(theta, dtype=float).reshape(310)
         means, block = np.empty(10), int(self.library.steam_block())
         if block < 10:
-            raise ValueError(f"Blocks of {block} lanes cannot hold ten openings; build the twin with a width of 2 or more.")
+            raise ValueError(
+                f"Blocks of {block} lanes cannot hold ten openings; build the twin with a width of 2 or more."
+            )
         lanes = np.empty((len(self.measured), block))
         self.library.steam_responses(*self._settings(), *self._arrays(theta), _pointer(means), _pointer(lanes))
         y = lanes[:, :10].T.copy()
@@ -52,16 +56,28 @@ class Twin:
 
     def _arrays(self, theta: np.ndarray) -> tuple:
         s = self.steam
-        return _pointer(theta), _pointer(s.opening), _pointer(s.samples), _pointer(self.measured), ctypes.c_double(float(s.period))
+        return (
+            _pointer(theta),
+            _pointer(s.opening),
+            _pointer(s.samples),
+            _pointer(self.measured),
+            ctypes.c_double(float(s.period)),
+        )
 
 
 def twin(
-    steam: Steam, scheme: Scheme = "exponential", substeps: int = 1, *, keep: bool = True, width: int = 2, flags: tuple[str, ...] = ()
+    steam: Steam,
+    scheme: Scheme = "exponential",
+    substeps: int = 1,
+    *,
+    keep: bool = True,
+    width: int = 2,
+    flags: tuple[str, ...] = (),
 ) -> Twin | None:
     """The twin for one scheme, or None without a C compiler.
 
-    `keep` holds each lane's table piece in registers until the lane leaves it, else it is looked up at every evaluation.
-    `width` vectors of 8 lanes run together. `flags` go to the compiler.
+    `keep` holds each lane's table piece in registers until the lane leaves it, else it is looked up at every
+    evaluation. `width` vectors of 8 lanes run together. `flags` go to the compiler.
     """
     built = build(Path(__file__).with_name("twin.c"), f"-DKEEP={int(keep)}", f"-DWIDTH={width}", *flags)
     if built is None:

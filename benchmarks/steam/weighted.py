@@ -31,8 +31,8 @@ def record(seed: int) -> Steam:
 def weighted(data: Steam) -> Problem:
     """The 310-parameter problem whose cost is the sum over openings of the mean squared error, bar^2.
 
-    plantfit's cost is the mean over all samples. Here each opening's output is multiplied by sqrt(samples / own samples),
-    a constant input, in the model as in the record, which makes the two the same number.
+    plantfit's cost is the mean over all samples. Here each opening's output is multiplied by sqrt(samples / own
+    samples), a constant input, in the model as in the record, which makes the two the same number.
     """
     plain = steam_chamber()
     model = dataclasses.replace(
@@ -58,8 +58,8 @@ def weighted(data: Steam) -> Problem:
 def static(problem: Problem, objective: Objective, seed: int) -> tuple[np.ndarray, RunResult]:
     """The cube point (310,) of four constants for each opening that fit best, and the run that found them.
 
-    Least squares from the paper's start, then from random ones, on the 40 constants: each is one cube coordinate that all
-    nodes of a table share, as they share their bounds.
+    Least squares from the paper's start, then from random ones, on the 40 constants: each is one cube coordinate that
+    all nodes of a table share, as they share their bounds.
     """
     expand, groups = _expansion(problem)
     assert objective.residuals_and_jacobian is not None
@@ -73,7 +73,9 @@ def static(problem: Problem, objective: Objective, seed: int) -> tuple[np.ndarra
 
     def chained(c: np.ndarray, wanted: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         found = blocks(expand @ c, wanted)
-        return [(r, j @ expand[np.ix_(rows, columns)]) for (r, j), rows, columns in zip(found, own, groups, strict=True)]
+        return [
+            (r, j @ expand[np.ix_(rows, columns)]) for (r, j), rows, columns in zip(found, own, groups, strict=True)
+        ]
 
     guess = problem.space.cube(_physical(problem, PAPER_START)[None])[0]
     small = Objective(

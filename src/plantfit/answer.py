@@ -39,8 +39,9 @@ Signals = dict[str, dict[str, np.ndarray]]
 class ParameterMatrix:
     """A symmetric matrix (d, d) with a row and a column for each free parameter.
 
-    `units` (d,) are those of the parameters: an entry of a covariance has the product of two of them, one of a correlation none.
-    Entries are NaN where a parameter has no standard error. Two names in brackets give one entry: `answer.correlation["K", "tau"]`.
+    `units` (d,) are those of the parameters: an entry of a covariance has the product of two of them, one of a
+    correlation none. Entries are NaN where a parameter has no standard error. Two names in brackets give one entry:
+    `answer.correlation["K", "tau"]`.
     """
 
     names: tuple[str, ...]
@@ -68,7 +69,10 @@ class ParameterMatrix:
         shown = self.names[:8]
         width = max([9, *map(len, shown)])
         head = " ".join(["".ljust(width), *(n.rjust(width) for n in shown)])
-        rows = [" ".join([n.ljust(width), *(f"{v:.3g}".rjust(width) for v in row[:8])]) for n, row in zip(shown, self.matrix, strict=False)]
+        rows = [
+            " ".join([n.ljust(width), *(f"{v:.3g}".rjust(width) for v in row[:8])])
+            for n, row in zip(shown, self.matrix, strict=False)
+        ]
         more = [f"and {len(self.names) - 8} more"] if len(self.names) > 8 else []
         return "\n".join([head, *rows, *more])
 
@@ -77,12 +81,12 @@ class ParameterMatrix:
 class Answer:
     """The best parameters, every run, and what they are worth.
 
-    `problem` is the final problem, `runs` are the seeded runs brought to their end on it. `findings` and all that is read from it are
-    made when first asked for. Shared `errors` widen the intervals there: to first order, or by so many `draws`
-    (docs/uncertainty.md).
+    `problem` is the final problem, `runs` are the seeded runs brought to their end on it. `findings` and all that is
+    read from it are made when first asked for. Shared `errors` widen the intervals there: to first order, or by so many
+    `draws` (docs/uncertainty.md).
 
-    An answer can be pickled; findings that were made travel with it. It cannot be pickled where a model is made of functions that are
-    local to another function or lambdas (ModelError); equations as text and library models can.
+    An answer can be pickled; findings that were made travel with it. It cannot be pickled where a model is made of
+    functions that are local to another function or lambdas (ModelError); equations as text and library models can.
     """
 
     problem: Problem
@@ -108,7 +112,8 @@ class Answer:
 
     @property
     def standard_errors(self) -> dict[str, float]:
-        """Standard errors of `values` by name, in their units; NaN where the findings give none: the data do not determine the value."""
+        """Standard errors of `values` by name, in their units; NaN where the findings give none: the data do not
+        determine the value."""
         rows = {row["name"]: row["standard_error"] for row in self.findings["parameters"]}
         return {n: float("nan") if rows[n] is None else float(rows[n]) for n in self.problem.space.names}
 
@@ -123,9 +128,11 @@ class Answer:
 
     @property
     def correlation(self) -> ParameterMatrix:
-        """Correlation (d, d) of `values`, that of the problem linearised at the answer; NaN where there is no standard error.
+        """Correlation (d, d) of `values`, that of the problem linearised at the answer; NaN where there is no standard
+        error.
 
-        It is that of the noise also where recordings scatter; draws of plants (`bands`) have that of the scatter as well.
+        It is that of the noise also where recordings scatter; draws of plants (`bands`) have that of the scatter as
+        well.
         """
         return self._named(self._correlation)
 
@@ -141,16 +148,18 @@ class Answer:
         return record
 
     def diagnose(
-        self, *, whole: bool = False, progress: Callable[[str], None] | None = None, stop: Callable[[], bool] | None = None,
+        self, *, whole: bool = False, progress: Callable[[str], None] | None = None,
+        stop: Callable[[], bool] | None = None,
         regression: "Regression | None" = None,
     ) -> dict[str, Any] | None:  # fmt: skip
         """Look for what is missing in the model (docs/diagnosis.md), and give section "diagnosis" of the findings.
 
-        Findings, verdict and report say it from then on. It is made where the residual is above its noise or not white, and takes at
-        most twice the evaluations of the search; None where there is nothing to look for, and for models that are neither simulated over
-        time nor a regression. With `whole` everything is tried, whatever the residual is. Of a regression that was filtered before the
-        fit `regression` is what it was before (`plantfit.spec.before_filter`). `progress` is told what is being tried; the diagnosis ends
-        where `stop` says True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for a model that is
+        Findings, verdict and report say it from then on. It is made where the residual is above its noise or not white,
+        and takes at most twice the evaluations of the search; None where there is nothing to look for, and for models
+        that are neither simulated over time nor a regression. With `whole` everything is tried, whatever the residual
+        is. Of a regression that was filtered before the fit `regression` is what it was before
+        (`plantfit.spec.before_filter`). `progress` is told what is being tried; the diagnosis ends where `stop` says
+        True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for a model that is
         neither simulated over time nor a regression.
         """
         from plantfit.first_look import linear_beside
@@ -158,7 +167,14 @@ class Answer:
 
         started = time.perf_counter()
         made = with_diagnosis(
-            self.problem, self.runs, self.findings, whole=whole, progress=progress, stop=stop, linear=linear_beside, regression=regression
+            self.problem,
+            self.runs,
+            self.findings,
+            whole=whole,
+            progress=progress,
+            stop=stop,
+            linear=linear_beside,
+            regression=regression,
         )
         if made is not self.findings:
             seconds = {**made["reproduction"]["seconds"], "diagnosis": time.perf_counter() - started}
@@ -177,31 +193,40 @@ class Answer:
     def residuals(self) -> Signals:
         """Measured minus simulated outputs, as `simulated`; NaN where nothing was measured."""
         measured = {name: e.recording for name, e in self.problem.experiments.items()}
-        return {name: {o: measured[name][o] - y for o, y in outputs.items()} for name, outputs in self.simulated.items()}
+        return {
+            name: {o: measured[name][o] - y for o, y in outputs.items()} for name, outputs in self.simulated.items()
+        }
 
     def predict(
         self, recording: str | Recording | Experiment | None = None, *, values: Mapping[str, Any] | None = None
     ) -> dict[str, np.ndarray]:
         """Every output (n,), in its unit, over a recording: the first or a named one of the problem, or a new one.
 
-        A new recording needs the inputs of the model, in units that can be converted, and a measured value of an output where the model
-        begins at one; its steps are as fine as its inputs ask for (`problem.new_recording`). An Experiment says how it begins.
-        `values` are other values of parameters by name, in their units; a parameter with a value per recording needs one for a
-        recording that is new. Raises RecordingError, UnitError and SpaceError.
+        A new recording needs the inputs of the model, in units that can be converted, and a measured value of an output
+        where the model begins at one; its steps are as fine as its inputs ask for (`problem.new_recording`). An
+        Experiment says how it begins. `values` are other values of parameters by name, in their units; a parameter with
+        a value per recording needs one for a recording that is new. Raises RecordingError, UnitError and SpaceError.
         """
         if recording is None:
             recording = next(iter(self.problem.experiments))
         return predict_over(self.problem, self._vector, recording, values)
 
     def bands(
-        self, recording: str | Recording | Experiment | None = None, *, level: float = 0.95, draws: int = 200, seed: int = 1
+        self,
+        recording: str | Recording | Experiment | None = None,
+        *,
+        level: float = 0.95,
+        draws: int = 200,
+        seed: int = 1,
     ) -> dict[str, Band]:
-        """Where every output lies over a recording (as `predict` takes it) at `level`, for all parameters that the data allow.
+        """Where every output lies over a recording (as `predict` takes it) at `level`, for all parameters that the data
+        allow.
 
-        `draws` plants are drawn from the covariance of the answer or by the likelihood where they leave something open; readings scatter
-        about them as the residuals of the fit do. Where recordings of the plant scatter, the plants are those of another recording (the
-        parameters with "scatter" in the findings). Same seed, same bands. Raises what `predict` raises, SpaceError for a level or a number
-        of draws that cannot be, and SearchError where hardly a draw is a plant.
+        `draws` plants are drawn from the covariance of the answer or by the likelihood where they leave something open;
+        readings scatter about them as the residuals of the fit do. Where recordings of the plant scatter, the plants
+        are those of another recording (the parameters with "scatter" in the findings). Same seed, same bands. Raises
+        what `predict` raises, SpaceError for a level or a number of draws that cannot be, and SearchError where hardly
+        a draw is a plant.
         """
         if not 0.5 <= level <= 0.999 or not 20 <= draws <= 20_000:
             raise SpaceError(f"level {level:g} and {draws} draws cannot be; give 0.5 to 0.999, and 20 to 20000.")
@@ -219,7 +244,9 @@ class Answer:
             own = [s for s in rows if s["output"] == output]
             if own:
                 total = sum(s["n"] for s in own)
-                squares = [np.nan if s["rmse"] is None else s["n"] * s["rmse"] ** 2 for s in own]  # None: it cannot be simulated there
+                squares = [
+                    np.nan if s["rmse"] is None else s["n"] * s["rmse"] ** 2 for s in own
+                ]  # None: it cannot be simulated there
                 result[output] = float(np.sqrt(sum(squares) / total))
         return result
 
@@ -241,8 +268,9 @@ class Answer:
     def to_frame(self) -> "pl.DataFrame":
         """A polars data frame, one row for each parameter, fixed ones at the end.
 
-        Columns: parameter, value, unit, standard_error, low and high (the 95 % interval), status, lower_bound, upper_bound (of the
-        search), open ("lower", "upper", "both": ends of the interval that the data do not set). Null where there is none.
+        Columns: parameter, value, unit, standard_error, low and high (the 95 % interval), status, lower_bound,
+        upper_bound (of the search), open ("lower", "upper", "both": ends of the interval that the data do not set).
+        Null where there is none.
         """
         import polars as pl
 
@@ -270,7 +298,10 @@ class Answer:
         made = "findings" in self.__dict__
         errors = self.standard_errors if made else {}
         units = [c.unit for c in self.problem.space.coordinates]
-        head = f"Answer {self.problem.name!r}: {best.method}, {len(self.runs)} run{'s' * (len(self.runs) > 1)}, cost {best.cost:.6g}"
+        head = (
+            f"Answer {self.problem.name!r}: {best.method}, {len(self.runs)} run{'s' * (len(self.runs) > 1)}, cost "
+            f"{best.cost:.6g}"
+        )
         rows = []
         for name, unit, value in list(zip(names, units, self._vector, strict=True))[:MOST_SHOWN]:
             spread = f" +- {errors[name]:.2g}" if np.isfinite(errors.get(name, np.nan)) else ""
@@ -279,7 +310,11 @@ class Answer:
             rows.append(f"  and {len(names) - MOST_SHOWN} more")
         counts = [v["level"] for v in self.findings["verdict"]] if made else []
         told = listed([f"{counts.count(level)} {level}" for level in dict.fromkeys(counts)])
-        last = f"verdict: {told}; print(answer.summary())" if made else "print(answer.summary()) says what the values are worth"
+        last = (
+            f"verdict: {told}; print(answer.summary())"
+            if made
+            else "print(answer.summary()) says what the values are worth"
+        )
         return "\n".join([head, *rows, last])
 
     def _repr_html_(self) -> str:

@@ -57,15 +57,24 @@ from plantfit.trust.intervals.plausible import Plausible
 if TYPE_CHECKING:
     from plantfit.control.c_export import CFiles
 
-C_NAMES = {"LQI": "lqi", "MPC": "mpc", "Smith predictor": "smith", "cascade": "cascade", "scheduled PID": "scheduled", "LQR": "lqr"}
+C_NAMES = {
+    "LQI": "lqi",
+    "MPC": "mpc",
+    "Smith predictor": "smith",
+    "cascade": "cascade",
+    "scheduled PID": "scheduled",
+    "LQR": "lqr",
+}
 
 
 @dataclass(frozen=True, eq=False)
 class Controller:
-    """A tuned controller: `parameters` of it (`Gains` of a PID, `Smith`, `Servo` of an LQI, `Predictive` of an MPC), `design` with all
-    that it was judged by, `proposed` what was not asked for and where it is from; `number` and `full_scale` are those of its C file.
+    """A tuned controller: `parameters` of it (`Gains` of a PID, `Smith`, `Servo` of an LQI, `Predictive` of an MPC),
+    `design` with all that it was judged by, `proposed` what was not asked for and where it is from; `number` and
+    `full_scale` are those of its C file.
 
-    `typed` has all figures as attributes, `record` the same as JSON types (docs: reference/results.md); `verdict` its sentences.
+    `typed` has all figures as attributes, `record` the same as JSON types (docs: reference/results.md); `verdict` its
+    sentences.
     """
 
     answer: Answer
@@ -81,7 +90,8 @@ class Controller:
 
     @property
     def gains(self) -> Gains:
-        """Of the PID tuned on all plants; parallel form, in the study's units. Raises SimulationError for another form."""
+        """Of the PID tuned on all plants; parallel form, in the study's units. Raises SimulationError for another
+        form."""
         return self.design.best.gains
 
     @property
@@ -96,15 +106,30 @@ class Controller:
 
     def _sentences(self) -> list[Sentence]:
         n = self.design.family.count
-        free = {name: self.drawn.values[-n:, i] for i, name in enumerate(self.drawn.names)} if len(self.drawn.values) >= n else {}
+        free = (
+            {name: self.drawn.values[-n:, i] for i, name in enumerate(self.drawn.names)}
+            if len(self.drawn.values) >= n
+            else {}
+        )
         told = verdict(self.design, {k: v for k, v in free.items() if len(v) == n}, self.how)
         if self.schedule is not None:
             told[1:1] = schedule_told(self.schedule, self.design, self.output)
         if self.drawn.open:
-            more = f"{', '.join(self.drawn.open)} {'is' if len(self.drawn.open) == 1 else 'are'} not determined by the data"
-            told.append(Sentence(level="warning", sentence=f"{more}: the plants spread over the whole range that the data allow."))
+            more = (
+                f"{', '.join(self.drawn.open)} {'is' if len(self.drawn.open) == 1 else 'are'} not determined by "
+                f"the "
+                f"data"
+            )
+            told.append(
+                Sentence(
+                    level="warning", sentence=f"{more}: the plants spread over the whole range that the data allow."
+                )
+            )
         if self.drawn.scatters:
-            more = f"Recordings scatter in {', '.join(self.drawn.scatters)}: plants are those of another recording, within 95 % of each."
+            more = (
+                f"Recordings scatter in {', '.join(self.drawn.scatters)}: plants are those of another recording, "
+                f"within 95 % of each."
+            )
             told.append(Sentence(level="info", sentence=more))
         return told
 
@@ -148,8 +173,8 @@ class Controller:
         )  # fmt: skip
 
     def _units(self) -> dict[str, str]:
-        """Of the gains; those of a cascade's inner PI are `inner_Kp` and `inner_Ki`, its outer PID commands the inner output, and `K` is of
-        the PIDs that stand beside it."""
+        """Of the gains; those of a cascade's inner PI are `inner_Kp` and `inner_Ki`, its outer PID commands the
+        inner output, and `K` is of the PIDs that stand beside it."""
         model, second = self.design.family.model, self.design.family.inner
         u = model.inputs[self.input]
         plain = gain_units(model.outputs[self.output], u)
@@ -168,7 +193,8 @@ class Controller:
         if found is None:
             return None
         levels = [
-            ScheduledLevel(level=r.level, step=r.step, share=r.scheduled, alone=r.alone.tolist(), iae=r.iae, settings=settings_of(r.gains))
+            ScheduledLevel(level=r.level, step=r.step, share=r.scheduled, alone=r.alone.tolist(), iae=r.iae,
+                           settings=settings_of(r.gains))
             for r in found.levels
         ]  # fmt: skip
         over = found.across.overshoot
@@ -184,11 +210,14 @@ class Controller:
             return None
         units = figure_units(model.outputs[self.output], model.inputs[self.input])
         points = [
-            FrontPoint(number=k + 1, figures=dict(zip(front.names, map(float, row), strict=True)), share=float(front.shares[k]),
+            FrontPoint(number=k + 1, figures=dict(zip(front.names, map(float, row), strict=True)),
+                       share=float(front.shares[k]),
                        settings=settings_of(front.controllers[k]))
             for k, row in enumerate(front.figures)
         ]  # fmt: skip
-        return ControllerFront(figures=list(front.names), units={n: units[n] for n in front.names}, picked=front.picked, points=points)
+        return ControllerFront(
+            figures=list(front.names), units={n: units[n] for n in front.names}, picked=front.picked, points=points
+        )
 
     def _plan(self) -> PlanOfEverySample | None:
         """What an MPC does every sample; None for another form."""
@@ -210,19 +239,30 @@ class Controller:
         return curves(self.design)
 
     def to_c(self, folder: str | Path, name: str | None = None, number: str | None = None, **more: Any) -> "CFiles":
-        """The controller as NAME.h and NAME.c (`control.c_export`: pid_to_c, smith_to_c, servo_to_c, servo_mpc_to_c)."""
-        from plantfit.control.c_export import cascade_to_c, pid_to_c, scheduled_to_c, servo_mpc_to_c, servo_to_c, smith_to_c
+        """The controller as NAME.h and NAME.c (`control.c_export`: pid_to_c, smith_to_c, servo_to_c,
+        servo_mpc_to_c)."""
+        from plantfit.control.c_export import (
+            cascade_to_c,
+            pid_to_c,
+            scheduled_to_c,
+            servo_mpc_to_c,
+            servo_to_c,
+            smith_to_c,
+        )
 
         w, model, best = self.design.wishes, self.design.family.model, self.design.best
         told = {"measurement": model.outputs[self.output], "command": model.inputs[self.input]}
         first = self.verdict[0]["sentence"]
         shared: dict[str, Any] = {
             "period": w.period, "number": number or self.number,
-            "name": name or c_name(self.answer.problem.name, best.form.name), "units": {k: v for k, v in told.items() if v},
+            "name": name or c_name(self.answer.problem.name, best.form.name),
+            "units": {k: v for k, v in told.items() if v},
             "note": f"Tuned by plantfit for {self.answer.problem.name}.\n{first}", **more,
         }  # fmt: skip
         if best.form.plan is not None:
-            return servo_mpc_to_c(best.parameters, folder, inputs=len(best.form.plan.lengths), rated=best.form.plan.rated, **shared)
+            return servo_mpc_to_c(
+                best.parameters, folder, inputs=len(best.form.plan.lengths), rated=best.form.plan.rated, **shared
+            )
         shared |= {"lower": w.lower, "upper": w.upper}
         if isinstance(best.parameters, Servo):
             return servo_to_c(best.parameters, folder, **shared)
@@ -262,26 +302,34 @@ def tune(
     draws: Mapping[str, Any] | None = None,
     **wishes: Any,
 ) -> Controller:
-    """A controller (PID to MPC) for an answer's plant, tuned on plants that the data allow and judged on others, beside classical rules.
+    """A controller (PID to MPC) for an answer's plant, tuned on plants that the data allow and judged on others, beside
+    classical rules.
 
-    The plants are others where tolerances={"tau": "10 %"} states them (evenly within value +- tolerance, all other parameters held), or
-    where `draws` holds them: arrays (n,) by name of the model's parameters, 100 plants or more.
+    The plants are others where tolerances={"tau": "10 %"} states them (evenly within value +- tolerance, all other
+    parameters held), or where `draws` holds them: arrays (n,) by name of the model's parameters, 100 plants or more.
 
-    `wishes` are the keys of the study file's [control] table (docs/tuning-controllers.md), numbers in the study's units or texts with a
-    unit, such as set_point="60 degC", output="T1", controller="mpc", plants=500. They count before `control`, the table itself, by
-    default that of the answer's study file; what both leave out is proposed. Raises SimulationError for a plant that cannot be tuned so,
-    SpecError and UnitError for wishes.
+    `wishes` are the keys of the study file's [control] table (docs/tuning-controllers.md), numbers in the study's units
+    or texts with a unit, such as set_point="60 degC", output="T1", controller="mpc", plants=500. They count before
+    `control`, the table itself, by default that of the answer's study file; what both leave out is proposed. Raises
+    SimulationError for a plant that cannot be tuned so, SpecError and UnitError for wishes.
     """
     chosen = _table(answer, control, wishes)
     if chosen.hold or chosen.controller == "lqr":
-        raise SpecError("pf.hold(answer, hold=...) or `plantfit tune --hold` holds an equilibrium; tune() closes a loop of one output.")
+        raise SpecError(
+            "pf.hold(answer, hold=...) or `plantfit tune --hold` holds an equilibrium; tune() closes a loop of one "
+            "output."
+        )
     model = answer.problem.model
     if not isinstance(model, Model):
         raise ModelError(
-            "A regression has no plant that can be simulated, so no loop can be tuned; put its values into a model with states, or design "
+            "A regression has no plant that can be simulated, so no loop can be tuned; put its values into a model "
+            "with states, or design "
             "with lqr or mpc on its equations (docs/control.md)."
         )
-    output, input_ = signal_of("output", chosen.output, tuple(model.outputs)), signal_of("input", chosen.input, tuple(model.inputs))
+    output, input_ = (
+        signal_of("output", chosen.output, tuple(model.outputs)),
+        signal_of("input", chosen.input, tuple(model.inputs)),
+    )
     recording = recording_of(answer, chosen.recording)
     check_number(chosen, output, input_)
     begins(progress, "drawing plants")
@@ -295,17 +343,27 @@ def tune(
     both, schedule = (loop.part(train), loop.part(fresh)), None
     if final.controller == "scheduled":
         if chosen.front:
-            raise SpecError("A front of scheduled PIDs is not searched; leave front out, or ask for another controller.")
+            raise SpecError(
+                "A front of scheduled PIDs is not searched; leave front out, or ask for another controller."
+            )
         levels = levels_to_hold(loop, chosen, final, answer, proposed)
         design, schedule = scheduled_loops(*both, final, levels, budget=budget, seed=seed, progress=progress)
     else:
         design = tuned_loop(
-            *both, final, budget=budget, seed=seed, progress=progress, front=tuple(chosen.front), points=chosen.points, pick=chosen.pick
+            *both,
+            final,
+            budget=budget,
+            seed=seed,
+            progress=progress,
+            front=tuple(chosen.front),
+            points=chosen.points,
+            pick=chosen.pick,
         )
     plan = design.best.form.plan
     if plan is not None and final.prediction is None:
         proposed["prediction"] = (
-            f"{plan.seconds:.4g} s: the dead time of {plan.plant.ahead * plan.plant.period:.4g} s, and then as long as the plant's lag and "
+            f"{plan.seconds:.4g} s: the dead time of {plan.plant.ahead * plan.plant.period:.4g} s, and then as long as "
+            f"the plant's lag and "
             "dead time; after it the LQ servo goes on"
         )
     judged = replace(drawn, values=drawn.values[fresh][design.rows_used])

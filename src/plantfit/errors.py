@@ -69,7 +69,9 @@ class EquationError(ModelError):
             source = text.split("\n")[line]
             first = max(0, column - 70)  # a window of a line that is longer than a screen
             left, right = "..." if first else "", "..." if len(source) > first + 140 else ""
-            shown = f"{message}\n    {left}{source[first : first + 140]}{right}\n    {' ' * (len(left) + column - first)}^"
+            shown = (
+                f"{message}\n    {left}{source[first : first + 140]}{right}\n    {' ' * (len(left) + column - first)}^"
+            )
         super().__init__(shown)
 
 
@@ -96,7 +98,10 @@ class FlatLikelihood(SearchError):
 
     def __init__(self, names: Sequence[str]):
         self.names = tuple(names)
-        super().__init__(f"The likelihood is flat along {list(names)}: these recordings do not tell them apart; hold one or measure more.")
+        super().__init__(
+            f"The likelihood is flat along {list(names)}: these recordings do not tell them apart; hold one or measure "
+            f"more."
+        )
 
 
 class SimulationError(PlantfitError):
@@ -134,7 +139,8 @@ class PlantfitWarning(UserWarning):
 
 
 def in_words(error: BaseException) -> str:
-    """What an exception of Python or a library says of a value, in at most 200 characters, as part of a sentence for a user.
+    """What an exception of Python or a library says of a value, in at most 200 characters, as part of a sentence for a
+    user.
 
     Where it speaks of code alone ("'int' object is not iterable") it is said that a value is of the wrong kind.
     """
@@ -144,10 +150,14 @@ def in_words(error: BaseException) -> str:
 
 
 _OF_CODE = re.compile(
-    r"^ufunc |<class '|object at 0x|NoneType|unsupported operand|object has no attribute|not subscriptable|indices must be integers"
-    r"|required positional|object (is not|cannot|does not)|a real number|not supported between|could not be (broadcast|convert)|bad operand"
-    r"|truth value|operands could not|only (integer|0-dim|size-1|length-1)|setting an array element|must be str|unhashable|ambiguous"
-    r"|inhomogeneous|loop with signature|isn't supported|Cannot interpret|too many values|not enough values|interpreted as an integer"
+    r"^ufunc |<class '|object at 0x|NoneType|unsupported operand|object has no attribute|not subscriptable|indices "
+    r"must be integers"
+    r"|required positional|object (is not|cannot|does not)|a real number|not supported between|could not be "
+    r"(broadcast|convert)|bad operand"
+    r"|truth value|operands could not|only (integer|0-dim|size-1|length-1)|setting an array element|must be "
+    r"str|unhashable|ambiguous"
+    r"|inhomogeneous|loop with signature|isn't supported|Cannot interpret|too many values|not enough "
+    r"values|interpreted as an integer"
 )
 
 

@@ -17,7 +17,13 @@ from plantfit.estimate.filters.kalman import kalman_filter
 from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood
 from plantfit.estimate.filters.noise import Noise
 from plantfit.estimate.methods.agreement import Estimated, agreement
-from plantfit.estimate.methods.estimates_record import LEAST_SQUARES, LIKELIHOOD, filter_findings, noise_levels, parameter_estimates
+from plantfit.estimate.methods.estimates_record import (
+    LEAST_SQUARES,
+    LIKELIHOOD,
+    filter_findings,
+    noise_levels,
+    parameter_estimates,
+)
 from plantfit.estimate.methods.filtered import FILTERS, filtered
 from plantfit.estimate.methods.levels import Asked, asked
 from plantfit.estimate.methods.likely import likely
@@ -45,8 +51,9 @@ class Estimators(Result[EstimatesByMethod]):
     """What `estimate_parameters` found (docs/kalman.md).
 
     `noise` has the levels in force, for a filter of your own; `problem` is the problem
-    that the filters ran on, `values` the parameters that are believed most: those of the likelihood, else of least squares, with their
-    `covariance` (d, d) in the order of the `names` of its space. `runs` are the filters over the recordings, by method and recording.
+    that the filters ran on, `values` the parameters that are believed most: those of the likelihood, else of least
+    squares, with their `covariance` (d, d) in the order of the `names` of its space. `runs` are the filters over the
+    recordings, by method and recording.
     """
 
     answer: Answer = field(repr=False)
@@ -64,11 +71,20 @@ class Estimators(Result[EstimatesByMethod]):
         return self.typed.agree
 
     def to_frame(self) -> "pl.DataFrame":
-        """A polars data frame, a row for each parameter and method: parameter, unit, method, value, low, high (95 %), truth."""
+        """A polars data frame, a row for each parameter and method: parameter, unit, method, value, low, high (95
+        %), truth."""
         import polars as pl
 
         rows = [
-            {"parameter": p.name, "unit": p.unit, "method": m, "value": e.value, "low": e.low, "high": e.high, "truth": p.truth}
+            {
+                "parameter": p.name,
+                "unit": p.unit,
+                "method": m,
+                "value": e.value,
+                "low": e.low,
+                "high": e.high,
+                "truth": p.truth,
+            }
             for p in self.typed.parameters
             for m, e in p.estimates.items()
         ]
@@ -83,12 +99,13 @@ class Estimators(Result[EstimatesByMethod]):
         return f"{text}\n\n{columns(head, rows, range(1, len(head) - 1))}" if rows else text
 
     def states(self, recording: str | None = None, method: str | None = None) -> Recording:
-        """The states over a recording as signals, filtered and smoothed, each with its standard deviation, in the unit of the state.
+        """The states over a recording as signals, filtered and smoothed, each with its standard deviation, in the unit
+        of the state.
 
-        `x_filtered` is what a filter believes of state x after each sample, `x_smoothed` what it believes given all samples (Rauch, Tung,
-        Striebel, AIAA J. 3 (1965) 1445); `x_filtered_error` and `x_smoothed_error` are their standard deviations. What is not known of the
-        parameters that the filter estimates beside the states is in these. `method` is "EKF", "UKF" or "Kalman filter"; None takes the
-        first filter and the first recording.
+        `x_filtered` is what a filter believes of state x after each sample, `x_smoothed` what it believes given all
+        samples (Rauch, Tung, Striebel, AIAA J. 3 (1965) 1445); `x_filtered_error` and `x_smoothed_error` are their
+        standard deviations. What is not known of the parameters that the filter estimates beside the states is in
+        these. `method` is "EKF", "UKF" or "Kalman filter"; None takes the first filter and the first recording.
 
         Raises SpecError where no filter ran, or not over that recording.
         """
@@ -108,7 +125,10 @@ class Estimators(Result[EstimatesByMethod]):
                 signals[f"{name}_{kind}"] = Signal(beliefs.mean[:, i], unit)
                 signals[f"{name}_{kind}_error"] = Signal(spread[:, i], difference_of(unit))
         return Recording(
-            run.t, signals, recording, (f"States by the {method}: filtered, from the samples so far, and smoothed, from all of them.",)
+            run.t,
+            signals,
+            recording,
+            (f"States by the {method}: filtered, from the samples so far, and smoothed, from all of them.",),
         )
 
     def report(self, path: str | Path) -> Path:
@@ -123,15 +143,18 @@ def estimate_parameters(
     table: Mapping[str, Any] | None = None,
     **wishes: Any,
 ) -> Estimators:
-    """The parameters of a study by maximum likelihood, EKF and UKF beside least squares, with 95 % intervals, and whether they agree.
+    """The parameters of a study by maximum likelihood, EKF and UKF beside least squares, with 95 % intervals, and
+    whether they agree.
 
-    `study`: an answer, or a study or problem that is fitted first. `wishes` are the keys of the study file's [estimate] table
-    (docs/study-file.md), such as methods=["ekf"], measurement={"w": "2 rad/s"}, process={"i": (0.01, 10)}, truth={"R": 2.76}; they count
-    before `table`, by default that of the answer's study file. Levels of noise that both leave out are proposed from the recordings and
-    found by maximum likelihood; `typed.assumed` says what was assumed. Seconds to a minute; `progress` is told what is being done.
+    `study`: an answer, or a study or problem that is fitted first. `wishes` are the keys of the study file's [estimate]
+    table (docs/study-file.md), such as methods=["ekf"], measurement={"w": "2 rad/s"}, process={"i": (0.01, 10)},
+    truth={"R": 2.76}; they count before `table`, by default that of the answer's study file. Levels of noise that both
+    leave out are proposed from the recordings and found by maximum likelihood; `typed.assumed` says what was assumed.
+    Seconds to a minute; `progress` is told what is being done.
 
-    Raises ModelError for a model that no Kalman filter works on (dry friction, backlash, resets, late states, no states), SpecError and
-    UnitError for wishes that cannot be, SpaceError for levels that are none, SearchError where the likelihood has no maximum.
+    Raises ModelError for a model that no Kalman filter works on (dry friction, backlash, resets, late states, no
+    states), SpecError and UnitError for wishes that cannot be, SpaceError for levels that are none, SearchError where
+    the likelihood has no maximum.
     """
     say = progress or (lambda text: None)
     checked, told = check_estimable(study.problem if isinstance(study, Study | Answer) else study, wishes, table)
@@ -163,7 +186,9 @@ def estimate_parameters(
     made = EstimatesByMethod(
         name=problem.name,
         methods=list(estimates),
-        parameters=parameter_estimates(problem, estimates, truth, likelihood.at_bound if likelihood is not None else ()),
+        parameters=parameter_estimates(
+            problem, estimates, truth, likelihood.at_bound if likelihood is not None else ()
+        ),
         noise=noise_levels(problem, noise, likelihood, proposal.proposed),
         filters=[filter_findings(m, r) for m, r in filters.items()],
         agreement=tested,
@@ -177,8 +202,11 @@ def estimate_parameters(
     return Estimators(made, answer, problem, noise, scales, likelihood, runs, believed, matrix)
 
 
-def check_estimable(problem: Problem, wishes: Mapping[str, Any], table: Mapping[str, Any] | None = None) -> tuple[EstimateTable, Asked]:
-    """What is asked for, of a problem that filters work on; raises as `estimate_parameters`, before anything is fitted."""
+def check_estimable(
+    problem: Problem, wishes: Mapping[str, Any], table: Mapping[str, Any] | None = None
+) -> tuple[EstimateTable, Asked]:
+    """What is asked for, of a problem that filters work on; raises as `estimate_parameters`, before anything is
+    fitted."""
     checked = estimate_table(problem, table, wishes)
     _refuse(problem)
     if "kalman" in checked.methods:
@@ -196,8 +224,8 @@ def estimate_table(problem: Problem, table: Mapping[str, Any] | None, wishes: Ma
 
 
 def known_truth(answer: Answer) -> dict[str, float]:
-    """Parameters that a virtual rig has left beside the recordings, those whose names are the study's: of NAME.truth.json (`plantfit rig`)
-    in the study's units, of NAME_truth.json (`RigRun.save`) as they are."""
+    """Parameters that a virtual rig has left beside the recordings, those whose names are the study's: of
+    NAME.truth.json (`plantfit rig`) in the study's units, of NAME_truth.json (`RigRun.save`) as they are."""
     file, problem = answer.problem.study_file, answer.problem
     path = file.path if file is not None else None
     if path is None and answer.spec is None:
@@ -237,7 +265,8 @@ def _refuse(problem: Problem) -> None:
         filterable(problem)
     except ModelError as error:
         raise ModelError(
-            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out; `plantfit run` fits the model as it is."
+            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out; `plantfit run` fits the "
+            f"model as it is."
         ) from None
 
 
@@ -247,7 +276,9 @@ def _answer(study: Study | Answer | Problem) -> Answer:
     if isinstance(study, Problem):
         return fit(study)
     plan, method = study.plan, study.plan.methods[0]
-    return fit(study.problem, method, runs=plan.runs, budget=plan.budget, seed=plan.seed, settings=plan.settings.get(method))
+    return fit(
+        study.problem, method, runs=plan.runs, budget=plan.budget, seed=plan.seed, settings=plan.settings.get(method)
+    )
 
 
 def _least_squares(answer: Answer) -> Estimated:

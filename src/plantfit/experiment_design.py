@@ -11,7 +11,13 @@ import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
 from plantfit.errors import ModelError, SpecError
 from plantfit.findings.record import Values
-from plantfit.findings.results.next_experiment import DesignedInput, ErrorsAfter, NextExperiment, OutputWithoutLimit, SignalLimit
+from plantfit.findings.results.next_experiment import (
+    DesignedInput,
+    ErrorsAfter,
+    NextExperiment,
+    OutputWithoutLimit,
+    SignalLimit,
+)
 from plantfit.models.model import Model
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
@@ -29,15 +35,16 @@ from plantfit.units import in_unit, per_second
 MOST_COORDINATES = 60
 MOST_SAMPLES = 200_000
 RUN_AWAY = 30.0  # times the range that an output had in the recordings
-OPEN = 0.5  # of a value, of its typical size or of a quarter of bounds of both signs: a standard error above it determines nothing
+# of a value, of its typical size or of a quarter of bounds of both signs: a standard error above it determines nothing
+OPEN = 0.5
 
 Range = tuple[float | str | None, float | str | None]
 
 
 @dataclass(frozen=True, eq=False)
 class ExperimentDesign:
-    """A designed input: `recording` holds the inputs to play, `typed` all figures, `record` the same as JSON types, `verdict` its
-    sentences."""
+    """A designed input: `recording` holds the inputs to play, `typed` all figures, `record` the same as JSON types,
+    `verdict` its sentences."""
 
     answer: Answer
     goal: Precision | Difference
@@ -67,23 +74,29 @@ class ExperimentDesign:
             figures["distance"] = self.goal.distance(told, self.goal.other.trial.told(self.found.best.u))
             figures["against"] = self.against.problem.name if self.against else None
         signals: dict[str, Values] = {n: [float(np.min(y)), float(np.max(y))] for n, y in told.signals.items()}
-        seen: dict[str, Values] = {n: list(_seen(trial.problem, n)) for n in model.outputs if n not in self.limits.signals}
+        seen: dict[str, Values] = {
+            n: list(_seen(trial.problem, n)) for n in model.outputs if n not in self.limits.signals
+        }
         made = NextExperiment(
             name=self.answer.problem.name,
             samples=len(self.t),
             period=float(np.median(np.diff(self.t))),
             seconds=float(np.median(np.diff(self.t))) * len(self.t),
             inputs=[
-                DesignedInput(name=n, unit=u, low=float(self.limits.low[k]), high=float(self.limits.high[k]), slew=self.limits.slew[k])
+                DesignedInput(name=n, unit=u, low=float(self.limits.low[k]), high=float(self.limits.high[k]),
+                              slew=self.limits.slew[k])
                 for k, (n, u) in enumerate(model.inputs.items())
             ],
             limits={n: SignalLimit(low=lo, high=hi, reached=signals[n], unit=_unit_of(model, n))
                     for n, (lo, hi) in self.limits.signals.items()},
-            outputs=[OutputWithoutLimit(name=n, unit=model.outputs[n], seen=s, reached=signals[n]) for n, s in seen.items()],
+            outputs=[OutputWithoutLimit(name=n, unit=model.outputs[n], seen=s, reached=signals[n])
+                     for n, s in seen.items()],
             criterion="difference" if isinstance(self.goal, Difference) else "A" if one.criterion == "A" else "D",
             chosen=[trial.problem.space.names[i] for i in np.flatnonzero(one.chosen)] if not np.all(one.chosen) else [],
             plants=len(trial.plants),
-            scatters=[r["name"] for r in self.answer.findings["parameters"] if r.get("scatter")] if len(trial.plants) > 1 else [],
+            scatters=[r["name"] for r in self.answer.findings["parameters"] if r.get("scatter")]
+            if len(trial.plants) > 1
+            else [],
             noise=dict(trial.noise),
             inflation=one.inflation,
             kind=self.found.best.kind,
@@ -129,7 +142,9 @@ class ExperimentDesign:
         """What the study's model says of the outputs (N,) under this input, by name in their units."""
         trial = self._one.trial
         told, n = trial.told(self.found.best.u), len(self.t)
-        return {o: told.course[0][k * n : (k + 1) * n] * trial.noise[o] for k, o in enumerate(trial.problem.model.outputs)}
+        return {
+            o: told.course[0][k * n : (k + 1) * n] * trial.noise[o] for k, o in enumerate(trial.problem.model.outputs)
+        }
 
     def __repr__(self) -> str:
         r = self.typed
@@ -156,34 +171,42 @@ def design(
     seed: int = 1,
     progress: Callable[[int, int, float], None] | None = None,
 ) -> ExperimentDesign:
-    """The input that tells most about an answer's parameters, or apart two models, within limits; as good on other plants that the data
-    allow as on the best fit.
+    """The input that tells most about an answer's parameters, or apart two models, within limits; as good on other
+    plants that the data allow as on the best fit.
 
-    `inputs`: (low, high) of each, by default what was seen in the recordings; `duration` (s), `rate` (Hz) and `hold` (s: the least time
-    that a level lasts) by default those of the longest recording, and a sample; `slew` per second; `limits` (low, high) of outputs and
-    states, None for no limit. Numbers are in the study's units, texts have their own ("80 degC"). `criterion` "D" makes the
-    ellipsoid of all parameters small, "A" their mean square relative error, or that of `parameters` alone. `against` is the answer of
-    another model of the same inputs and outputs: the input then tells the two apart. With `alone` the study's own recordings do not
-    count. `noise` (standard deviation) is by default that of the residuals of each output. `progress` is told (tried, budget, cost).
-    Same seed, same input. Raises SpecError, UnitError, ModelError and SearchError.
+    `inputs`: (low, high) of each, by default what was seen in the recordings; `duration` (s), `rate` (Hz) and `hold`
+    (s: the least time that a level lasts) by default those of the longest recording, and a sample; `slew` per second;
+    `limits` (low, high) of outputs and states, None for no limit. Numbers are in the study's units, texts have their
+    own ("80 degC"). `criterion` "D" makes the ellipsoid of all parameters small, "A" their mean square relative error,
+    or that of `parameters` alone. `against` is the answer of another model of the same inputs and outputs: the input
+    then tells the two apart. With `alone` the study's own recordings do not count. `noise` (standard deviation) is by
+    default that of the residuals of each output. `progress` is told (tried, budget, cost). Same seed, same input.
+    Raises SpecError, UnitError, ModelError and SearchError.
     """
     problem, model = answer.problem, _model(answer)
     if criterion not in KINDS:
-        raise SpecError(f"There is no criterion {criterion!r}; use {' or '.join(map(repr, KINDS))}, or name parameters.")
+        raise SpecError(
+            f"There is no criterion {criterion!r}; use {' or '.join(map(repr, KINDS))}, or name parameters."
+        )
     if not 0 <= draws <= 200:
         raise SpecError(f"draws is {draws}; give 0 to 200.")
     if budget < 100:
         raise SpecError(f"budget is {budget}; give at least 100 inputs to try.")
     t, period = _times(problem, duration, rate)
     known = {*model.outputs, *model.states}
-    signals = {n: _range(f"limit {n}", r, problem.needs.get(n) or _unit_of(model, n)) for n, r in _named("limits", limits, known).items()}
+    signals = {
+        n: _range(f"limit {n}", r, problem.needs.get(n) or _unit_of(model, n))
+        for n, r in _named("limits", limits, known).items()
+    }
     low, high = _input_ranges(problem, model, inputs)
     rates = {n: None if (unit := problem.needs[n]) is None else per_second(unit) for n in model.inputs}
     slews = {n: in_unit(f"slew {n}", v, rates[n]) for n, v in _named("slew", slew, set(model.inputs)).items()}
     if any(not v > 0 for v in slews.values()):
         raise SpecError(f"slew is {next(v for v in slews.values() if not v > 0):g}; give a positive change per second.")
     held = 1 if hold is None else max(1, round(in_unit("hold", hold, "s") / period))
-    bench = Limits(low, high, np.array([slews.get(n, np.inf) for n in model.inputs]), held, signals, _far(problem, signals))
+    bench = Limits(
+        low, high, np.array([slews.get(n, np.inf) for n in model.inputs]), held, signals, _far(problem, signals)
+    )
     chosen = _chosen(problem, parameters)
     letter = "A" if parameters else criterion
     one = _goal(answer, t, draws, seed, letter, chosen, alone, noise, tuple({**signals, **model.outputs}))
@@ -195,7 +218,10 @@ def design(
     tell = (lambda tried, cost: progress(tried, budget, cost)) if progress else (lambda tried, cost: None)
     found = designed(goal, bench, budget=budget, seed=seed, tell=tell)
     values = {n: Signal(found.best.u[:, k], problem.needs[n]) for k, n in enumerate(model.inputs)}
-    said = f"Designed by plantfit for {problem.name}: {len(t)} samples at {1 / period:g} Hz ({len(t) * period:g} s), seed {seed}."
+    said = (
+        f"Designed by plantfit for {problem.name}: {len(t)} samples at {1 / period:g} Hz ({len(t) * period:g} s), "
+        f"seed {seed}."
+    )
     return ExperimentDesign(answer, goal, bench, found, Recording(t, values, f"{problem.name}-next", (said,)), against)
 
 
@@ -207,7 +233,8 @@ def _model(answer: Answer) -> Model:
         raise ModelError(f"The model {model.name!r} has no input, so there is none to design.")
     if answer.problem.space.dimension > MOST_COORDINATES:
         raise ModelError(
-            f"{answer.problem.name!r} has {answer.problem.space.dimension} free values, and inputs are designed for up to "
+            f"{answer.problem.name!r} has {answer.problem.space.dimension} free values, and inputs are designed for up "
+            f"to "
             f"{MOST_COORDINATES}; hold the entries of tables at their values."
         )
     return model
@@ -216,13 +243,19 @@ def _model(answer: Answer) -> Model:
 def _times(problem: Problem, duration: float | str | None, rate: float | str | None) -> tuple[np.ndarray, float]:
     """Times (N,) of the new recording, and their distance (s)."""
     longest = max((e.recording for e in problem.experiments.values()), key=lambda r: float(r.t[-1] - r.t[0]))
-    period = float(np.median(np.diff(longest.t))) if rate is None else 1.0 / _positive("rate", in_unit("rate", rate, "Hz"))
+    period = (
+        float(np.median(np.diff(longest.t))) if rate is None else 1.0 / _positive("rate", in_unit("rate", rate, "Hz"))
+    )
     seconds = (
-        float(longest.t[-1] - longest.t[0]) + period if duration is None else _positive("duration", in_unit("duration", duration, "s"))
+        float(longest.t[-1] - longest.t[0]) + period
+        if duration is None
+        else _positive("duration", in_unit("duration", duration, "s"))
     )
     n = round(seconds / period)
     if not 16 <= n <= MOST_SAMPLES:
-        raise SpecError(f"{seconds:g} s at {1 / period:g} Hz are {n} samples; an input is designed for 16 to {MOST_SAMPLES:,}.")
+        raise SpecError(
+            f"{seconds:g} s at {1 / period:g} Hz are {n} samples; an input is designed for 16 to {MOST_SAMPLES:,}."
+        )
     return np.arange(n) * period, period
 
 
@@ -242,7 +275,9 @@ def _named(what: str, given: Mapping[str, Any] | None, known: set[str]) -> dict[
 def _range(what: str, given: Range, unit: str | None) -> tuple[float, float]:
     if isinstance(given, str) or len(tuple(given)) != 2:
         raise SpecError(f"{what} is {given!r}; give two numbers (low, high), None where there is no limit.")
-    low, high = (missing if v is None else in_unit(what, v, unit) for v, missing in zip(given, (-np.inf, np.inf), strict=True))
+    low, high = (
+        missing if v is None else in_unit(what, v, unit) for v, missing in zip(given, (-np.inf, np.inf), strict=True)
+    )
     if not low < high:
         raise SpecError(f"{what} is from {low:g} to {high:g}; give the lower one first.")
     return low, high
@@ -258,13 +293,16 @@ def _input_ranges(problem: Problem, model: Model, given: Mapping[str, Range] | N
             ends = _range(f"input {name}", asked[name], problem.needs[name])
             low, high = (own if np.isfinite(own) else here for own, here in zip(ends, (low, high), strict=True))
         if not low < high:
-            raise SpecError(f"The input {name!r} was {low:g} {unit or ''} in all recordings; say from where to where it may go.")
+            raise SpecError(
+                f"The input {name!r} was {low:g} {unit or ''} in all recordings; say from where to where it may go."
+            )
         found.append((low, high))
     return tuple(np.array(found, dtype=float).T)  # type: ignore[return-value]
 
 
 def _seen(problem: Problem, output: str) -> tuple[float, float]:
-    """Lowest and highest value of an output in all recordings; of one that never moves a thousandth of it to each side."""
+    """Lowest and highest value of an output in all recordings; of one that never moves a thousandth of it to each
+    side."""
     y = np.concatenate([e.recording[output] for e in problem.experiments.values()])
     low, high = float(np.nanmin(y)), float(np.nanmax(y))
     return (low, high) if low < high else (low - 1e-3 * abs(low) - 1e-9, high + 1e-3 * abs(high) + 1e-9)
@@ -305,16 +343,22 @@ def _goal(
 ) -> Precision:  # fmt: skip
     problem, z = answer.problem, np.asarray(answer.best.x)
     outputs = problem.model.outputs
-    given = {n: in_unit(f"noise {n}", v, problem.needs[n], difference=True) for n, v in _named("noise", noise, set(outputs)).items()}
+    given = {
+        n: in_unit(f"noise {n}", v, problem.needs[n], difference=True)
+        for n, v in _named("noise", noise, set(outputs)).items()
+    }
     if unknown := [n for n in unknown_noise(problem) if n not in given]:
         raise SpecError(
-            f"Nothing shows how large the errors of {unknown[0]} are: it has no more samples than there are free parameters. "
+            f"Nothing shows how large the errors of {unknown[0]} are: it has no more samples than there are free "
+            f"parameters. "
             f"Give its noise, as in --noise {unknown[0]}=0.1."
         )
     levels = _noise(problem, z) | given
     rows = answer.findings["parameters"]
     plants = plausible(problem, z, rows, draws, seed).values if draws else np.asarray(problem.space.physical(z))[None]
-    errors = np.array([np.nan if (e := {r["name"]: r["standard_error"] for r in rows}[n]) is None else e for n in problem.space.names])
+    errors = np.array(
+        [np.nan if (e := {r["name"]: r["standard_error"] for r in rows}[n]) is None else e for n in problem.space.names]
+    )
     information = _information(problem, z, levels)
     inflation = _inflation(information, errors)
     trial = TrialRecord(problem, plants, t, levels, errors, watched)
@@ -342,7 +386,8 @@ def _noise(problem: Problem, z: np.ndarray) -> dict[str, float]:
 def _information(problem: Problem, z: np.ndarray, levels: Mapping[str, float]) -> np.ndarray:
     """Information (d, d) of the study's own recordings in the parameters' units, as if their errors were white.
 
-    Their size is that of the residuals; of outputs with few samples, which may be followed exactly, that of `levels` in their units.
+    Their size is that of the residuals; of outputs with few samples, which may be followed exactly, that of `levels` in
+    their units.
     """
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     jacobian = jacobian / problem.space.slopes(z)
@@ -355,7 +400,8 @@ def _information(problem: Problem, z: np.ndarray, levels: Mapping[str, float]) -
 
 
 def _inflation(information: np.ndarray, errors: np.ndarray) -> float:
-    """How many times larger the variances of an answer are than those of white errors: the median over its parameters, at least 1."""
+    """How many times larger the variances of an answer are than those of white errors: the median over its
+    parameters, at least 1."""
     on = np.isfinite(errors) & (errors > 0)
     if not np.any(on):
         return 1.0

@@ -43,28 +43,31 @@ def fit(
 ) -> Answer:
     """Find the parameters and what they are worth.
 
-    Chooses the step of the simulation, searches, estimates from the residuals the scale of every output that was given none when
-    there are several outputs, checks the step at the answer, and brings every run to its end on that final problem.
+    Chooses the step of the simulation, searches, estimates from the residuals the scale of every output that was given
+    none when there are several outputs, checks the step at the answer, and brings every run to its end on that final
+    problem.
 
-    `method` is a name of `plantfit.methods`, with `settings` by name, or an instance, as of `plantfit.methods.make` or of a class of
-    your own, without `settings`. Each of the `runs` gets `budget` evaluations (by default at least 6000, 1500 for each parameter), and
-    depends on `seed` and its number alone. `progress` is called with a `Progress` (with a `store`: a `StudyProgress`); `stop` is asked
-    again and again, and ends the search when it says True.
+    `method` is a name of `plantfit.methods`, with `settings` by name, or an instance, as of `plantfit.methods.make` or
+    of a class of your own, without `settings`. Each of the `runs` gets `budget` evaluations (by default at least 6000,
+    1500 for each parameter), and depends on `seed` and its number alone. `progress` is called with a `Progress` (with a
+    `store`: a `StudyProgress`); `stop` is asked again and again, and ends the search when it says True.
 
-    With `shooting` every record is first cut into so many segments whose ends need not meet, which finds answers in long, oscillating
-    and unstable records (docs/long-records.md); the search then begins at what it found. `errors` of instruments and `draws` are for
-    the intervals (docs/uncertainty.md); left out, a problem that was read from a study file has those of the file.
+    With `shooting` every record is first cut into so many segments whose ends need not meet, which finds answers in
+    long, oscillating and unstable records (docs/long-records.md); the search then begins at what it found. `errors` of
+    instruments and `draws` are for the intervals (docs/uncertainty.md); left out, a problem that was read from a study
+    file has those of the file.
 
-    With a `store`, a place as of `Store.open` or a Store, every run is kept when it is finished, as a study with the name of the
-    problem, and `plantfit.open_study` gives the answer again. Methods are then given by name.
+    With a `store`, a place as of `Store.open` or a Store, every run is kept when it is finished, as a study with the
+    name of the problem, and `plantfit.open_study` gives the answer again. Methods are then given by name.
 
-    Raises SearchError when no candidate could be simulated and for a method, setting or budget that cannot work, StoreError for a store
-    that cannot be used.
+    Raises SearchError when no candidate could be simulated and for a method, setting or budget that cannot work,
+    StoreError for a store that cannot be used.
     """
     file = problem.study_file
     if file is not None and file.solved:
         raise SearchError(
-            f"{file.path.name} has a table [regression]; solve it by plantfit.regress, or by `plantfit run {file.path.name}`."
+            f"{file.path.name} has a table [regression]; solve it by plantfit.regress, or by `plantfit run "
+            f"{file.path.name}`."
         )
     stated = _stated(problem, errors, draws, store is not None)
     check_errors(problem, stated[0])
@@ -75,13 +78,21 @@ def fit(
     started = time.perf_counter()
     if store is None:
         results = minimise(
-            prepared.objective, method, runs=runs, budget=budget, seed=seed, settings=dict(settings or {}), progress=progress, stop=stop
+            prepared.objective,
+            method,
+            runs=runs,
+            budget=budget,
+            seed=seed,
+            settings=dict(settings or {}),
+            progress=progress,
+            stop=stop,
         )
         seconds = {"prepare": prepared.seconds, "search": time.perf_counter() - started}
         return judged(prepared.problem, results, seed=seed, spec=spec, command=command, seconds=seconds, stated=stated)
     if not isinstance(method, str):
         raise SearchError(
-            "A store keeps a method by its name, so that other processes can go on with it; give method='cmaes' and settings={...}, "
+            "A store keeps a method by its name, so that other processes can go on with it; give method='cmaes' and "
+            "settings={...}, "
             "or leave store out."
         )
     plan = Plan(problem.name, (method,), runs, budget, seed, {method: dict(settings)} if settings else {})
@@ -89,7 +100,8 @@ def fit(
     number = begin(prepared, plan, opened, None if file is None else file.text, None if file is None else file.path)
     runner.resume(opened, number, prepared.objective, to_physical=prepared.to_physical, progress=progress, stop=stop)
     return judged_in_store(
-        opened, number, problem, stored_runs(opened, number), prepared, seed=seed, spec=spec if file is None else file.text,
+        opened, number, problem, stored_runs(opened, number), prepared, seed=seed,
+        spec=spec if file is None else file.text,
         command=command, seconds={"prepare": prepared.seconds, "search": time.perf_counter() - started}, stated=stated,
     )  # fmt: skip
 
@@ -99,7 +111,8 @@ def _stated(problem: Problem, errors: Sequence[SharedError] | None, draws: int |
     file = problem.study_file
     if stored and file is not None and errors is not None and (tuple(errors), draws) != (file.errors, file.draws):
         raise SearchError(
-            f"{file.path.name} states other errors or draws than were given, and the stored study would be opened with those of the "
+            f"{file.path.name} states other errors or draws than were given, and the stored study would be opened with "
+            f"those of the "
             "file; write them into the file, or leave errors or store out."
         )
     return stated_in_file(problem, errors, draws)

@@ -19,7 +19,8 @@ def cache_folder() -> Path:
 
 
 def may_be_written(path: Path, start: bytes | None = None) -> bool:
-    """Whether no file is lost by writing `path`: there is none, or one that plantfit wrote (it says so, or begins with `start`)."""
+    """Whether no file is lost by writing `path`: there is none, or one that plantfit wrote (it says so, or begins
+    with `start`)."""
     if not path.exists():
         return True
     if not path.is_file():
@@ -30,7 +31,8 @@ def may_be_written(path: Path, start: bytes | None = None) -> bool:
 
 @cache
 def code_folder(kind: str) -> Path | None:
-    """The folder of compiled code of a kind, made for this user alone; None where there can be none or others can write to it.
+    """The folder of compiled code of a kind, made for this user alone; None where there can be none or others can write
+    to it.
 
     Whoever writes to it runs code as this user, so one that is not safe is not used, and that is said.
     """
@@ -44,7 +46,8 @@ def code_folder(kind: str) -> Path | None:
     if open_to_others is None:
         return folder
     said_once(
-        f"The cache folder {open_to_others} can be written by other users, so no compiled code is taken from it or kept in it; "
+        f"The cache folder {open_to_others} can be written by other users, so no compiled code is taken from it or "
+        f"kept in it; "
         f"make it yours alone with `chmod go-w {open_to_others}`, or set PLANTFIT_CACHE to another folder."
     )
     return None

@@ -1,4 +1,5 @@
-"""From a finished study to a regulator that holds an equilibrium: `hold` takes plants that fall by themselves, and regressions."""
+"""From a finished study to a regulator that holds an equilibrium: `hold` takes plants that fall by themselves, and
+regressions."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -37,12 +38,24 @@ LEAN = 0.5  # of what the best fit is caught from: the lean that is asked for
 ROUNDING = 1e-9
 TIMES = 10.0  # the slowest time of the plant at the point: how long a loop may take to return
 ANGLES = ("rad", "deg", "degree")
-TWINS = ("parameters", "angles", "friction", "gear_ratio", "motors", "sign", "sign_width", "stribeck_velocity", "l1", "g")
+TWINS = (
+    "parameters",
+    "angles",
+    "friction",
+    "gear_ratio",
+    "motors",
+    "sign",
+    "sign_width",
+    "stribeck_velocity",
+    "l1",
+    "g",
+)
 
 
 @dataclass(frozen=True, eq=False)
 class _Plants:
-    """What a study knows: its model, plants (parameters (n,) by name, the first the best fit), a recording, its name."""
+    """What a study knows: its model, plants (parameters (n,) by name, the first the best fit), a recording, its
+    name."""
 
     model: Model
     values: Mapping[str, np.ndarray]
@@ -54,7 +67,8 @@ class _Plants:
 class Held:
     """A regulator with its filter: `design` with all that it was judged by, `proposed` what was not asked for.
 
-    `typed` has all figures as attributes, `record` the same as JSON types; `parameters` is its `StateFeedback`, `verdict` its sentences.
+    `typed` has all figures as attributes, `record` the same as JSON types; `parameters` is its `StateFeedback`,
+    `verdict` its sentences.
     """
 
     name: str
@@ -84,10 +98,13 @@ class Held:
         """Everything but the curves."""
         d, p = self.design, self.design.plant
         return HeldPlant(
-            name=self.name, form="LQR", wishes=d.wishes, proposed=dict(self.proposed), units=dict(p.units), states=list(p.states),
+            name=self.name, form="LQR", wishes=d.wishes, proposed=dict(self.proposed), units=dict(p.units),
+            states=list(p.states),
             outputs=list(p.outputs), point=_point(d),
-            unstable=sorted((float(v) for v in np.real(d.unstable)), reverse=True), plants=len(d.best.stable), plants_are=ALLOWED,
-            promised=d.best.share(d.wishes) >= d.wishes.share, regulators=[regulator(d, r) for r in d.rows], verdict=self._sentences,
+            unstable=sorted((float(v) for v in np.real(d.unstable)), reverse=True), plants=len(d.best.stable),
+            plants_are=ALLOWED,
+            promised=d.best.share(d.wishes) >= d.wishes.share, regulators=[regulator(d, r) for r in d.rows],
+            verdict=self._sentences,
         )  # fmt: skip
 
     @property
@@ -124,11 +141,13 @@ def hold(
     control: Mapping[str, Any] | None = None,
     **wishes: Any,
 ) -> Held:
-    """A regulator that holds an equilibrium of an answer's plant, or of a study file's whose [regression] is solved at once.
+    """A regulator that holds an equilibrium of an answer's plant, or of a study file's whose [regression] is solved at
+    once.
 
-    `wishes` are keys of the table [control] (docs/tuning-controllers.md): hold={"theta1": "90 deg"} with states of the model, lower,
-    upper, period, lean, ms, share, plants. Numbers are in the study's units. Raises SimulationError for a point that is no equilibrium or
-    cannot be held, SpecError and UnitError for wishes, ModelError for a regression whose plant is not known.
+    `wishes` are keys of the table [control] (docs/tuning-controllers.md): hold={"theta1": "90 deg"} with states of the
+    model, lower, upper, period, lean, ms, share, plants. Numbers are in the study's units. Raises SimulationError for a
+    point that is no equilibrium or cannot be held, SpecError and UnitError for wishes, ModelError for a regression
+    whose plant is not known.
     """
     table = control if control is not None else table_in(source.spec, "control") if isinstance(source, Answer) else None
     if not isinstance(source, Answer):
@@ -154,15 +173,19 @@ def _answered(answer: Answer, count: int, seed: int) -> _Plants:
     model = answer.problem.model
     if not isinstance(model, Model):
         raise ModelError(
-            "The answer is of a regression, which has no plant that moves; give the study file whose table [regression] is solved."
+            "The answer is of a regression, which has no plant that moves; give the study file whose table "
+            "[regression] is solved."
         )
     drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], count, seed, within=True)
     name = next(iter(answer.problem.experiments))
-    return _Plants(model, plants_of(answer, drawn, name), answer.problem.experiments[name].recording, answer.problem.name)
+    return _Plants(
+        model, plants_of(answer, drawn, name), answer.problem.experiments[name].recording, answer.problem.name
+    )
 
 
 def _regressed(study: Study, count: int, seed: int) -> _Plants:
-    """Draws of the coefficients, normal with the covariance of the instrumental variables, in the model that moves by them."""
+    """Draws of the coefficients, normal with the covariance of the instrumental variables, in the model that moves
+    by them."""
     from plantfit.regression import regress
 
     table = study.table
@@ -174,14 +197,17 @@ def _regressed(study: Study, count: int, seed: int) -> _Plants:
     rng = np.random.default_rng(seed)
     drawn = rng.multivariate_normal(best.values, best.covariance, size=count, method="eigh")
     rows = np.concatenate([best.values[None], drawn])
-    values = {n: rows[:, i] for i, n in enumerate(best.names)} | {n: np.full(len(rows), v) for n, v in found.held.items()}
+    values = {n: rows[:, i] for i, n in enumerate(best.names)} | {
+        n: np.full(len(rows), v) for n, v in found.held.items()
+    }
     for p in model.parameters:
         if p.name in constants:
             values[p.name] = np.full(len(rows), constants[p.name])
         elif p.name not in values:
             if p.value is None:
                 raise ModelError(
-                    f"The regression of {study.name} does not give {p.name}, which {model.name} needs; add it to [regression.constants]."
+                    f"The regression of {study.name} does not give {p.name}, which {model.name} needs; add it to "
+                    f"[regression.constants]."
                 )
             values[p.name] = np.full(len(rows), float(p.value))
     name, first = next(iter(table.recording.items()))  # as it was measured: the regression has its columns alone
@@ -208,11 +234,14 @@ def _twin(study: Study) -> tuple[Model, dict[str, float]]:
         model = own
     else:
         raise ModelError(
-            f"The plant behind the regression {table.model.kind!r} is not known; `plantfit tune --hold` knows pendubot_regression, and "
+            f"The plant behind the regression {table.model.kind!r} is not known; `plantfit tune --hold` knows "
+            f"pendubot_regression, and "
             "regressions of equations."
         )
     declared = {p.name: p.unit for p in model.parameters}
-    values = {n: units.in_unit(f"[regression.constants] {n}", v, declared[n]) for n, v in constants.items() if n in declared}
+    values = {
+        n: units.in_unit(f"[regression.constants] {n}", v, declared[n]) for n, v in constants.items() if n in declared
+    }
     return model, values
 
 
@@ -220,12 +249,17 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     """All wishes in the study's units; `proposed` learns what was not asked for."""
     model, recording = known.model, known.recording
     if not chosen.hold:
-        raise SpecError('Nothing is to be held; give states and where, as in hold = { theta1 = "90 deg" } or --hold "theta1=90 deg".')
+        raise SpecError(
+            'Nothing is to be held; give states and where, as in hold = { theta1 = "90 deg" } or --hold "theta1=90 '
+            'deg".'
+        )
     unknown = [n for n in chosen.hold if n not in model.states]
     if unknown:
         raise SpecError(f"[control] hold names {unknown[0]!r}; the states are {', '.join(model.states)}.")
     if len(model.inputs) != 1:
-        raise SpecError(f"{model.name} has the inputs {', '.join(model.inputs) or 'none'}; a regulator here drives one.")
+        raise SpecError(
+            f"{model.name} has the inputs {', '.join(model.inputs) or 'none'}; a regulator here drives one."
+        )
     ((input_, unit_u),) = model.inputs.items()
     at = {n: units.in_unit(f"[control] hold.{n}", v, model.states[n]) for n, v in chosen.hold.items()}
     along = next(iter(at))
@@ -235,7 +269,9 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     for name, end in (("lower", np.nanmin), ("upper", np.nanmax)):
         if given[name] is None:
             if seen is None:
-                raise SpecError(f"The recording has no {input_}; give the limits of the actuator ([control] lower and upper).")
+                raise SpecError(
+                    f"The recording has no {input_}; give the limits of the actuator ([control] lower and upper)."
+                )
             given[name] = float(end(seen))
             most = "lowest" if name == "lower" else "highest"
             proposed[name] = f"{given[name]:.5g}{f' {unit_u}' if unit_u else ''}, the {most} {input_} of the recording"
@@ -259,7 +295,8 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
         seconds = _seconds(known, at, input_)
         proposed["horizon"] = f"{seconds:.3g} s, {TIMES:g} times the slowest time of the plant there"
     return HoldWishes(
-        at, input_, period, float(given["lower"]), float(given["upper"]), along, lean if lean is not None else 0.0, largest, seconds,  # type: ignore[arg-type]
+        at, input_, period, float(given["lower"]), float(given["upper"]), along, lean if lean is not None else 0.0,
+        largest, seconds,  # type: ignore[arg-type]
         0.1 * largest, sizes, quantum, noise, ms=chosen.ms or 2.0, share=chosen.share or 0.95,
     )  # fmt: skip
 
@@ -286,4 +323,6 @@ def _leaning(design: HoldDesign, known: _Plants) -> tuple[HoldDesign, str]:
     far = float(np.min(design.best.caught[0]))
     lean = rounded(LEAN * far, far) if far > 0 else float(design.distances[0])
     unit = known.model.states[design.wishes.along] or ""
-    return replace(design, wishes=replace(design.wishes, lean=lean)), f"{lean:.3g} {unit}, half of what the best fit is caught from"
+    return replace(
+        design, wishes=replace(design.wishes, lean=lean)
+    ), f"{lean:.3g} {unit}, half of what the best fit is caught from"

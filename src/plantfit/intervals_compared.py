@@ -1,4 +1,5 @@
-"""Intervals of an answer's parameters by several kinds, side by side: covariance, profile likelihood, bootstrap, posterior."""
+"""Intervals of an answer's parameters by several kinds, side by side: covariance, profile likelihood, bootstrap,
+posterior."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -53,12 +54,13 @@ class IntervalsCompared(Result[ComparisonOfIntervals]):
     draws: Draws | None = None
 
     def to_frame(self) -> "pl.DataFrame":
-        """A polars data frame, a row for each parameter and kind: parameter, unit, value, kind, low, high, open_low, open_high (whether a
-        bound cuts that end off)."""
+        """A polars data frame, a row for each parameter and kind: parameter, unit, value, kind, low, high, open_low,
+        open_high (whether a bound cuts that end off)."""
         import polars as pl
 
         rows = [
-            {"parameter": p.name, "unit": p.unit, "value": p.value, "kind": k.kind, "low": k.low, "high": k.high, "open_low": k.open_low,
+            {"parameter": p.name, "unit": p.unit, "value": p.value, "kind": k.kind, "low": k.low, "high": k.high,
+             "open_low": k.open_low,
              "open_high": k.open_high}
             for p in self.typed.parameters for k in p.kinds
         ]  # fmt: skip
@@ -101,11 +103,12 @@ def compare_intervals(
 ) -> IntervalsCompared:
     """Intervals at `level` of an answer's parameters, or of those named, by each of `kinds`.
 
-    "covariance": the linearised problem, robust against correlated residuals; "profile": the likelihood ratio with all others refitted;
-    "bootstrap": `replicates` refits of records with resampled blocks of residuals; "posterior": NUTS with `chains` of `draws`, flat
-    priors on the search's scale within its bounds or normal ones, `priors` {"tau": (138, 5)} or {"tau": "138 ± 5 s"}, and white or
-    autoregressive noise; where residuals are neither, no posterior is made and a sentence says so. The verdict's own intervals stand
-    beside them at 95 %. Stated errors of instruments are in the verdict's alone. Same seed, same numbers.
+    "covariance": the linearised problem, robust against correlated residuals; "profile": the likelihood ratio with all
+    others refitted; "bootstrap": `replicates` refits of records with resampled blocks of residuals; "posterior": NUTS
+    with `chains` of `draws`, flat priors on the search's scale within its bounds or normal ones, `priors` {"tau": (138,
+    5)} or {"tau": "138 ± 5 s"}, and white or autoregressive noise; where residuals are neither, no posterior is made
+    and a sentence says so. The verdict's own intervals stand beside them at 95 %. Stated errors of instruments are in
+    the verdict's alone. Same seed, same numbers.
 
     Raises SpecError and UnitError for wrong wishes, MissingExtra where blackjax is not installed.
     """
@@ -130,7 +133,11 @@ def compare_intervals(
         profiles[space.names[i]] = profile(problem, z, space.names[i], level)
     say("comparing")
     rows = {r["name"]: r for r in answer.findings["parameters"]}
-    rest = rest_on_it(problem, residuals_and_jacobian(problem.unsmoothed, z)[1]) if unknown_noise(problem) else np.zeros(len(z), dtype=bool)
+    rest = (
+        rest_on_it(problem, residuals_and_jacobian(problem.unsmoothed, z)[1])
+        if unknown_noise(problem)
+        else np.zeros(len(z), dtype=bool)
+    )
     silent = {n for n, on in zip(space.names, rest, strict=True) if on}
     compared = [_row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused, silent) for i in places]
     if answer.errors:
@@ -153,14 +160,16 @@ def compare_intervals(
 
 
 def check_wishes(kinds: Sequence[str], level: float, replicates: int, chains: int, draws: int) -> None:
-    """Raise SpecError for a wish that cannot be met, and MissingExtra for a posterior where blackjax is not installed."""
+    """Raise SpecError for a wish that cannot be met, and MissingExtra for a posterior where blackjax is not
+    installed."""
     for kind in kinds:
         if kind not in KINDS:
             raise SpecError(f"There is no kind {kind!r} of interval; there are {', '.join(KINDS)}.")
     if not kinds:
         raise SpecError(f"Give at least one kind of interval: {', '.join(KINDS)}.")
     for name, value, low, high in (
-        ("level", level, 0.5, 0.999), ("replicates", replicates, 50, 20_000), ("chains", chains, 2, 64), ("draws", draws, 100, 100_000),
+        ("level", level, 0.5, 0.999), ("replicates", replicates, 50, 20_000), ("chains", chains, 2, 64),
+        ("draws", draws, 100, 100_000),
     ):  # fmt: skip
         if not low <= value <= high:
             raise SpecError(f"{name} is {value:g}; give {low:g} to {high:g}.")
@@ -174,17 +183,22 @@ def _posterior(
 ) -> tuple[Draws | None, dict[str, int]]:  # fmt: skip
     problem = answer.problem
     if problem.space.dimension > MOST_SAMPLED:
-        refused["posterior"] = f"No posterior is drawn of {problem.space.dimension} free values; {MOST_SAMPLED} at most."
+        refused["posterior"] = (
+            f"No posterior is drawn of {problem.space.dimension} free values; {MOST_SAMPLED} at most."
+        )
         return None, {}
     noises = noise_of(problem, residuals_and_jacobian(problem.unsmoothed, z)[0])
     wrong = [n for n in noises if n.against]
     if wrong:
         refused["posterior"] = (
-            f"No posterior is drawn: the residuals of {wrong[0].output} {wrong[0].against}, so they are not the noise that a likelihood is "
+            f"No posterior is drawn: the residuals of {wrong[0].output} {wrong[0].against}, so they are not the noise "
+            f"that a likelihood is "
             "made of. `plantfit diagnose` looks for what the model lacks."
         )
         return None, {}
-    found = posterior(problem, z, noises, given, chains=chains, draws=draws, seed=seed, tell=_counted(say, "posterior: draw"))
+    found = posterior(
+        problem, z, noises, given, chains=chains, draws=draws, seed=seed, tell=_counted(say, "posterior: draw")
+    )
     return found, {n.output: n.order for n in noises}
 
 
@@ -193,7 +207,8 @@ def _counted(say: Callable[[str], None], what: str) -> Callable[[int, int], None
 
 
 def _row(
-    answer: Answer, z: np.ndarray, i: int, rows: Mapping[str, Any], kinds: Sequence[str], level: float, profiles: Mapping[str, Profile],
+    answer: Answer, z: np.ndarray, i: int, rows: Mapping[str, Any], kinds: Sequence[str], level: float,
+    profiles: Mapping[str, Profile],
     found: Bootstrap | None, drawn: Draws | None, refused: dict[str, str], silent: Collection[str],
 ) -> IntervalsOfParameter:  # fmt: skip
     """All intervals of one coordinate; `silent` are those that rest on an output of unknown noise."""
@@ -207,7 +222,9 @@ def _row(
         if kind == "covariance":
             error = (own["by_noise"] or own)["standard_error"]
             half = None if error is None else float(ndtri(0.5 + level / 2)) * error
-            all_of.append(_kind(kind, None if half is None else value - half, None if half is None else value + half, None))
+            all_of.append(
+                _kind(kind, None if half is None else value - half, None if half is None else value + half, None)
+            )
         elif kind == "profile" and c.name in profiles:
             p = profiles[c.name]
             more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold}
@@ -224,7 +241,9 @@ def _row(
             if ends[1] - ends[0] <= STILL * (c.upper - c.lower):
                 bound = min(value - c.lower, c.upper - value) <= STILL * (c.upper - c.lower)
                 why = (
-                    f"Refits leave {c.name} on its bound" if bound else f"Refits do not move {c.name}, for its samples are followed exactly"
+                    f"Refits leave {c.name} on its bound"
+                    if bound
+                    else f"Refits do not move {c.name}, for its samples are followed exactly"
                 )
                 refused[f"bootstrap of {c.name}"] = f"{why}, so the bootstrap has no interval of it."
                 all_of.append(_kind(kind, None, None, None))
@@ -233,7 +252,9 @@ def _row(
         elif kind == "posterior" and drawn is not None:
             sample = drawn.values[:, :, i].ravel()
             low, high = np.quantile(sample, [0.5 - level / 2, 0.5 + level / 2])
-            all_of.append(_kind(kind, float(low), float(high), c, sample=_thinned(sample), median=float(np.median(sample))))
+            all_of.append(
+                _kind(kind, float(low), float(high), c, sample=_thinned(sample), median=float(np.median(sample)))
+            )
     return IntervalsOfParameter(
         name=c.name,
         unit=c.unit,

@@ -1,4 +1,5 @@
-"""Names of a room that are loaded when first used, so that a command imports only what it needs (PEP 562 for a whole room)."""
+"""Names of a room that are loaded when first used, so that a command imports only what it needs (PEP 562 for a whole
+room)."""
 
 import sys
 from collections.abc import Mapping
@@ -21,7 +22,8 @@ class _Room(ModuleType):
         return value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # the import system binds trust/intervals/covariance.py as `covariance` to its room, where the function of that name belongs
+        # the import system binds trust/intervals/covariance.py as `covariance` to its room, where the function of that
+        # name belongs
         if not (isinstance(value, ModuleType) and name in self.__dict__.get("_places", {})):
             super().__setattr__(name, value)
 
@@ -30,10 +32,13 @@ class _Room(ModuleType):
 
 
 def names_of(room: str, modules: Mapping[str, str]) -> None:
-    """Let a room load names when they are first used: of each of its modules those that the text lists, apart by blanks.
+    """Let a room load names when they are first used: of each of its modules those that the text lists, apart by
+    blanks.
 
     Called in `__init__.py` of the room, where the same imports stand under TYPE_CHECKING for editors.
     """
     package = sys.modules[room]
-    package.__dict__["_places"] = {name: f"{room}.{module}" for module, names in modules.items() for name in names.split()}
+    package.__dict__["_places"] = {
+        name: f"{room}.{module}" for module, names in modules.items() for name in names.split()
+    }
     package.__class__ = _Room

@@ -1,5 +1,5 @@
-"""What study, answer and recordings say about a loop that is to be closed: its signals, its family of plants, its limits and what it is
-to reach. What they leave out is proposed."""
+"""What study, answer and recordings say about a loop that is to be closed: its signals, its family of plants, its
+limits and what it is to reach. What they leave out is proposed."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -29,10 +29,22 @@ LOADS = (0.1, 0.05, 0.02)  # of the input's range
 ALLOWED, STATED, GIVEN = "that the data allow", "within the stated tolerances", "of the given draws"
 RESOLVED = 5.0  # steps of the sensor that a proposed step of the set point has at least, where the range is as large
 PLAN_SAMPLES = 60  # of an MPC, in lag and dead time of its plant
-MPC_PERIOD = f", no longer than a {PLAN_SAMPLES}th of lag and dead time: a plan of few moves then sees all that an input does"
+MPC_PERIOD = (
+    f", no longer than a {PLAN_SAMPLES}th of lag and dead time: a plan of few moves then sees all that an input does"
+)
 LEVELS = 4  # of a schedule
-FIXED, HEADROOM = ("q15", "q31"), 1.2  # kinds of fixed point; a full number over the largest signal, before it is rounded
-STANDARD = {"overshoot": 10.0, "ms": 1.6, "share": 0.95, "input_noise": 0.05, "anti_windup": "clamping", "over": "chance"}
+FIXED, HEADROOM = (
+    ("q15", "q31"),
+    1.2,
+)  # kinds of fixed point; a full number over the largest signal, before it is rounded
+STANDARD = {
+    "overshoot": 10.0,
+    "ms": 1.6,
+    "share": 0.95,
+    "input_noise": 0.05,
+    "anti_windup": "clamping",
+    "over": "chance",
+}
 
 
 def signal_of(what: str, chosen: str | None, names: tuple[str, ...]) -> str:
@@ -40,7 +52,8 @@ def signal_of(what: str, chosen: str | None, names: tuple[str, ...]) -> str:
         if len(names) == 1:
             return names[0]
         raise SpecError(
-            f"The model has the {what}s {', '.join(names)}, and one loop has one; name it in the study file ([control] {what} = "
+            f"The model has the {what}s {', '.join(names)}, and one loop has one; name it in the study file ([control] "
+            f"{what} = "
             f'"{names[0]}"), or with --{what} {names[0]}.'
         )
     if chosen not in names:
@@ -52,19 +65,25 @@ def check_number(chosen: ControlTable, output: str, input_: str) -> None:
     """Raises SpecError for fixed point of what has none, and for full scales of other signals."""
     if chosen.number not in FIXED:
         if chosen.full_scale:
-            raise SpecError(f"[control] full_scale belongs to number = 'q15' or 'q31', and the number is {chosen.number!r}.")
+            raise SpecError(
+                f"[control] full_scale belongs to number = 'q15' or 'q31', and the number is {chosen.number!r}."
+            )
         return
     if chosen.controller not in ("pid", "pi"):
         raise SpecError(
-            f"Fixed point is written of a PID or PI, and {chosen.controller!r} was asked for; give number = 'float' or 'double'."
+            f"Fixed point is written of a PID or PI, and {chosen.controller!r} was asked for; give number = 'float' or "
+            f"'double'."
         )
     unknown = [n for n in chosen.full_scale if n not in (output, input_)]
     if unknown:
         raise SpecError(f"[control] full_scale names {unknown[0]!r}; it may name {output} and {input_}.")
 
 
-def full_scales(answer: Answer, chosen: ControlTable, wishes: Wishes, loop: OneLoop, proposed: dict[str, str]) -> dict[str, float] | None:
-    """Of measurement and command in fixed point: as asked for, else the next round number above what was seen and what the limits are."""
+def full_scales(
+    answer: Answer, chosen: ControlTable, wishes: Wishes, loop: OneLoop, proposed: dict[str, str]
+) -> dict[str, float] | None:
+    """Of measurement and command in fixed point: as asked for, else the next round number above what was seen and
+    what the limits are."""
     if chosen.number not in FIXED:
         return None
     output, input_, model, found = loop.output, loop.input, loop.model, {}
@@ -77,7 +96,9 @@ def full_scales(answer: Answer, chosen: ControlTable, wishes: Wishes, loop: OneL
             found[role] = units.in_unit(f"[control] full_scale.{name}", given, known)
             continue
         found[role] = _next_round(HEADROOM * largest[name])
-        proposed[f"full_scale.{name}"] = f"{found[role]:g}{f' {known}' if known else ''}, above all that was recorded and asked for"
+        proposed[f"full_scale.{name}"] = (
+            f"{found[role]:g}{f' {known}' if known else ''}, above all that was recorded and asked for"
+        )
     return found
 
 
@@ -89,24 +110,38 @@ def _next_round(value: float) -> float:
 
 def inner_output(chosen: ControlTable, model: Model, output: str) -> str | None:
     """The inner output of a cascade; None for another controller."""
-    for name, owner in (("levels", "scheduled"), ("inner", "cascade"), ("inner_lower", "cascade"), ("inner_upper", "cascade")):
+    for name, owner in (
+        ("levels", "scheduled"),
+        ("inner", "cascade"),
+        ("inner_lower", "cascade"),
+        ("inner_upper", "cascade"),
+    ):
         if getattr(chosen, name) is not None and chosen.controller != owner:
             raise SpecError(
-                f"[control] {name} belongs to controller = {owner!r}, and the controller is {chosen.controller!r}; leave it out, or ask "
+                f"[control] {name} belongs to controller = {owner!r}, and the controller is {chosen.controller!r}; "
+                f"leave it out, or ask "
                 f"for {owner!r}."
             )
     if chosen.controller != "cascade":
         return None
     others = [n for n in model.outputs if n != output]
     if chosen.inner is not None and chosen.inner not in others:
-        raise SpecError(f"There is no inner output {chosen.inner!r}; beside {output} the model has {', '.join(others) or 'none'}.")
+        raise SpecError(
+            f"There is no inner output {chosen.inner!r}; beside {output} the model has {', '.join(others) or 'none'}."
+        )
     if chosen.inner is None and len(others) != 1:
-        what = f"the others are {', '.join(others)}; name one" if others else "the model has no other; identify one that has it"
+        what = (
+            f"the others are {', '.join(others)}; name one"
+            if others
+            else "the model has no other; identify one that has it"
+        )
         raise SpecError(f"A cascade measures an inner output beside {output}: {what} ([control] inner, or --inner).")
     return chosen.inner or others[0]
 
 
-def levels_to_hold(loop: OneLoop, chosen: ControlTable, wishes: Wishes, answer: Answer, proposed: dict[str, str]) -> list[float]:
+def levels_to_hold(
+    loop: OneLoop, chosen: ControlTable, wishes: Wishes, answer: Answer, proposed: dict[str, str]
+) -> list[float]:
     """Of a schedule: as asked for, or evenly over what the recordings cover and the limits hold."""
     if chosen.controller != "scheduled":
         return []
@@ -114,18 +149,27 @@ def levels_to_hold(loop: OneLoop, chosen: ControlTable, wishes: Wishes, answer: 
     if isinstance(chosen.levels, list):
         return [units.in_unit("[control] levels", v, unit) for v in chosen.levels]
     count = chosen.levels or LEVELS
-    low, high = levels_of([e.recording[loop.output] for e in answer.problem.experiments.values() if loop.output in e.recording.signals])
+    low, high = levels_of(
+        [e.recording[loop.output] for e in answer.problem.experiments.values() if loop.output in e.recording.signals]
+    )
     best, middle = loop.part(slice(0, 1)), (wishes.lower, 0.5 * (wishes.lower + wishes.upper), wishes.upper)
 
     def held(level: float) -> bool:
         u = [float(best.at_rest(v, middle).u[0]) for v in (level, level - wishes.step)]
-        return all(wishes.lower <= v - load <= wishes.upper for v, load in ((u[0], 0.0), (u[0], wishes.load), (u[1], 0.0)))
+        return all(
+            wishes.lower <= v - load <= wishes.upper for v, load in ((u[0], 0.0), (u[0], wishes.load), (u[1], 0.0))
+        )
 
     can = [v for v in np.linspace(low, high, 41) if held(float(v))]
     if len(can) < 2:
-        raise SimulationError("The limits hold the step and the load at no two levels of the recordings; give [control] levels.")
+        raise SimulationError(
+            "The limits hold the step and the load at no two levels of the recordings; give [control] levels."
+        )
     found = [rounded(float(v), high - low) for v in np.linspace(can[0], can[-1], count)]
-    proposed["levels"] = f"{', '.join(f'{v:.5g}' for v in found)} {unit or ''}: evenly over what the recordings cover and the limits hold"
+    proposed["levels"] = (
+        f"{', '.join(f'{v:.5g}' for v in found)} {unit or ''}: evenly over what the recordings cover and the limits "
+        f"hold"
+    )
     return found
 
 
@@ -141,23 +185,35 @@ def other_inputs(answer: Answer, model: Model, input_: str, chosen: ControlTable
     """The inputs that the loop does not drive, held as asked for, else at the median of the recording."""
     unknown = [n for n in chosen.inputs if n not in model.inputs or n == input_]
     if unknown:
-        raise SpecError(f"[control] inputs names {unknown[0]!r}; the other inputs are {[n for n in model.inputs if n != input_]}.")
+        raise SpecError(
+            f"[control] inputs names {unknown[0]!r}; the other inputs are {[n for n in model.inputs if n != input_]}."
+        )
     found = {}
     for name, unit in model.inputs.items():
         if name == input_:
             continue
         given = chosen.inputs.get(name)
         values = answer.problem.experiments[recording].recording[name]
-        found[name] = float(np.nanmedian(values)) if given is None else units.in_unit(f"[control] inputs.{name}", given, unit)
+        found[name] = (
+            float(np.nanmedian(values)) if given is None else units.in_unit(f"[control] inputs.{name}", given, unit)
+        )
     return found
 
 
 def family(
     answer: Answer, chosen: ControlTable, recording: str, draws: Mapping[str, Any] | None, seed: int
 ) -> tuple[Plausible, dict[str, np.ndarray], str]:  # fmt: skip
-    """The best fit, `TRAIN` plants to search on, others to judge: what is drawn, parameters of the model by name, what the plants are."""
+    """The best fit, `TRAIN` plants to search on, others to judge: what is drawn, parameters of the model by name,
+    what the plants are."""
     if draws is None and not chosen.tolerances:
-        drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], (chosen.plants or 200) + TRAIN, seed, within=True)
+        drawn = plausible(
+            answer.problem,
+            answer.best.x,
+            answer.findings["parameters"],
+            (chosen.plants or 200) + TRAIN,
+            seed,
+            within=True,
+        )
         drawn = replace(drawn, values=drawn.values[:-1])  # the best fit is one of the plants
         return drawn, plants_of(answer, drawn, recording), ALLOWED
     if draws is not None and chosen.tolerances:
@@ -181,13 +237,16 @@ def plants_of(answer: Answer, drawn: Plausible, recording: str) -> dict[str, np.
     declared = {p.name: p.value for p in model.parameters}
     found = {}
     for p in model.parameters:
-        found[p.name] = np.stack([np.asarray(row[p.name] if p.name in row else declared[p.name], dtype=float) for row in rows])
+        found[p.name] = np.stack(
+            [np.asarray(row[p.name] if p.name in row else declared[p.name], dtype=float) for row in rows]
+        )
     return found
 
 
 @dataclass(frozen=True)
 class _Asked:
-    """The table [control] in the study's units, beside what a recording tells; `proposed` learns what was not asked for."""
+    """The table [control] in the study's units, beside what a recording tells; `proposed` learns what was not asked
+    for."""
 
     answer: Answer
     loop: OneLoop
@@ -199,7 +258,9 @@ class _Asked:
     def units(self) -> tuple[str | None, str | None]:
         """Of output and input, None without one."""
         model, loop = self.loop.model, self.loop
-        unit_y, unit_u = (None if unit == "1" else unit for unit in (model.outputs[loop.output], model.inputs[loop.input]))
+        unit_y, unit_u = (
+            None if unit == "1" else unit for unit in (model.outputs[loop.output], model.inputs[loop.input])
+        )
         return unit_y, unit_u
 
     @property
@@ -223,7 +284,8 @@ class _Asked:
         lower, upper = found
         if not lower < upper:
             raise SimulationError(
-                f"The recordings have {input_} from {lower:g} to {upper:g} {unit or ''} only; give the actuator's limits "
+                f"The recordings have {input_} from {lower:g} to {upper:g} {unit or ''} only; give the actuator's "
+                f"limits "
                 f"([control] lower and upper)."
             )
         return lower, upper
@@ -235,18 +297,27 @@ class _Asked:
         if quantum is None:
             quantum = quantum_of(self.own[output])
             self.proposed["quantum"] = (
-                f"{quantum:.4g} {unit or ''}, the steps of the recorded {output}" if quantum else "0: the recorded sensor shows no steps"
+                f"{quantum:.4g} {unit or ''}, the steps of the recorded {output}"
+                if quantum
+                else "0: the recorded sensor shows no steps"
             )
         if noise is None:
             noise = noise_of(self.own[output])
             self.proposed["noise"] = f"{noise:.4g} {unit or ''} from sample to sample of the recording"
         return quantum, noise
 
-    def course(self, lower: float, upper: float, quantum: float, needs: Callable[[float], float]) -> tuple[float, float, float]:
-        """Set point, step and load, as asked for, else the first that the limits hold by what a level `needs` of the input."""
+    def course(
+        self, lower: float, upper: float, quantum: float, needs: Callable[[float], float]
+    ) -> tuple[float, float, float]:
+        """Set point, step and load, as asked for, else the first that the limits hold by what a level `needs` of the
+        input."""
         output, (unit_y, unit_u) = self.loop.output, self.units
         low, high = levels_of([r[output] for r in self.recordings if output in r.signals])
-        level, step, load = self.given("set_point", unit_y), self.given("step", unit_y, True), self.given("load", unit_u, True)
+        level, step, load = (
+            self.given("set_point", unit_y),
+            self.given("step", unit_y, True),
+            self.given("load", unit_u, True),
+        )
         span, width = high - low, upper - lower
         levels = [level] if level is not None else [rounded(low + q * span, span) for q in PLACES]
         steps = [step] if step is not None else [rounded(s * q * span, q * span) for q in SHARES for s in (1, -1)]
@@ -255,7 +326,8 @@ class _Asked:
         level, step, load = _first_held(levels, steps, loads, needs, lower, upper)
         for name, value, unit, told in (
             ("set_point", level, unit_y, f"where {output} was in the recordings and the limits hold it"),
-            ("step", step, unit_y, "a part of what the recordings cover"), ("load", load, unit_u, "a part of the input's range"),
+            ("step", step, unit_y, "a part of what the recordings cover"),
+            ("load", load, unit_u, "a part of the input's range"),
         ):  # fmt: skip
             if getattr(self.chosen, name) is None:
                 self.proposed[name] = f"{value:.5g}{f' {unit}' if unit else ''}, {told}"
@@ -276,13 +348,20 @@ class _Asked:
         }
         if loop.inner is not None:
             unit_v = None if loop.model.outputs[loop.inner] == "1" else loop.model.outputs[loop.inner]
-            found |= {"inner_lower": self.given("inner_lower", unit_v), "inner_upper": self.given("inner_upper", unit_v)}
+            found |= {
+                "inner_lower": self.given("inner_lower", unit_v),
+                "inner_upper": self.given("inner_upper", unit_v),
+            }
             if loop.inner in self.own.signals:
-                found |= {"inner_quantum": quantum_of(self.own[loop.inner]), "inner_noise": noise_of(self.own[loop.inner])}
+                found |= {
+                    "inner_quantum": quantum_of(self.own[loop.inner]),
+                    "inner_noise": noise_of(self.own[loop.inner]),
+                }
         return {k: v for k, v in found.items() if v is not None}
 
     def period(self, best: OneLoop, level: float, starts: tuple[float, ...]) -> float:
-        """As asked for, else that of the recording or a multiple of it, fewer samples than `MOST_SAMPLES` in a course."""
+        """As asked for, else that of the recording or a multiple of it, fewer samples than `MOST_SAMPLES` in a
+        course."""
         asked = self.given("period", "s")
         if asked is not None:
             return asked
@@ -310,7 +389,8 @@ def wishes_of(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: st
     standard = {n: getattr(chosen, n) if getattr(chosen, n) is not None else v for n, v in STANDARD.items()}
     proposed.update({n: f"{v}" for n, v in STANDARD.items() if getattr(chosen, n) is None})
     return Wishes(
-        level, step, load, period, lower, upper, quantum, noise, controller=chosen.controller, horizon=horizon, prediction=prediction,
+        level, step, load, period, lower, upper, quantum, noise, controller=chosen.controller, horizon=horizon,
+        prediction=prediction,
         **standard, **ends,
     )  # fmt: skip
 

@@ -39,7 +39,8 @@ def listing() -> tuple[Listed, ...]:
 
 
 def describe(method: str | Population | Host) -> str:
-    """What a method (by its name, or an instance) does, where it is published, and its options, as text. Raises SearchError."""
+    """What a method (by its name, or an instance) does, where it is published, and its options, as text. Raises
+    SearchError."""
     name = method if isinstance(method, str) else registry.name_of(method)
     make(name)  # raises the sentence for an unknown name
     return next(found for found in listing() if found.name == name).describe()

@@ -33,7 +33,8 @@ class Plugin:
             return self.point.load()
         except Exception as failure:  # whatever the package does while it is imported
             raise error(
-                f"{self.name!r} of the package {self.package} cannot be loaded ({type(failure).__name__}: {str(failure)[:200]}); "
+                f"{self.name!r} of the package {self.package} cannot be loaded ({type(failure).__name__}: "
+                f"{str(failure)[:200]}); "
                 f"update or uninstall {self.package}."
             ) from failure
 
@@ -42,7 +43,8 @@ class Plugin:
 def offered(group: str, own: Collection[str] = frozenset()) -> dict[str, Plugin]:
     """Plug-ins of the group "methods", "models", "readers", "looks" or "candidates" by name, in alphabetical order.
 
-    Names in `own` are plantfit's, and of two packages with one name the first in the alphabet is taken; a warning names what is left out.
+    Names in `own` are plantfit's, and of two packages with one name the first in the alphabet is taken; a warning names
+    what is left out.
     """
     found: dict[str, Plugin] = {}
     points = [(p.name, p.dist.name if p.dist else "?", p) for p in entry_points(group=f"plantfit.{group}")]
@@ -52,7 +54,10 @@ def offered(group: str, own: Collection[str] = frozenset()) -> dict[str, Plugin]
             found[name] = Plugin(name, package, point)
         elif before != package:
             kind = group.removesuffix("s")
-            warnings.warn(f"The {kind} {name!r} of the package {package} is left out: {before} has one of this name.", stacklevel=2)
+            warnings.warn(
+                f"The {kind} {name!r} of the package {package} is left out: {before} has one of this name.",
+                stacklevel=2,
+            )
     return found
 
 

@@ -15,14 +15,17 @@ from plantfit.stages import Prepared, prepare
 from plantfit.study.problem_recipe import STUDY_FILES, Recipe
 
 
-def searched(text: str, path: str, files: Mapping[str, Path], start: np.ndarray | None) -> tuple[Objective, Callable[[Any], Any]]:
+def searched(
+    text: str, path: str, files: Mapping[str, Path], start: np.ndarray | None
+) -> tuple[Objective, Callable[[Any], Any]]:
     """The `Maker` of studies that were begun from a study file."""
     prepared = prepared_study(spec.parse(text, path, files), start)
     return prepared.objective, prepared.to_physical
 
 
 def prepared_study(study: spec.Study, start: np.ndarray | None = None) -> Prepared:
-    """The problem of a study file as its plan searches it; `start` (k, d) replaces what multiple shooting would have to find."""
+    """The problem of a study file as its plan searches it; `start` (k, d) replaces what multiple shooting would have
+    to find."""
     shooting = study.table.search.shooting
     with errors_at(study.path.name if shooting is None else f"{study.path.name}, [search] shooting"):
         return prepare(study.problem, shooting=shooting, seed=study.plan.seed, start=start)
@@ -36,5 +39,7 @@ def recipe_of(study: spec.Study) -> Recipe:
         try:
             files[recording.file] = place.read_bytes()
         except OSError as error:
-            raise RecordingError(f"Recording {name!r} cannot be read: {place} ({error.strerror or error}); put the file there.") from error
+            raise RecordingError(
+                f"Recording {name!r} cannot be read: {place} ({error.strerror or error}); put the file there."
+            ) from error
     return Recipe(STUDY_FILES, study.text, str(study.path), files)

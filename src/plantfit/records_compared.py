@@ -35,12 +35,13 @@ class RecordsCompared(Result[ComparisonOfRecords]):
 
     @property
     def apart(self) -> tuple[str, ...]:
-        """Recordings that no longer fit the others; none where they agree, where there are two, or where the recordings scatter."""
+        """Recordings that no longer fit the others; none where they agree, where there are two, or where the
+        recordings scatter."""
         return tuple(a.recording for a in self.typed.apart) if len(self.typed.recordings) > 2 else ()
 
     def to_frame(self) -> "pl.DataFrame":
-        """A polars data frame, a row for each parameter and recording: parameter, unit, recording ("" for the joint fit), value,
-        standard_error, low, high (95 %), status, p (adjusted, of the parameter)."""
+        """A polars data frame, a row for each parameter and recording: parameter, unit, recording ("" for the joint
+        fit), value, standard_error, low, high (95 %), status, p (adjusted, of the parameter)."""
         import polars as pl
 
         rows = [
@@ -69,10 +70,11 @@ def compare_records(
 ) -> RecordsCompared:
     """Say whether the recordings of an answer agree on its parameters, and which one is apart.
 
-    Every fitted recording is fitted alone, from the answer of all and by a search of `budget` evaluations within the bounds. Parameters
-    that the study shares are held against each other: Cochran's Q with the standard errors that plantfit states, which allow for
-    correlated residuals, as Welch has it for few degrees of freedom; all parameters at once by Hotelling's F; Holm's levels, so that 5 %
-    of the studies whose recordings agree are told otherwise. Seconds a recording; `progress` is told which one is fitted.
+    Every fitted recording is fitted alone, from the answer of all and by a search of `budget` evaluations within the
+    bounds. Parameters that the study shares are held against each other: Cochran's Q with the standard errors that
+    plantfit states, which allow for correlated residuals, as Welch has it for few degrees of freedom; all parameters at
+    once by Hotelling's F; Holm's levels, so that 5 % of the studies whose recordings agree are told otherwise. Seconds
+    a recording; `progress` is told which one is fitted.
 
     Raises RecordingError for an answer of one recording.
     """
@@ -94,11 +96,17 @@ def one_recording(problem: Problem) -> str:
     """What to do with one recording."""
     name = next(iter(problem.data["drive"]))
     return (
-        f"{problem.name!r} fits one recording, {name!r}, and there is nothing to compare it with; add another [recording.NAME], or name "
+        f"{problem.name!r} fits one recording, {name!r}, and there is nothing to compare it with; add another "
+        f"[recording.NAME], or name "
         "its file twice with different parts, as in fit = [0, 100] and fit = [100, 200]."
     )
 
 
 def _searched(problem: Problem, start: np.ndarray, budget: int | None, seed: int) -> tuple[np.ndarray, float]:
-    found = minimise(objective_of(problem, start[None, :]), "auto", budget=budget or default_budget(problem.space.dimension), seed=seed)
+    found = minimise(
+        objective_of(problem, start[None, :]),
+        "auto",
+        budget=budget or default_budget(problem.space.dimension),
+        seed=seed,
+    )
     return np.asarray(found[0].x, dtype=float), float(found[0].evaluations)

@@ -1,4 +1,5 @@
-"""A stored study as an `Answer`: its problem made anew, with the steps and the ends of its runs that finishing found."""
+"""A stored study as an `Answer`: its problem made anew, with the steps and the ends of its runs that finishing
+found."""
 
 import difflib
 import os
@@ -27,18 +28,24 @@ def open_study(
 ) -> Answer:
     """The answer of a stored study: the same values, findings and predictions as when it was fitted.
 
-    `study` is a name, of which the newest study is taken, or a number. `store` is a file, an address or a Store; by default the
-    environment variable PLANTFIT_STORE, else plantfit.db. The problem is made anew from the study file that the store keeps and the
-    recordings beside the place where that file lay. Of a problem that was written in Python the store has nothing but its runs: give
-    the same `problem` again, and its cost is compared with that of the day. `errors` and `draws` are by default those of the study file.
+    `study` is a name, of which the newest study is taken, or a number. `store` is a file, an address or a Store; by
+    default the environment variable PLANTFIT_STORE, else plantfit.db. The problem is made anew from the study file that
+    the store keeps and the recordings beside the place where that file lay. Of a problem that was written in Python the
+    store has nothing but its runs: give the same `problem` again, and its cost is compared with that of the day.
+    `errors` and `draws` are by default those of the study file.
 
-    What finishing found (steps, scales, the ends of the runs) is kept in the store. It is used for the same problem and runs by the same
-    plantfit on the same kind of machine; else the study is finished anew.
+    What finishing found (steps, scales, the ends of the runs) is kept in the store. It is used for the same problem and
+    runs by the same plantfit on the same kind of machine; else the study is finished anew.
 
-    A study with runs that are not finished gives the answer of those that are. Raises StoreError for a store, a name or a number that
-    is not there, for a study without finished runs and for another problem, RecordingError for recordings that are gone.
+    A study with runs that are not finished gives the answer of those that are. Raises StoreError for a store, a name or
+    a number that is not there, for a study without finished runs and for another problem, RecordingError for recordings
+    that are gone.
     """
-    opened = store if isinstance(store, Store) else Store.open(os.environ.get(VARIABLE, STORE) if store is None else store, create=False)
+    opened = (
+        store
+        if isinstance(store, Store)
+        else Store.open(os.environ.get(VARIABLE, STORE) if store is None else store, create=False)
+    )
     record = _found(opened, study)
     runs = stored_runs(opened, record.id)  # what is not finished is said before any work
     read = study_of(record) if problem is None else None
@@ -46,7 +53,8 @@ def open_study(
     assert given is not None
     file = given.study_file
     return judged_in_store(
-        opened, record.id, given, runs, refuse=True, seed=int(record.plan["seed"]), spec=None if file is None else file.text,
+        opened, record.id, given, runs, refuse=True, seed=int(record.plan["seed"]),
+        spec=None if file is None else file.text,
         command=_command(record, read) if read else "", seconds={}, stated=stated_in_file(given, errors, draws),
     )  # fmt: skip
 
@@ -58,7 +66,8 @@ def study_of(record: StudyRecord, path: str | Path = "study.toml") -> spec.Study
     """
     if not record.spec_text:
         raise StoreError(
-            f"Study {record.id} ({record.name}) was made from Python without a study file; use its script to go on, or open it with "
+            f"Study {record.id} ({record.name}) was made from Python without a study file; use its script to go on, or "
+            f"open it with "
             f"pf.open_study({record.id}, problem=...)."
         )
     return spec.parse(record.spec_text, record.spec_path or path)
@@ -72,7 +81,8 @@ def answer_of(
     Raises StoreError where no run is finished.
     """
     return judged_in_store(
-        store, record.id, study.problem, stored_runs(store, record.id), prepared, seed=int(record.plan["seed"]), spec=study.text,
+        store, record.id, study.problem, stored_runs(store, record.id), prepared, seed=int(record.plan["seed"]),
+        spec=study.text,
         command=_command(record, study), seconds=seconds, stated=(study.errors, study.draws),
     )  # fmt: skip
 
@@ -93,7 +103,10 @@ def _found(store: Store, study: str | int) -> StudyRecord:
         return own[-1]
     names = list(dict.fromkeys(r.name for r in records))
     if not names:
-        raise StoreError(f"{shown(store.name)} holds no study yet; start one with `plantfit run STUDY.toml` or pf.fit(problem, store=...).")
+        raise StoreError(
+            f"{shown(store.name)} holds no study yet; start one with `plantfit run STUDY.toml` or pf.fit(problem, "
+            f"store=...)."
+        )
     near = difflib.get_close_matches(study, names, 3, 0.5)
     hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"it has {', '.join(map(repr, names[-8:]))}."
     raise StoreError(f"{shown(store.name)} holds no study {study!r}; {hint}")

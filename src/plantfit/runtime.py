@@ -3,10 +3,10 @@
 Import this module before jax computes. One XLA thread and one BLAS thread, because reductions change their
 last bits with the number of threads; cores are used by that many workers instead.
 
-What stays in a process that imports it: float64 as jax's default, NPROC and XLA_FLAGS, by which XLA gets a pool of one thread where
-jax had not computed before, OPENBLAS_NUM_THREADS and the limit of one thread for BLAS, and jax's compilation cache where none was chosen.
-XLA reads the variables when its client is made; making it here would let them go, but then a process that is forked after the import
-could not compute.
+What stays in a process that imports it: float64 as jax's default, NPROC and XLA_FLAGS, by which XLA gets a pool of one
+thread where jax had not computed before, OPENBLAS_NUM_THREADS and the limit of one thread for BLAS, and jax's
+compilation cache where none was chosen. XLA reads the variables when its client is made; making it here would let them
+go, but then a process that is forked after the import could not compute.
 """
 
 import os
@@ -20,7 +20,9 @@ os.environ["NPROC"] = "1"  # the size of XLA's pool of threads on a CPU; no flag
 if "xla_cpu_multi_thread_eigen" not in os.environ.get("XLA_FLAGS", ""):
     os.environ["XLA_FLAGS"] = (os.environ.get("XLA_FLAGS", "") + " " + _FLAGS).strip()
 
-os.environ["OPENBLAS_NUM_THREADS"] = "1"  # of scipy's BLAS, which jax uses too and loads later: it takes a fifth of the time of jax
+os.environ["OPENBLAS_NUM_THREADS"] = (
+    "1"  # of scipy's BLAS, which jax uses too and loads later: it takes a fifth of the time of jax
+)
 import numpy  # noqa: F401  (loads its BLAS, so that it can be limited)
 from threadpoolctl import threadpool_limits
 

@@ -1,4 +1,5 @@
-"""Scrambled Sobol points: those of `scipy.stats.qmc.Sobol` bit for bit, without importing scipy.stats, which takes as long as jax."""
+"""Scrambled Sobol points: those of `scipy.stats.qmc.Sobol` bit for bit, without importing scipy.stats, which takes
+as long as jax."""
 
 from functools import cache
 from importlib.util import find_spec
@@ -13,8 +14,9 @@ MOST_DIMENSIONS = 21201  # direction numbers of Joe and Kuo
 class Sobol:
     """One Sobol sequence in `dimension` coordinates, scrambled by the generator.
 
-    Sobol 1967, USSR Computational Mathematics and Mathematical Physics 7:86; direction numbers of Joe and Kuo 2008, SIAM Journal on
-    Scientific Computing 30:2635, from scipy's file; scrambling of Matousek 1998, Journal of Complexity 14:527.
+    Sobol 1967, USSR Computational Mathematics and Mathematical Physics 7:86; direction numbers of Joe and Kuo 2008,
+    SIAM Journal on Scientific Computing 30:2635, from scipy's file; scrambling of Matousek 1998, Journal of Complexity
+    14:527.
     """
 
     def __init__(self, dimension: int, rng: np.random.Generator):

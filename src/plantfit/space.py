@@ -24,15 +24,16 @@ class Parameter:
 
     `bounds` in `unit`; `scale` "log" searches evenly over the decades and needs positive bounds.
     `value` fixes it. `tied` names another parameter whose value it takes. `per_recording` gives
-    every recording its own value (offsets, initial states). `start` is a guess, of a value per recording also one for each by the
-    recording's name: searches that take warm starts begin there as well. `smooth` is for tables: the strength with which their
-    second differences are kept small, one for each axis or for all, or "cross-validated" or "reml" (see
-    `problem.evaluate.smoothing`).
+    every recording its own value (offsets, initial states). `start` is a guess, of a value per recording also one for
+    each by the recording's name: searches that take warm starts begin there as well. `smooth` is for tables: the
+    strength with which their second differences are kept small, one for each axis or for all, or "cross-validated" or
+    "reml" (see `problem.evaluate.smoothing`).
 
-    `bounds` say where to look, `limits` (low, high), infinite where there is none, what is physically possible: intervals reach beyond
-    bounds but never beyond limits. Without `limits` a value whose bounds have one sign keeps that sign (a mass, a dead time), and
-    one whose bounds hold both signs has no limit. `typical` is a size that matters, in `unit`: a value is called determined when its
-    interval is small against that or against the value, whichever is larger.
+    `bounds` say where to look, `limits` (low, high), infinite where there is none, what is physically possible:
+    intervals reach beyond bounds but never beyond limits. Without `limits` a value whose bounds have one sign keeps
+    that sign (a mass, a dead time), and one whose bounds hold both signs has no limit. `typical` is a size that
+    matters, in `unit`: a value is called determined when its interval is small against that or against the value,
+    whichever is larger.
 
     With a `shape`, (n,) or (ny, nu), it is an array, as the values of a table are. Each bound, and
     `value` and `start`, is then a number for all entries or nested sequences of that shape.
@@ -128,10 +129,14 @@ def _spread(name: str, what: str, value: Any, shape: tuple[int, ...]) -> np.ndar
     try:
         array = np.asarray(value, dtype=float)
     except ValueError:
-        raise SpaceError(f"Parameter {name!r} has {what} in rows of different lengths; give one number or shape {shape}.") from None
+        raise SpaceError(
+            f"Parameter {name!r} has {what} in rows of different lengths; give one number or shape {shape}."
+        ) from None
     if array.shape not in ((), shape):
         wanted = f"shape {shape}" if shape else "one number"
-        raise SpaceError(f"Parameter {name!r} has {what} of shape {array.shape}; give {wanted}{' or one number' if shape else ''}.")
+        raise SpaceError(
+            f"Parameter {name!r} has {what} of shape {array.shape}; give {wanted}{' or one number' if shape else ''}."
+        )
     return np.broadcast_to(array, shape)
 
 
@@ -156,10 +161,18 @@ class Space:
             self._place.setdefault((c.parameter, c.recording), i)
 
     def __repr__(self) -> str:
-        held = [f"{n} = {p.value:g}" if _is_number(p.value) else n for n, p in self.parameters.items() if p.value is not None]
+        held = [
+            f"{n} = {p.value:g}" if _is_number(p.value) else n
+            for n, p in self.parameters.items()
+            if p.value is not None
+        ]
         tied = [f"{n} = {p.tied}" for n, p in self.parameters.items() if p.tied is not None]
         others = f"held: {_few(held)}; tied: {_few(tied)}"
-        of = f", with values of their own for {_few(self.recordings)}" if any(c.recording for c in self.coordinates) else ""
+        of = (
+            f", with values of their own for {_few(self.recordings)}"
+            if any(c.recording for c in self.coordinates)
+            else ""
+        )
         count = f"{self.dimension} free coordinate{'s' * (self.dimension != 1)}"
         return f"Space of {count}{of}\n  {_few([_told(c) for c in self.coordinates])}\n  {others}"
 
@@ -171,13 +184,16 @@ class Space:
         """
         starts = dict(self._guesses())
         own = [starts.get((c.parameter, c.recording), starts.get((c.parameter, None))) for c in self.coordinates]
-        given = [None if guess is None else float(guess[c.index]) for guess, c in zip(own, self.coordinates, strict=True)]
+        given = [
+            None if guess is None else float(guess[c.index]) for guess, c in zip(own, self.coordinates, strict=True)
+        ]
         if all(v is None for v in given):
             return None
         for c, v in zip(self.coordinates, given, strict=True):
             if v is not None and not c.lower <= v <= c.upper:
                 raise SpaceError(
-                    f"Parameter {_entry(c.parameter, c.index)!r} starts at {v:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; "
+                    f"Parameter {_entry(c.parameter, c.index)!r} starts at {v:g}, outside its bounds [{c.lower:g}, "
+                    f"{c.upper:g}]; "
                     "widen them or move the start."
                 )
         inside = self.cube([c.lower if v is None else v for c, v in zip(self.coordinates, given, strict=True)])
@@ -189,8 +205,14 @@ class Space:
             if isinstance(p.start, Mapping):
                 unknown = [r for r in p.start if r not in self.recordings]
                 if unknown or not p.per_recording:
-                    why = f"there is no recording {unknown[0]!r}" if unknown else "it has one value for all (per_recording is false)"
-                    raise SpaceError(f"Parameter {n!r} has starts by recording, but {why}; give one start, or names of recordings.")
+                    why = (
+                        f"there is no recording {unknown[0]!r}"
+                        if unknown
+                        else "it has one value for all (per_recording is false)"
+                    )
+                    raise SpaceError(
+                        f"Parameter {n!r} has starts by recording, but {why}; give one start, or names of recordings."
+                    )
                 yield from (((n, r), _spread(n, f"a start in {r}", v, p.shape)) for r, v in p.start.items())
             elif p.start is not None:
                 yield (n, None), _spread(n, "a start", p.start, p.shape)
@@ -209,7 +231,10 @@ class Space:
                 _check_value(name, p)
             else:
                 low, high = _checked_bounds(name, p)
-                limits, typical = _checked_limits(name, p, float(np.min(low)), float(np.max(high))), _checked_typical(name, p)
+                limits, typical = (
+                    _checked_limits(name, p, float(np.min(low)), float(np.max(high))),
+                    _checked_typical(name, p),
+                )
                 for recording in self.recordings if p.per_recording else (None,):
                     for index in np.ndindex(p.shape):
                         bounds = float(low[index]), float(high[index])
@@ -219,21 +244,30 @@ class Space:
         root = self.root(name)
         own, other = self.parameters[name].shape, self.parameters[root].shape
         if own != other:
-            raise SpaceError(f"Parameter {name!r} of shape {own} is tied to {root!r} of shape {other}; tie tables of the same nodes.")
+            raise SpaceError(
+                f"Parameter {name!r} of shape {own} is tied to {root!r} of shape {other}; tie tables of the same nodes."
+            )
         mine, its = self.parameters[name].unit, self.parameters[root].unit
         if mine is not None and its is not None and mine != its and not units.equal(mine, its):
             raise SpaceError(
-                f"Parameter {name!r} in {mine!r} is tied to {root!r} in {its!r}, whose number it would take as it is; give both one unit."
+                f"Parameter {name!r} in {mine!r} is tied to {root!r} in {its!r}, whose number it would take as it is; "
+                f"give both one unit."
             )
 
     def root(self, name: str) -> str:
-        """The parameter whose value this one takes: itself unless it is tied. Raises SpaceError for ties in a circle or to nothing."""
+        """The parameter whose value this one takes: itself unless it is tied. Raises SpaceError for ties in a circle
+        or to nothing."""
         seen = [name]
         while (target := self.parameters[seen[-1]].tied) is not None:
             if target not in self.parameters:
-                raise SpaceError(f"Parameter {seen[-1]!r} is tied to {target!r}, which does not exist; known: {sorted(self.parameters)}.")
+                raise SpaceError(
+                    f"Parameter {seen[-1]!r} is tied to {target!r}, which does not exist; known: "
+                    f"{sorted(self.parameters)}."
+                )
             if target in seen:
-                raise SpaceError(f"Parameters {' -> '.join([*seen, target])} are tied in a circle; fix or free one of them.")
+                raise SpaceError(
+                    f"Parameters {' -> '.join([*seen, target])} are tied in a circle; fix or free one of them."
+                )
             seen.append(target)
         return seen[-1]
 
@@ -253,7 +287,8 @@ class Space:
         return float(np.min(low)), float(np.max(high))
 
     def physical(self, z: Any) -> Array:
-        """Cube points (..., d) to values in the declared units (..., d); numpy's numbers by numpy, which compiles nothing."""
+        """Cube points (..., d) to values in the declared units (..., d); numpy's numbers by numpy, which compiles
+        nothing."""
         xp: Any = np if isinstance(z, np.ndarray | list | tuple) else jnp
         z = xp.asarray(z)
         # log bounds are replaced where unused, so that no gradient meets log of a negative
@@ -280,7 +315,8 @@ class Space:
         return np.where(self.log, (np.log(safe) - np.log(low)) / ratio, linear)
 
     def tree(self, values: Any, recording: str | None = None) -> dict[str, Any]:
-        """Values (d,) in their units to a mapping from every parameter (fixed and tied ones too) to its scalar or array.
+        """Values (d,) in their units to a mapping from every parameter (fixed and tied ones too) to its scalar or
+        array.
 
         Raises SpaceError for a recording that a parameter has no value for.
         """
@@ -292,7 +328,10 @@ class Space:
             return jnp.asarray(_spread(name, "a value", p.value, p.shape) if p.shape else float(p.value))
         place = name, recording if p.per_recording else None
         if place not in self._place:
-            raise SpaceError(f"Parameter {name!r} has a value per recording, but not for {recording!r}; known: {list(self.recordings)}.")
+            raise SpaceError(
+                f"Parameter {name!r} has a value per recording, but not for {recording!r}; known: "
+                f"{list(self.recordings)}."
+            )
         first = self._place[place]
         return values[first : first + math.prod(p.shape)].reshape(p.shape) if p.shape else values[first]
 
@@ -312,7 +351,9 @@ def _check_value(name: str, p: Parameter) -> None:
 def _checked_bounds(name: str, p: Parameter) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper bounds, both of the parameter's shape."""
     if p.bounds is None:
-        raise SpaceError(f"Parameter {name!r} has neither bounds nor a value; give bounds = [low, high] or value = number.")
+        raise SpaceError(
+            f"Parameter {name!r} has neither bounds nor a value; give bounds = [low, high] or value = number."
+        )
     if isinstance(p.bounds, str) or len(p.bounds) != 2 or not all(map(_is_numeric, p.bounds)):
         raise SpaceError(f"Parameter {name!r} has bounds {p.bounds!r}; give two numbers [low, high].")
     if p.scale not in ("linear", "log"):
@@ -328,11 +369,15 @@ def _checked_limits(name: str, p: Parameter, low: float, high: float) -> tuple[f
     if p.limits is None:
         return (0.0 if low >= 0 else -np.inf), (0.0 if high <= 0 else np.inf)
     if isinstance(p.limits, str) or len(p.limits) != 2 or not all(_is_number(v) and not np.isnan(v) for v in p.limits):
-        raise SpaceError(f"Parameter {name!r} has limits {p.limits!r}; give two numbers (low, high), infinite where there is no limit.")
+        raise SpaceError(
+            f"Parameter {name!r} has limits {p.limits!r}; give two numbers (low, high), infinite where there is no "
+            f"limit."
+        )
     least, most = float(p.limits[0]), float(p.limits[1])
     if low < least or high > most:
         raise SpaceError(
-            f"Parameter {name!r} is searched from {low:g} to {high:g}, beyond its physical limits [{least:g}, {most:g}]; "
+            f"Parameter {name!r} is searched from {low:g} to {high:g}, beyond its physical limits [{least:g}, "
+            f"{most:g}]; "
             "narrow the bounds or widen the limits."
         )
     return least, most
@@ -354,4 +399,7 @@ def _check_pair(name: str, low: float, high: float, scale: str) -> None:
     if low == high:
         raise SpaceError(f"Parameter {name!r} has equal bounds {low:g}; write value = {low:g} to hold it.")
     if scale == "log" and low <= 0:
-        raise SpaceError(f"Parameter {name!r} has scale 'log' but lower bound {low:g}; give a lower bound above 0 or scale = 'linear'.")
+        raise SpaceError(
+            f"Parameter {name!r} has scale 'log' but lower bound {low:g}; give a lower bound above 0 or scale = "
+            f"'linear'."
+        )

@@ -5,7 +5,8 @@
     finish    scales, steps fine enough, and every run led to its end on that final problem
     judge     findings, when they are asked for
 
-`judged` takes runs, however they were searched, through the last two; `judged_in_store` those of a stored study, which is finished once.
+`judged` takes runs, however they were searched, through the last two; `judged_in_store` those of a stored study, which
+is finished once.
 """
 
 import dataclasses
@@ -53,11 +54,13 @@ class Prepared:
         return self.problem.space.physical
 
 
-def prepare(problem: Problem, *, shooting: int | None = None, seed: int = 0, start: np.ndarray | None = None) -> Prepared:
+def prepare(
+    problem: Problem, *, shooting: int | None = None, seed: int = 0, start: np.ndarray | None = None
+) -> Prepared:
     """The same for the same arguments in any process, so that workers and resumed studies repeat it.
 
-    A search begins at the cube points `start` (k, d), else where multiple shooting with so many segments a record ends, else at the
-    guesses of the space.
+    A search begins at the cube points `start` (k, d), else where multiple shooting with so many segments a record ends,
+    else at the guesses of the space.
     """
     began = time.perf_counter()
     chosen = choose_substeps(problem)
@@ -78,12 +81,15 @@ def stored_runs(store: Store, number: int) -> list[RunResult]:
     """The finished runs of a stored study, as the searches gave them. Raises StoreError where there is none."""
     found = [RunResult(**{f: getattr(r, f) for f in _OF_RUN}) for r in store.runs(number)]
     if not found:
-        raise StoreError(f"Study {number} in {shown(store.name)} has no finished run yet; go on with `plantfit resume {number}`.")
+        raise StoreError(
+            f"Study {number} in {shown(store.name)} has no finished run yet; go on with `plantfit resume {number}`."
+        )
     return found
 
 
 def stated_in_file(problem: Problem, errors: Sequence[SharedError] | None, draws: int | None) -> Stated:
-    """The errors of instruments and the refits for them: as given, else as the study file of the problem states them."""
+    """The errors of instruments and the refits for them: as given, else as the study file of the problem states
+    them."""
     file = problem.study_file
     if file is None or errors is not None:
         return errors or (), draws
@@ -91,7 +97,14 @@ def stated_in_file(problem: Problem, errors: Sequence[SharedError] | None, draws
 
 
 def judged(
-    problem: Problem, runs: Sequence[RunResult], *, seed: int, spec: str | None, command: str, seconds: Mapping[str, float], stated: Stated
+    problem: Problem,
+    runs: Sequence[RunResult],
+    *,
+    seed: int,
+    spec: str | None,
+    command: str,
+    seconds: Mapping[str, float],
+    stated: Stated,
 ) -> Answer:
     """The answer of searched runs of a prepared problem; `seconds` by the stages before."""
     began = time.perf_counter()
@@ -101,13 +114,15 @@ def judged(
 
 
 def judged_in_store(
-    store: Store, number: int, problem: Problem, runs: Sequence[RunResult], prepared: Prepared | None = None, *, refuse: bool = False,
+    store: Store, number: int, problem: Problem, runs: Sequence[RunResult], prepared: Prepared | None = None, *,
+    refuse: bool = False,
     seed: int, spec: str | None, command: str, seconds: Mapping[str, float], stated: Stated,
 ) -> Answer:  # fmt: skip
-    """The answer of the runs of a stored study: with the finishing that the store keeps, else finished now, and kept there.
+    """The answer of the runs of a stored study: with the finishing that the store keeps, else finished now, and kept
+    there.
 
-    `problem` is as it was written, `prepared` the same where it is prepared already. Another problem than that of the study is not kept,
-    and with `refuse` it raises StoreError.
+    `problem` is as it was written, `prepared` the same where it is prepared already. Another problem than that of the
+    study is not kept, and with `refuse` it raises StoreError.
     """
     key, began = finish_key(problem, runs), time.perf_counter()
     found = None if key is None else finish_of_bytes(store.finish_of(number, key), key, problem, runs)

@@ -1,4 +1,5 @@
-"""A finished study's filter over new samples as they come, with an alarm when the plant leaves what the study knows of it."""
+"""A finished study's filter over new samples as they come, with an alarm when the plant leaves what the study knows
+of it."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -34,8 +35,9 @@ FEWEST = 10  # samples between looks
 class Alarm:
     """The plant has left what the study knows: noticed at `t`, in samples since `since` (s).
 
-    `parameter` is the one whose change explains most, None where no parameter does; `from_value` and `to_value` in its unit; `alike` are
-    others that would explain as much. `p` is the chance of such a look with a healthy plant, `allowed` what this look may have.
+    `parameter` is the one whose change explains most, None where no parameter does; `from_value` and `to_value` in its
+    unit; `alike` are others that would explain as much. `p` is the chance of such a look with a healthy plant,
+    `allowed` what this look may have.
     """
 
     t: float
@@ -55,7 +57,8 @@ class Alarm:
         chance = f"p = {self.p:.1g}" if self.p > 0 else "p below 1e-300"
         if self.parameter is None:
             return (
-                f"ALARM at {self.t:.6g} s: since {self.since:.6g} s the innovations are {self.factor:.2g} times as large as the study "
+                f"ALARM at {self.t:.6g} s: since {self.since:.6g} s the innovations are {self.factor:.2g} times as "
+                f"large as the study "
                 f"expects ({chance}), and no parameter explains it: look at the sensors."
             )
         unit = f" {self.unit}" if self.unit and self.unit != "1" else ""
@@ -65,7 +68,8 @@ class Alarm:
         if self.from_value:
             share = f", {100 * (self.to_value - self.from_value) / abs(self.from_value):+.0f} %"  # type: ignore[operator]
         return (
-            f"ALARM at {self.t:.6g} s: {self.parameter} has left what the study knows: since {self.since:.6g} s about {now}{unit} in "
+            f"ALARM at {self.t:.6g} s: {self.parameter} has left what the study knows: since {self.since:.6g} s about "
+            f"{now}{unit} in "
             f"place of {was}{unit}{share} ({chance}){more}."
         )
 
@@ -73,9 +77,9 @@ class Alarm:
 class Tracker:
     """The filter of a study on line: `feed` it recordings as they come, then `finish`.
 
-    `rows` hold what is believed after each block of `length` samples, a mapping with "t", every state and parameter, "NAME_sd" of each,
-    "nis" (mean square of the whitened innovations, about 1) and "alarm"; `alarms` the alarm, once there is one. The states are those of
-    the filter that tracks the parameters.
+    `rows` hold what is believed after each block of `length` samples, a mapping with "t", every state and parameter,
+    "NAME_sd" of each, "nis" (mean square of the whitened innovations, about 1) and "alarm"; `alarms` the alarm, once
+    there is one. The states are those of the filter that tracks the parameters.
     """
 
     def __init__(self, found: Estimators, every: float | None = None, false_alarm: float = 0.01):
@@ -85,7 +89,11 @@ class Tracker:
         self.period = scales.period
         if every is not None and not every > 0:
             raise SearchError(f"every = {every:g}; give seconds above 0.")
-        length = max(FEWEST, round(scales.span / scales.period / LOOKS)) if every is None else max(1, round(every / scales.period))
+        length = (
+            max(FEWEST, round(scales.span / scales.period / LOOKS))
+            if every is None
+            else max(1, round(every / scales.period))
+        )
         self.length, self.false_alarm = int(length), false_alarm
         self.problem, self.noise = problem, found.noise
         self.values = np.array([found.values[n] for n in problem.space.names])
@@ -125,7 +133,9 @@ class Tracker:
             # a value of one recording says little of a new one
             size.append(error if own and error > 0 else self._between(c.parameter, box[i]) if not own else box[i])
         if not any(tested):
-            raise SpaceError("No free parameter of the study enters its equations, so there is nothing to track; free one.")
+            raise SpaceError(
+                "No free parameter of the study enters its equations, so there is nothing to track; free one."
+            )
         self.places, self.size, self.tested = places, np.array(size), np.array(tested)
         self.watched = [space.names[i] for i in places]
         known = found.covariance[np.ix_(places, places)]
@@ -161,7 +171,17 @@ class Tracker:
             drift[k] = given.get(name, prior[k] / math.sqrt(found.scales.span))
         first = [max(float(found.noise.initial.get(n, 0.0)), found.scales.spread[n]) for n in model.states]  # type: ignore[union-attr]
         return BlockFilter(
-            self.problem, found.noise, self.values, self.places, self.size, joint, prior, drift, np.diag(first), self.recording, self.length
+            self.problem,
+            found.noise,
+            self.values,
+            self.places,
+            self.size,
+            joint,
+            prior,
+            drift,
+            np.diag(first),
+            self.recording,
+            self.length,
         )
 
     def _calibrated(self) -> Calibration:
@@ -182,7 +202,9 @@ class Tracker:
             t, u, y = t[~early], u[~early], y[~early]
             stop = len(t)
             for k in range(0, stop, self.length):
-                block = self.filter.run(t[k : min(k + self.length, stop)], u[k : min(k + self.length, stop)], y[k : k + self.length])
+                block = self.filter.run(
+                    t[k : min(k + self.length, stop)], u[k : min(k + self.length, stop)], y[k : k + self.length]
+                )
                 if k == 0:
                     continue  # the first states are not known
                 scores.append(block.scores)
@@ -202,12 +224,14 @@ class Tracker:
         return Calibration(colour, level, heavy, max(5.0, count / heavy))
 
     def _arrays(self, recording: Recording) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Times (n,), inputs (n, inputs) and outputs (n, m) in the model's units, NaN for outputs that are not measured."""
+        """Times (n,), inputs (n, inputs) and outputs (n, m) in the model's units, NaN for outputs that are not
+        measured."""
         model, signals = self.problem.model, dict(recording.signals)
         there = [n for n in model.outputs if n in signals]
         if not there:
             raise RecordingError(
-                f"Recording {recording.name!r} has none of the outputs {list(model.outputs)}, and nothing can be tracked; it has "
+                f"Recording {recording.name!r} has none of the outputs {list(model.outputs)}, and nothing can be "
+                f"tracked; it has "
                 f"{list(signals)}. Name the columns as in the study file."
             )
         for n in model.outputs:
@@ -218,26 +242,31 @@ class Tracker:
         return np.asarray(given.t, dtype=float), u, np.stack([given[n] for n in model.outputs], axis=1)
 
     def _early(self, t: np.ndarray, begun: float) -> np.ndarray:
-        """Which samples (n,) come before the inputs of a dead time ago are known: they are remembered, and the filter begins after them."""
+        """Which samples (n,) come before the inputs of a dead time ago are known: they are remembered, and the
+        filter begins after them."""
         return t < begun + self.filter.rows.longest
 
     def feed(self, recording: Recording) -> list[Alarm]:
         """The next samples; alarms that they raise.
 
-        Rows in which an input has no value are left out, so that inputs hold what they had. Raises RecordingError for times that do not
-        grow, for an input without any value and for outputs that are all missing.
+        Rows in which an input has no value are left out, so that inputs hold what they had. Raises RecordingError for
+        times that do not grow, for an input without any value and for outputs that are all missing.
         """
         if len(recording) == 0:
             return []
         t, u, y = self._arrays(recording)
         if t[0] <= self._last or np.any(np.diff(t) <= 0):
             at = t[0] if t[0] <= self._last else t[1:][np.diff(t) <= 0][0]
-            raise RecordingError(f"A sample at {at:.6g} s came after one at {max(self._last, t[0]):.6g} s; give samples in order of time.")
+            raise RecordingError(
+                f"A sample at {at:.6g} s came after one at {max(self._last, t[0]):.6g} s; give samples in order of "
+                f"time."
+            )
         known = np.all(np.isfinite(u), axis=1)
         if not np.any(known) and self.samples == 0:
             lost = list(self.problem.model.inputs)[int(np.argmax(~np.isfinite(u[0])))]  # type: ignore[union-attr]
             raise RecordingError(
-                f"Recording {recording.name!r}: input {lost!r} has no value in any of its {len(t)} rows, and a filter needs one; check the "
+                f"Recording {recording.name!r}: input {lost!r} has no value in any of its {len(t)} rows, and a filter "
+                f"needs one; check the "
                 "column."
             )
         self._last = float(t[-1])
@@ -267,11 +296,15 @@ class Tracker:
         first = self.filter.carry is None
         block = self.filter.run(t, u, y)
         if not np.all(np.isfinite(block.white)):
-            raise RecordingError(f"The filter lost the plant between {t[0]:.6g} and {t[-1]:.6g} s; give the study more process noise.")
+            raise RecordingError(
+                f"The filter lost the plant between {t[0]:.6g} and {t[-1]:.6g} s; give the study more process noise."
+            )
         squares, measured = float(np.sum(block.white**2)), int(np.sum(block.measured))
         raised: list[Alarm] = []
         if not first and not self.alarms:  # the first block shows where the states begin
-            change = self.changes.look(float(t[0]), float(t[-1]), np.sum(block.scores, axis=0), block.information, squares, measured)
+            change = self.changes.look(
+                float(t[0]), float(t[-1]), np.sum(block.scores, axis=0), block.information, squares, measured
+            )
             if change is not None:
                 raised = [self._alarm(change)]
                 self.alarms += raised
@@ -286,7 +319,9 @@ class Tracker:
         c = self.problem.space.coordinates[self.places[k]]
         value = float(self.values[self.places[k]])
         now = value + change.change * float(self.size[k])
-        return Alarm(change.t, change.since, c.name, c.unit, value, now, change.alike, change.factor, change.p, change.allowed)
+        return Alarm(
+            change.t, change.since, c.name, c.unit, value, now, change.alike, change.factor, change.p, change.allowed
+        )
 
     def _row(self, block: Any, nis: float) -> dict[str, float]:
         plant = self.filter.tracked
@@ -320,7 +355,8 @@ class Tracker:
         if self.alarms:
             return f"{self.alarms[0].sentence} {told[:1].upper()}{told[1:]}."
         return (
-            f"No alarm: the plant is what the study knows of it ({told}; a healthy plant raises an alarm with a chance of at most "
+            f"No alarm: the plant is what the study knows of it ({told}; a healthy plant raises an alarm with a chance "
+            f"of at most "
             f"{100 * self.false_alarm:g} %, however long it runs)."
         )
 
@@ -341,10 +377,10 @@ def track(
 ) -> Tracker:
     """A tracker of a study: its filter on line, which raises an alarm when the plant leaves what the study knows of it.
 
-    Noise levels are those of the study's [estimate] table (`table`), found by maximum likelihood where it gives ranges or none.
-    A look is made every `every` seconds (default: a fiftieth of the study's record, 10 samples at least). `false_alarm` is the chance
-    that a healthy plant ever raises an alarm (docs/kalman.md). Dead times are held at their values, and watched. Raises as
-    `estimate_parameters`.
+    Noise levels are those of the study's [estimate] table (`table`), found by maximum likelihood where it gives ranges
+    or none. A look is made every `every` seconds (default: a fiftieth of the study's record, 10 samples at least).
+    `false_alarm` is the chance that a healthy plant ever raises an alarm (docs/kalman.md). Dead times are held at their
+    values, and watched. Raises as `estimate_parameters`.
     """
     if not isinstance(study, Estimators):
         study = estimate_parameters(study, progress=progress, table=table, methods=["maximum likelihood"])

@@ -49,7 +49,9 @@ _DEFINITIONS = (
 
 _PRESSURE = r"(?<![A-Za-z])((?:[mkMhd]|da)?(?:bar|Pa)|k?psi|[Tt]orr|atm?|(?:mm|in)Hg|(?:[mc]?m|in)H2O)"
 _END = r"(?![A-Za-z0-9_])"
-_GAUGE = re.compile(rf"{_PRESSURE}(?:_?[gG]|[ _]?\((?:[gG]|[Gg]auge|rel|ü)\)|[ _](?:[gG]|[Gg]auge|rel(?:ative)?|ü)|[üÜ]){_END}")
+_GAUGE = re.compile(
+    rf"{_PRESSURE}(?:_?[gG]|[ _]?\((?:[gG]|[Gg]auge|rel|ü)\)|[ _](?:[gG]|[Gg]auge|rel(?:ative)?|ü)|[üÜ]){_END}"
+)
 
 _SPELLINGS = (
     ("[·⋅•∙\N{MULTIPLICATION SIGN}]", "*"),
@@ -81,8 +83,47 @@ _ALLOWED = re.compile(r"[\w\s*/()+\-.%µμΩ]{1,80}")
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade", "turn", "revolution", "revolutions_per_minute")
 _COUNTED = ("count", "pwm", "tick", "pulse", "lsb")
 _COMMON = (
-    *("s", "ms", "us", "min", "h", "V", "mV", "A", "mA", "ohm", "kohm", "W", "kW", "J", "N", "N*m", "m", "mm", "kg", "g"),
-    *("rad", "deg", "rad/s", "deg/s", "rpm", "Hz", "degC", "K", "%", "bar", "mbar", "Pa", "kPa", "l/min", "m^3/h", "PWM", "counts"),
+    *(
+        "s",
+        "ms",
+        "us",
+        "min",
+        "h",
+        "V",
+        "mV",
+        "A",
+        "mA",
+        "ohm",
+        "kohm",
+        "W",
+        "kW",
+        "J",
+        "N",
+        "N*m",
+        "m",
+        "mm",
+        "kg",
+        "g",
+    ),
+    *(
+        "rad",
+        "deg",
+        "rad/s",
+        "deg/s",
+        "rpm",
+        "Hz",
+        "degC",
+        "K",
+        "%",
+        "bar",
+        "mbar",
+        "Pa",
+        "kPa",
+        "l/min",
+        "m^3/h",
+        "PWM",
+        "counts",
+    ),
 )
 
 
@@ -129,7 +170,8 @@ def _with_parsed_definitions() -> "pint.UnitRegistry":
 
 @contextmanager
 def _without_dask() -> Iterator[None]:
-    """In a command, pint is imported as where Dask is not installed: it would load it whole, in three times its own time.
+    """In a command, pint is imported as where Dask is not installed: it would load it whole, in three times its own
+    time.
 
     Only in a command, since pint then takes no arrays of Dask as magnitudes in this process.
     """
@@ -175,7 +217,8 @@ def _parse(text: str) -> "pint.Unit":
         raise LogarithmicUnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
     if (plain := gauge(text)) is not None:
         raise GaugeUnitError(
-            f"Unit {text!r} counts from the pressure of the surroundings; write {plain!r}, and where absolute pressures are meant add that "
+            f"Unit {text!r} counts from the pressure of the surroundings; write {plain!r}, and where absolute "
+            f"pressures are meant add that "
             f"pressure to the numbers, {surroundings(plain):.6g} {plain} as a rule."
         )
     # towers of powers would keep pint busy for ever
@@ -189,7 +232,9 @@ def _parse(text: str) -> "pint.Unit":
     if any("decibel" in name or "neper" in name or name in ("decade", "octave") for name in found._units):
         raise LogarithmicUnitError(f"Unit {text!r} is logarithmic; convert the values to a linear unit first.")
     if not _has_a_size(found):
-        raise UnitError(f"Unit {text!r} is too large or too small to be a number of SI units; write for example 'mm**2' or 'rad/s'.")
+        raise UnitError(
+            f"Unit {text!r} is too large or too small to be a number of SI units; write for example 'mm**2' or 'rad/s'."
+        )
     return found
 
 
@@ -242,7 +287,8 @@ def logarithmic(unit: str) -> bool:
 
 
 def gauge(unit: str) -> str | None:
-    """The unit without its zero where the text is one of pressures above that of the surroundings: bar of "barg"; None for other units."""
+    """The unit without its zero where the text is one of pressures above that of the surroundings: bar of "barg";
+    None for other units."""
     found = _GAUGE.fullmatch(unit.strip())
     return found[1] if found is not None else None
 
@@ -253,7 +299,8 @@ def surroundings(unit: str) -> float:
 
 
 def of_another_kind(unit: str) -> bool:
-    """Whether `parse` refuses a unit for what its numbers are, levels or pressures above that of the surroundings, and not as unknown."""
+    """Whether `parse` refuses a unit for what its numbers are, levels or pressures above that of the surroundings,
+    and not as unknown."""
     return logarithmic(unit) or gauge(unit) is not None
 
 
@@ -280,8 +327,9 @@ def equal(a: "str | pint.Unit", b: "str | pint.Unit") -> bool:
 def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple[float, float]:
     """(factor, offset) with value_in_target = factor * value_in_source + offset.
 
-    Raises UnitError for different dimensions, between Hz, 1/min or counts and angles, where 1 Hz could be 1 rad/s or one turn per
-    second and nobody says how many counts a turn has, and between a temperature and a difference of temperatures.
+    Raises UnitError for different dimensions, between Hz, 1/min or counts and angles, where 1 Hz could be 1 rad/s or
+    one turn per second and nobody says how many counts a turn has, and between a temperature and a difference of
+    temperatures.
     """
     a, b = parse(source), parse(target)
     if a == b and str(a) == str(b):
@@ -292,11 +340,15 @@ def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple
             f"({b.dimensionality or 'dimensionless'}); name the unit that the values really have."
         )
     if _cycles_against_angle(a, b):
-        raise UnitError(f"The units {str(source)!r} and {str(target)!r} do not say how many radians one cycle has; {turns_said(a, b)}.")
+        raise UnitError(
+            f"The units {str(source)!r} and {str(target)!r} do not say how many radians one cycle has; "
+            f"{turns_said(a, b)}."
+        )
     convert_units = registry().convert
     if (_has_offset(a) and is_difference(b)) or (is_difference(a) and _has_offset(b)):
         raise UnitError(
-            f"Of the units {str(source)!r} and {str(target)!r} one is for temperatures and the other for differences of temperatures; "
+            f"Of the units {str(source)!r} and {str(target)!r} one is for temperatures and the other for differences "
+            f"of temperatures; "
             "they cannot be converted, so name the unit that the values really have."
         )
     factor = float(convert_units(1.0, _difference(a), _difference(b)))
@@ -311,8 +363,8 @@ def factor(source: "str | pint.Unit", target: "str | pint.Unit") -> float:
 
 
 def si_base(unit: "str | pint.Unit") -> tuple[float, float, dict[str, int]] | None:
-    """(factor, offset, powers by symbol): value in kg, m, s, A, K, mol, cd and rad = factor * value + offset. None for a unit that is not
-    made of whole powers of these, or not known."""
+    """(factor, offset, powers by symbol): value in kg, m, s, A, K, mol, cd and rad = factor * value + offset. None
+    for a unit that is not made of whole powers of these, or not known."""
     try:
         parsed = parse(unit)
         size = registry().Quantity(1.0, _difference(parsed)).to_root_units()
@@ -328,7 +380,8 @@ def si_base(unit: "str | pint.Unit") -> tuple[float, float, dict[str, int]] | No
 
 
 _SI = {
-    "gram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd", "radian": "rad",
+    "gram": "kg", "meter": "m", "second": "s", "ampere": "A", "kelvin": "K", "mole": "mol", "candela": "cd",
+    "radian": "rad",
 }  # fmt: skip
 
 
@@ -366,7 +419,8 @@ def convert(value: Any, source: "str | pint.Unit", target: "str | pint.Unit") ->
 
 
 def in_unit(place: str, value: float | str, unit: str | None, difference: bool = False) -> float:
-    """A number in `unit`, in which a bare one is taken; a text such as "20 degC" is converted, by its size alone for a `difference`.
+    """A number in `unit`, in which a bare one is taken; a text such as "20 degC" is converted, by its size alone for a
+    `difference`.
 
     `place` begins the sentence where it cannot be. Raises UnitError.
     """
@@ -379,7 +433,9 @@ def in_unit(place: str, value: float | str, unit: str | None, difference: bool =
     except UnitError as error:
         raise UnitError(f"{place}: {error}") from None
     if unit is None:
-        raise UnitError(f"{place} = {value!r}: the model has no unit for it, so give a number alone, or declare its unit.")
+        raise UnitError(
+            f"{place} = {value!r}: the model has no unit for it, so give a number alone, or declare its unit."
+        )
     try:
         return number * factor(given, unit) if difference else float(convert(number, given, unit))
     except UnitError as error:
@@ -411,7 +467,8 @@ def _difference(unit: "pint.Unit") -> "pint.Unit":
 
 
 def turns_said(a: "str | pint.Unit", b: "str | pint.Unit") -> str:
-    """What to write in place of two units that are not compatible because one of them does not say what part of a turn it counts."""
+    """What to write in place of two units that are not compatible because one of them does not say what part of a
+    turn it counts."""
     named = {*parse(a)._units, *parse(b)._units}
     if any(name.endswith("hertz") for name in named):
         return "write 'turn/s' instead of 'Hz' if a cycle is one turn"

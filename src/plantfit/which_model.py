@@ -47,11 +47,13 @@ class ModelsCompared(Result[ComparisonOfModels]):
             if {p.better, p.worse} == {first, second}:
                 difference, half = (np.nan if v is None else v for v in (p.difference, p.half_width))
                 return (difference if p.better == first else -difference), half
-        raise ModelError(f"{first!r} and {second!r} were not compared; there are {[m.name for m in self.typed.models]}.")
+        raise ModelError(
+            f"{first!r} and {second!r} were not compared; there are {[m.name for m in self.typed.models]}."
+        )
 
     def to_frame(self) -> "pl.DataFrame":
-        """A polars data frame, a row for each model: model, kind, parameters, effective, determined, rmse_fit, rmse_unseen, rmse_left_out,
-        aicc and bic (above the least)."""
+        """A polars data frame, a row for each model: model, kind, parameters, effective, determined, rmse_fit,
+        rmse_unseen, rmse_left_out, aicc and bic (above the least)."""
         import polars as pl
 
         rows = [
@@ -62,10 +64,13 @@ class ModelsCompared(Result[ComparisonOfModels]):
             }
             for m in self.typed.models
         ]  # fmt: skip
-        return pl.DataFrame(rows, schema_overrides={"determined": pl.Int64, "rmse_unseen": pl.Float64, "rmse_left_out": pl.Float64})
+        return pl.DataFrame(
+            rows, schema_overrides={"determined": pl.Int64, "rmse_unseen": pl.Float64, "rmse_left_out": pl.Float64}
+        )
 
     def report(self, path: str | Path) -> Path:
-        """Write the page with the table, all models over the measured outputs, and their residuals. Raises StoreError."""
+        """Write the page with the table, all models over the measured outputs, and their residuals. Raises
+        StoreError."""
         return write_case_page(models_page(self.typed), path)
 
     def table(self) -> str:
@@ -74,16 +79,20 @@ class ModelsCompared(Result[ComparisonOfModels]):
         return columns(head, rows, range(1, len(head)))
 
 
-def compare_models(answers: Sequence[Answer] | Mapping[str, Answer], *, determined: bool = True, linear: bool = True) -> ModelsCompared:
+def compare_models(
+    answers: Sequence[Answer] | Mapping[str, Answer], *, determined: bool = True, linear: bool = True
+) -> ModelsCompared:
     """Say which of several models of the same data predicts better, and whether the data tell them apart.
 
-    `answers` are what `fit` and `open_study` give, in a list (named by their problems) or a mapping of names to them. They are judged by
-    the samples that none has seen; where no 10 samples are unseen, each is fitted again without each fifth of every recording, from its
-    answer, and judged by what it says of that fifth. The uncertainty is that of the *difference*: of paired losses in blocks longer than
-    their correlation time. Outputs are compared in the units of the first. With `determined` the parameters that the data determine are
-    counted, which takes seconds for a model. With `linear` the best linear model without physics stands beside them (docs/first-look.md).
+    `answers` are what `fit` and `open_study` give, in a list (named by their problems) or a mapping of names to them.
+    They are judged by the samples that none has seen; where no 10 samples are unseen, each is fitted again without each
+    fifth of every recording, from its answer, and judged by what it says of that fifth. The uncertainty is that of the
+    *difference*: of paired losses in blocks longer than their correlation time. Outputs are compared in the units of
+    the first. With `determined` the parameters that the data determine are counted, which takes seconds for a model.
+    With `linear` the best linear model without physics stands beside them (docs/first-look.md).
 
-    Raises RecordingError where the answers are not of the same data, naming what differs, ModelError for no answer or names that repeat.
+    Raises RecordingError where the answers are not of the same data, naming what differs, ModelError for no answer or
+    names that repeat.
     """
     named = _named(answers)
     problems = {n: a.problem for n, a in named.items()}
@@ -100,8 +109,8 @@ def compare_models(answers: Sequence[Answer] | Mapping[str, Answer], *, determin
 
 
 def linear_candidate(problem: Problem, series: Sequence[Series], left_out: bool) -> Candidate | None:
-    """The best linear model of every output from the inputs of a problem, simulated over the series; None where there is none to make:
-    recordings at rest, of different sample times, too short, or without a moving input."""
+    """The best linear model of every output from the inputs of a problem, simulated over the series; None where
+    there is none to make: recordings at rest, of different sample times, too short, or without a moving input."""
     inputs = [n for n in getattr(problem.model, "inputs", {}) if n not in problem.outputs]
     if not inputs or any(e.steady for e in problem.experiments.values()):
         return None
@@ -128,10 +137,14 @@ def linear_candidate(problem: Problem, series: Sequence[Series], left_out: bool)
         for fold in hidden if left_out else ():
             masks = [_onto(d, fold[k]) for k, d in zip(own, data, strict=True)]
             again = without(data, found.chosen, masks)
-            for k, d, y in zip(own, data, again.simulated if again else [np.full(len(d.y), np.inf) for d in data], strict=True):
+            for k, d, y in zip(
+                own, data, again.simulated if again else [np.full(len(d.y), np.inf) for d in data], strict=True
+            ):
                 unknown[k][fold[k]] = _back(d, y)[fold[k]]
     sentence = told[0] if len(told) == 1 else "A linear model of each output"
-    return Candidate("linear", count, float(count), tuple(simulated), tuple(unknown) if left_out else None, "linear", None, sentence)
+    return Candidate(
+        "linear", count, float(count), tuple(simulated), tuple(unknown) if left_out else None, "linear", None, sentence
+    )
 
 
 def _back(d: Data, y: np.ndarray) -> np.ndarray:

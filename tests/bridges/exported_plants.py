@@ -5,16 +5,24 @@ import numpy as np
 import plantfit as pf
 
 HEATER = "x' = (K*delay(u, L) + T0 - x)/tau\nT = x"
-ARM = "w' = (gain*delay(u, L) - drag*w*abs(w) - rub*tanh(w/3))/inertia\na' = w\ny = w + 0.01*a\nz = exp(-abs(a)/50)*sin(a) + max(w, -1)"
+ARM = (
+    "w' = (gain*delay(u, L) - drag*w*abs(w) - rub*tanh(w/3))/inertia\na' = w\ny = w + 0.01*a\nz = "
+    "exp(-abs(a)/50)*sin(a) + max(w, -1)"
+)
 
 
 MASS = "v' = (u - d*v)/m\nx' = v\nF = u - d*v"
 ROOTS = "x' = (3 + u - k*sqrt(x))/tau\ns = sqrt(x)\nl = log(x)\nd = log10(x)"
-UNDEFINED = [[4.0, 2.0, 1.3862943611198906, 0.6020599913279624], [0.0, 0.0, -np.inf, -np.inf], [-1.0, np.nan, np.nan, np.nan]]  # x, s, l, d
+UNDEFINED = [
+    [4.0, 2.0, 1.3862943611198906, 0.6020599913279624],
+    [0.0, 0.0, -np.inf, -np.inf],
+    [-1.0, np.nan, np.nan, np.nan],
+]  # x, s, l, d
 
 
 def answered(text, truth, states, outputs, end, *, count=96, units=None, hold=None):
-    """A fit to a noisy simulation whose input jumps at uneven times; the samples are not whole parts of the dead time."""
+    """A fit to a noisy simulation whose input jumps at uneven times; the samples are not whole parts of the dead
+    time."""
     units = units or {}
     rng = np.random.default_rng(4)
     t = np.linspace(0, end, count)
@@ -36,15 +44,23 @@ def answered(text, truth, states, outputs, end, *, count=96, units=None, hold=No
 
 def series(answer):
     (experiment,) = answer.problem.experiments.values()
-    return np.asarray(experiment.recording.t), {n: np.asarray(experiment.recording[n]) for n in answer.problem.model.inputs}
+    return np.asarray(experiment.recording.t), {
+        n: np.asarray(experiment.recording[n]) for n in answer.problem.model.inputs
+    }
 
 
 def fine(answer, factor=1.0):
-    """plantfit's own simulation by steps so short that their error is far below 1e-6; the fit's steps were chosen by the noise."""
+    """plantfit's own simulation by steps so short that their error is far below 1e-6; the fit's steps were chosen by
+    the noise."""
     problem = answer.problem
     (experiment,) = problem.experiments.values()
-    scales, hold = dict.fromkeys(problem.outputs, 1.0), dict.fromkeys(problem.predictor.simulator.interpolated, "linear")
-    own = pf.Problem(problem.model, experiment.recording, problem.space.parameters, scales=scales, hold=hold, substeps=150)
+    scales, hold = (
+        dict.fromkeys(problem.outputs, 1.0),
+        dict.fromkeys(problem.predictor.simulator.interpolated, "linear"),
+    )
+    own = pf.Problem(
+        problem.model, experiment.recording, problem.space.parameters, scales=scales, hold=hold, substeps=150
+    )
     return own.predict(factor * np.array(list(answer.values.values())))
 
 

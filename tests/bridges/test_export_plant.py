@@ -37,7 +37,9 @@ def loaded(path):
 
 def test_python_simulates_the_plant_without_plantfit(answer, tmp_path):
     (file,) = export_plant(answer, "python", tmp_path)
-    assert "plantfit" not in [line.split()[1] for line in file.read_text().splitlines() if line.startswith(("import", "from"))]
+    assert "plantfit" not in [
+        line.split()[1] for line in file.read_text().splitlines() if line.startswith(("import", "from"))
+    ]
     module = loaded(file)
     t, u = series(answer)
     same(module.simulate(t, u), answer)
@@ -81,7 +83,8 @@ def test_casadi_simulates_the_plant(answer, tmp_path):
     jacobian = casadi.Function("j", [x], [casadi.jacobian(module.rates(x, channels, values), x)])
     point, step = np.full(n, 0.3), 1e-6
     slopes = [
-        np.asarray(module.rates(point + step * e, channels, values) - module.rates(point - step * e, channels, values)) / (2 * step)
+        np.asarray(module.rates(point + step * e, channels, values) - module.rates(point - step * e, channels, values))
+        / (2 * step)
         for e in np.eye(n)
     ]
     np.testing.assert_allclose(np.asarray(jacobian(point)), np.hstack(slopes), rtol=1e-6, atol=1e-7)
@@ -93,7 +96,9 @@ def test_roots_and_logarithms_are_undefined_where_they_are_in_plantfit(roots, to
         pytest.importorskip("casadi", reason="casadi is not installed: the exported functions are not run")
     module = loaded(*export_plant(roots, to, tmp_path))
     for x, *y in UNDEFINED:
-        np.testing.assert_allclose(np.ravel(module.outputs([x], [0.0, 0.0], list(module.PARAMETERS.values()))), y, rtol=1e-14)
+        np.testing.assert_allclose(
+            np.ravel(module.outputs([x], [0.0, 0.0], list(module.PARAMETERS.values()))), y, rtol=1e-14
+        )
 
 
 def test_roots_and_logarithms_in_c_are_undefined_where_they_are_in_plantfit(roots, tmp_path):
@@ -111,7 +116,9 @@ def test_roots_and_logarithms_in_c_are_undefined_where_they_are_in_plantfit(root
 
 
 def test_python_control_simulates_the_linear_plant(heater, tmp_path):
-    control = pytest.importorskip("control", reason="python-control is not installed: the exported matrices are not run")
+    control = pytest.importorskip(
+        "control", reason="python-control is not installed: the exported matrices are not run"
+    )
     file, data = export_plant(heater, "control", tmp_path)
     module, v = loaded(file), heater.values
     (t, u), (delay, part) = series(heater), module.paths[0]
@@ -135,7 +142,9 @@ def test_python_control_simulates_the_linear_plant(heater, tmp_path):
     np.testing.assert_allclose(module.frequency_response(w), g, rtol=1e-9)
     pade = module.system(4)
     assert isinstance(pade, control.StateSpace)
-    np.testing.assert_allclose(pade(1j * w), g, rtol=1e-6)  # what is stated of a Pade fraction up to 1 rad/s at this dead time
+    np.testing.assert_allclose(
+        pade(1j * w), g, rtol=1e-6
+    )  # what is stated of a Pade fraction up to 1 rad/s at this dead time
     assert json.loads(data.read_text())["paths"][0]["delay"] == pytest.approx(v["L"])
 
 
@@ -200,7 +209,9 @@ def test_csv_holds_the_simulation(heater, tmp_path):
 def test_what_cannot_be_carried_is_said(heater, arm, tmp_path):
     with pytest.raises(ModelError, match="no target 'sbml' to export to; there are python, c, casadi"):
         export_plant(heater, "sbml", tmp_path)
-    with pytest.raises(SimulationError, match="1 inputs and 2 outputs; matrices can be exported only for one input and one output"):
+    with pytest.raises(
+        SimulationError, match="1 inputs and 2 outputs; matrices can be exported only for one input and one output"
+    ):
         export_plant(arm, "control", tmp_path)
 
 
@@ -228,14 +239,23 @@ def texts_of(files):
     return found
 
 
-HOSTILE = ['"""\nimport os; os.abort()\n"""', "*/\nint main(void) { abort(); }\n/*", "'\nexit\n%", "a\\", "\u2028\r\nabort()", "{p}"]
+HOSTILE = [
+    '"""\nimport os; os.abort()\n"""',
+    "*/\nint main(void) { abort(); }\n/*",
+    "'\nexit\n%",
+    "a\\",
+    "\u2028\r\nabort()",
+    "{p}",
+]
 
 
 @pytest.mark.parametrize("name", HOSTILE)
 def test_names_of_users_stay_in_comments(heater, name, tmp_path):
     (given,) = heater.problem.experiments.values()
     scales = heater.problem.scales
-    problem = pf.Problem(heater.problem.model, {name: given.recording}, heater.problem.space.parameters, scales=scales, name=name)
+    problem = pf.Problem(
+        heater.problem.model, {name: given.recording}, heater.problem.space.parameters, scales=scales, name=name
+    )
     hostile = replace(heater, problem=problem)  # a fit of its own for each name would end at the same point
     texts = {to: texts_of(export_plant(hostile, to, tmp_path, name="plant")) for to in TARGETS}
     for to in ("python", "casadi", "control"):
@@ -246,5 +266,10 @@ def test_names_of_users_stay_in_comments(heater, name, tmp_path):
         bare = re.sub(r"/\*.*?\*/", "", text, flags=re.DOTALL)
         assert "abort" not in bare
         assert "*/" not in bare
-    assert all(line.startswith(("%", "plant = ", "sys = ", "sys.InputName", "step(")) for line in texts["matlab"][0].splitlines())
-    assert ET.fromstring(texts["fmu"][0]).get("modelName") == " ".join("".join(c if c.isprintable() else " " for c in name).split())
+    assert all(
+        line.startswith(("%", "plant = ", "sys = ", "sys.InputName", "step("))
+        for line in texts["matlab"][0].splitlines()
+    )
+    assert ET.fromstring(texts["fmu"][0]).get("modelName") == " ".join(
+        "".join(c if c.isprintable() else " " for c in name).split()
+    )

@@ -22,7 +22,8 @@ def fmpy():
 
 @pytest.fixture(scope="module")
 def mass():
-    """No dead time, a force that the input reaches at once, an output named as a state, units, an input in straight lines."""
+    """No dead time, a force that the input reaches at once, an output named as a state, units, an input in straight
+    lines."""
     states = {"v": {"initial": 0.1, "unit": "m/s"}, "x": {"initial": 0.0, "unit": "m"}}
     units = {"u": "N", "x": "m", "F": "N", "m": "kg", "d": "N s/m"}
     return answered(MASS, {"m": 1.3, "d": 0.7}, states, ["x", "F"], 12.0, units=units, hold={"u": "linear"})
@@ -36,7 +37,13 @@ def table(answer):
 def simulated(fmpy, file, answer, **more):
     t, _ = series(answer)
     outputs = list(answer.problem.model.outputs)
-    given = {"input": table(answer), "output": outputs, "output_interval": t[1] - t[0], "start_time": t[0], "stop_time": t[-1]}
+    given = {
+        "input": table(answer),
+        "output": outputs,
+        "output_interval": t[1] - t[0],
+        "start_time": t[0],
+        "stop_time": t[-1],
+    }
     return fmpy.simulate_fmu(str(file), **given | more)
 
 
@@ -77,7 +84,9 @@ def test_a_held_input_jumps_in_co_simulation_and_model_exchange(fmpy, mass, tmp_
     t, u = series(mass)
     problem = mass.problem
     (experiment,) = problem.experiments.values()
-    held = pf.Problem(problem.model, experiment.recording, problem.space.parameters, scales={"x": 1.0, "F": 1.0}, substeps=150)
+    held = pf.Problem(
+        problem.model, experiment.recording, problem.space.parameters, scales={"x": 1.0, "F": 1.0}, substeps=150
+    )
     y = held.predict(np.array(list(mass.values.values())))["x"]
     found = simulated(fmpy, file, mass, fmi_type="CoSimulation", output=["x", "v", "F"])
     assert np.max(np.abs(found["x"] - y)) <= 1e-6 * np.ptp(y)
@@ -85,7 +94,9 @@ def test_a_held_input_jumps_in_co_simulation_and_model_exchange(fmpy, mass, tmp_
     rows = table(mass)
     stairs = np.repeat(rows, 2)[1:]
     stairs["u"] = np.repeat(rows["u"], 2)[:-1]  # the old value and the new one at each sample
-    exchanged = simulated(fmpy, file, mass, fmi_type="ModelExchange", output=["x"], input=stairs, relative_tolerance=1e-8)
+    exchanged = simulated(
+        fmpy, file, mass, fmi_type="ModelExchange", output=["x"], input=stairs, relative_tolerance=1e-8
+    )
     at = np.flatnonzero(np.diff(exchanged["time"], append=np.inf) > 0)
     np.testing.assert_allclose(np.interp(t, exchanged["time"][at], exchanged["x"][at]), y, atol=1e-6 * np.ptp(y))
 
@@ -95,7 +106,10 @@ def test_units_come_with_their_si_base(mass, tmp_path):
     xml = ET.fromstring(zipfile.ZipFile(file).read("modelDescription.xml"))
     units = {u.get("name"): _inside(u, "BaseUnit") for u in xml.iter("Unit")}
     assert units["N s/m"] == {"kg": "1", "s": "-1", "factor": "1.0", "offset": "0.0"}
-    reals = {v.get("name"): (v.get("causality"), v.get("variability"), _inside(v, "Real")) for v in xml.iter("ScalarVariable")}
+    reals = {
+        v.get("name"): (v.get("causality"), v.get("variability"), _inside(v, "Real"))
+        for v in xml.iter("ScalarVariable")
+    }
     assert reals["m"] == ("parameter", "tunable", {"start": repr(mass.values["m"]), "unit": "kg"})
     assert reals["x"][0] == "output"
     assert reals["state(x)"][2] == {"start": "0.0", "nominal": reals["state(x)"][2]["nominal"], "unit": "m"}
@@ -215,7 +229,9 @@ def test_what_cannot_be_set_is_refused_in_a_sentence(opened):
 
 def test_without_a_compiler_the_sources_are_written_and_that_is_said(heater, monkeypatch, tmp_path):
     monkeypatch.setattr("shutil.which", lambda name: None)
-    with pytest.warns(PlantfitWarning, match=r"sources and no binary, because no C compiler is on this machine \(cc, gcc or clang\)"):
+    with pytest.warns(
+        PlantfitWarning, match=r"sources and no binary, because no C compiler is on this machine \(cc, gcc or clang\)"
+    ):
         (file,) = export_plant(heater, "fmu", tmp_path)
     names = zipfile.ZipFile(file).namelist()
     assert "sources/fit_fmu.c" in names
@@ -223,4 +239,7 @@ def test_without_a_compiler_the_sources_are_written_and_that_is_said(heater, mon
 
 
 def test_the_same_study_writes_the_same_bytes(heater, tmp_path):
-    assert export_plant(heater, "fmu", tmp_path / "a")[0].read_bytes() == export_plant(heater, "fmu", tmp_path / "b")[0].read_bytes()
+    assert (
+        export_plant(heater, "fmu", tmp_path / "a")[0].read_bytes()
+        == export_plant(heater, "fmu", tmp_path / "b")[0].read_bytes()
+    )

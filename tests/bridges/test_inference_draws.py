@@ -18,7 +18,9 @@ def test_arviz_opens_draws_as_they_are(arviz, heater, tmp_path):
     (file,) = export_plant(heater, "arviz", tmp_path, name="a heater")
     assert file.name == "a_heater_draws.nc"
     found = arviz.from_netcdf(file)
-    assert {"posterior", "sample_stats", "observed_data", "posterior_predictive"} <= {g.strip("/") for g in found.groups()}
+    assert {"posterior", "sample_stats", "observed_data", "posterior_predictive"} <= {
+        g.strip("/") for g in found.groups()
+    }
     drawn = plausible(heater.problem, np.asarray(heater.best.x), heater.findings["parameters"], 1000, 1)
     for k, name in enumerate(heater.problem.space.names):
         np.testing.assert_array_equal(found.posterior[name].values, drawn.values[None, 1:, k])
@@ -54,18 +56,27 @@ def test_several_recordings_have_variables_of_their_own_and_any_names_are_taken(
     half = pf.from_arrays({"t": record.t[:40], "u": record["u"][:40], "T": record["T"][:40]})
     names = ["first/\n\x00\ud800", "first"]
     problem = pf.Problem(
-        heater.problem.model, dict(zip(names, (half, record), strict=True)), heater.problem.space.parameters, name="*/\x00\ud800"
+        heater.problem.model,
+        dict(zip(names, (half, record), strict=True)),
+        heater.problem.space.parameters,
+        name="*/\x00\ud800",
     )
     answer = pf.fit(problem, budget=300, seed=1)
     (file,) = export_plant(answer, "arviz", tmp_path)
     found = arviz.from_netcdf(file)
     assert found.observed_data["T of first"].dims == ("t of first",)
-    assert {v: found.observed_data[v].shape for v in found.observed_data.data_vars} == {"T of first": (40,), "T of first_": (96,)}
+    assert {v: found.observed_data[v].shape for v in found.observed_data.data_vars} == {
+        "T of first": (40,),
+        "T of first_": (96,),
+    }
     assert found.posterior_predictive["T of first_"].shape[1:] == (200, 96)
 
 
 def test_the_same_study_writes_the_same_bytes(heater, tmp_path):
-    assert export_plant(heater, "arviz", tmp_path / "a")[0].read_bytes() == export_plant(heater, "arviz", tmp_path / "b")[0].read_bytes()
+    assert (
+        export_plant(heater, "arviz", tmp_path / "a")[0].read_bytes()
+        == export_plant(heater, "arviz", tmp_path / "b")[0].read_bytes()
+    )
 
 
 def test_without_h5netcdf_the_extra_is_named(heater, tmp_path, monkeypatch):
@@ -75,7 +86,9 @@ def test_without_h5netcdf_the_extra_is_named(heater, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize(("to", "start"), [("arviz", b"\x89HDF\r\n\x1a\n"), ("fmu", b"PK\x03\x04"), ("matlab", b"MATLAB 5.0 MAT-file ")])
+@pytest.mark.parametrize(
+    ("to", "start"), [("arviz", b"\x89HDF\r\n\x1a\n"), ("fmu", b"PK\x03\x04"), ("matlab", b"MATLAB 5.0 MAT-file ")]
+)
 def test_a_binary_of_another_program_is_not_replaced(to, start, heater, tmp_path):
     file = export_plant(heater, to, tmp_path)[0]
     export_plant(heater, to, tmp_path)

@@ -1,4 +1,5 @@
-"""How often 95 % intervals hold the truth, over records of a virtual rig: side by side, each record with values of its own."""
+"""How often 95 % intervals hold the truth, over records of a virtual rig: side by side, each record with values of
+its own."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -30,13 +31,19 @@ def scores(
 ) -> dict[str, np.ndarray]:
     """(value - truth) / standard error of every parameter in `truth`, (seeds,) each.
 
-    The first record is fitted by a whole search over the box, the others from where that one ended, with the weights that it found.
+    The first record is fitted by a whole search over the box, the others from where that one ended, with the weights
+    that it found.
     """
-    return _scores(fit(Problem(model, experiment(seeds[0]), parameters)), experiment, truth, seeds, parameters or {}, ())
+    return _scores(
+        fit(Problem(model, experiment(seeds[0]), parameters)), experiment, truth, seeds, parameters or {}, ()
+    )
 
 
-def study_scores(study: Callable[[int], Path], truth: Mapping[str, float], seeds: Sequence[int]) -> dict[str, np.ndarray]:
-    """The same of study files of one recording, with the combined standard uncertainty where a file states errors of its instruments."""
+def study_scores(
+    study: Callable[[int], Path], truth: Mapping[str, float], seeds: Sequence[int]
+) -> dict[str, np.ndarray]:
+    """The same of study files of one recording, with the combined standard uncertainty where a file states errors of
+    its instruments."""
     first = load(study(seeds[0]))
     answer = fit(first.problem, budget=first.plan.budget, seed=first.plan.seed)
 

@@ -1,4 +1,5 @@
-"""Solutions by BDF that leave another one where their numbers begin to matter: the bits of scipy's `solve_ivp`, with fewer steps."""
+"""Solutions by BDF that leave another one where their numbers begin to matter: the bits of scipy's `solve_ivp`, with
+fewer steps."""
 
 import numpy as np
 import pytest
@@ -37,7 +38,9 @@ def test_every_moved_number_has_the_bits_of_a_solution_from_the_beginning(at_the
         for j in range(31):
             moved = own.copy()
             moved[j] += size
-            np.testing.assert_array_equal(course.moved(moved), scipy_s_own(moved, moved[30] if at_the_edge else 0.0), err_msg=str(j))
+            np.testing.assert_array_equal(
+                course.moved(moved), scipy_s_own(moved, moved[30] if at_the_edge else 0.0), err_msg=str(j)
+            )
     np.testing.assert_array_equal(course.pressures, kept)
 
 

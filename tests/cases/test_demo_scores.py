@@ -75,7 +75,8 @@ def test_gearmotor_follows_prbs_and_static_curve_with_one_set_of_parameters(reco
 
 
 def test_gearmotor_tells_what_its_first_model_lacks(records):
-    """By hand: friction takes 0.31 V of drive, and the motor, which keeps its sense in this record, cannot tell it from a dead zone."""
+    """By hand: friction takes 0.31 V of drive, and the motor, which keeps its sense in this record, cannot tell it
+    from a dead zone."""
     _, _, plain, fuller = records("gearmotor")["answers"]
     (without, _), (with_zone, unseen) = scores(plain), scores(fuller)
     assert (without > 17.0, with_zone < 5.0, unseen < 6.8) == (True, True, True)
@@ -122,7 +123,9 @@ def test_emps_filters_likelihood_and_regression_agree_within_their_intervals(rec
         "unscented Kalman filter",
     ]
     for column in range(1, 5):
-        low, high = zip(*(map(float, row[column].split("(")[1].rstrip(")").split(" to ")) for row in table["rows"]), strict=True)
+        low, high = zip(
+            *(map(float, row[column].split("(")[1].rstrip(")").split(" to ")) for row in table["rows"]), strict=True
+        )
         assert max(low) <= min(high), table["columns"][column]
         assert all(h - lo < 0.2 * abs(h + lo) for lo, h in zip(low, high, strict=True))
     assert any("agree within their 95 % intervals" in s for s in record["sentences"])

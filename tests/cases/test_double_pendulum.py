@@ -1,4 +1,5 @@
-"""The real double pendulum: the data set's own yardstick, a law on a made-up run, and the demo's promises on a subset of the runs."""
+"""The real double pendulum: the data set's own yardstick, a law on a made-up run, and the demo's promises on a
+subset of the runs."""
 
 from dataclasses import replace
 from importlib.resources import as_file, files
@@ -12,7 +13,14 @@ from plantfit.cases.double_pendulum.fits.fit_law import fit_law, rmse_of, standa
 from plantfit.cases.double_pendulum.fits.forward import angle_scores, encoder_zeros, published_law, simulated
 from plantfit.cases.double_pendulum.fits.laws import LAWS, PLAIN, PRESLIDING, model_of
 from plantfit.cases.double_pendulum.fits.runs import Run
-from plantfit.cases.double_pendulum.reference import PUBLISHED, RUNS, published, read_runs, reference_prediction, reference_torque
+from plantfit.cases.double_pendulum.reference import (
+    PUBLISHED,
+    RUNS,
+    published,
+    read_runs,
+    reference_prediction,
+    reference_torque,
+)
 from plantfit.cases.double_pendulum.sections import PHYSICAL, physical_columns
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.identify.base_parameters import base_parameters
@@ -37,7 +45,9 @@ def test_recordings_keep_their_jitter(raw):
     assert steps.max() > 0.0033
 
 
-@pytest.mark.parametrize(("name", "figures"), [("model_1.0", (0.1408, 0.1175, 0.1296)), ("model_2.0", (0.1407, 0.1174, 0.1296))])
+@pytest.mark.parametrize(
+    ("name", "figures"), [("model_1.0", (0.1408, 0.1175, 0.1296)), ("model_2.0", (0.1407, 0.1174, 0.1296))]
+)
 def test_published_models_score_as_the_data_set_says(raw, name, figures):
     errors = [reference_prediction(r, published(name)) - reference_torque(r) for r in raw.values()]
     found = rmse_of(np.concatenate(errors, axis=1))
@@ -56,7 +66,17 @@ def made_up(run, law, shape, values, zeros=(0.0, 0.0), noise=0.01):
     return Run(Recording(run.raw.t, signals, run.raw.name), run.motion)
 
 
-VALUES = {"b1": 0.05, "b2": 0.04, "b4": 0.21, "b5": 0.15, "Ir": 8e-5, "Fv1": 0.01, "Fc1": 0.2, "Fv2": 0.004, "Fc2": 0.15}
+VALUES = {
+    "b1": 0.05,
+    "b2": 0.04,
+    "b4": 0.21,
+    "b5": 0.15,
+    "Ir": 8e-5,
+    "Fv1": 0.01,
+    "Fc1": 0.2,
+    "Fv2": 0.004,
+    "Fc2": 0.15,
+}
 
 
 def test_law_is_found_again_with_its_distance_and_its_zeros(runs):
@@ -100,11 +120,16 @@ def test_nine_of_ten_parameters_show(runs):
 
 
 def test_nine_of_ten_by_the_equations_of_motion_alone(raw):
-    """The published model written out here, one column for each parameter set to 1: no code of the package but the reader's."""
+    """The published model written out here, one column for each parameter set to 1: no code of the package but the
+    reader's."""
     names, blocks = ("I1", "I2", "m2", "Ir", "m1r1", "m2r2", "b1", "b2", "cf1", "cf2"), []
     for r in raw.values():
         t = np.arange(r.t[0], r.t[-1], 0.002)
-        motion = [savgol_filter(np.interp(t, r.t, r[f"theta{j}"]), 51, 4, deriv=d, delta=0.002) for d in (0, 1, 2) for j in (1, 2)]
+        motion = [
+            savgol_filter(np.interp(t, r.t, r[f"theta{j}"]), 51, 4, deriv=d, delta=0.002)
+            for d in (0, 1, 2)
+            for j in (1, 2)
+        ]
         blocks.append(np.stack([_published_torque(motion, {n: float(n == m) for n in names}) for m in names], axis=1))
     columns = np.vstack(blocks)
     columns = columns / (norms := np.linalg.norm(columns, axis=0))
@@ -137,7 +162,8 @@ def test_left_out_runs_are_predicted_better_than_published(runs):
     made = leave_one_out(runs, lambda kept: fit_law(PRESLIDING, kept), torque_scores)
     for name, left in made.items():
         theirs = min(
-            rmse_of(reference_prediction(runs[name].raw, published(m)) - reference_torque(runs[name].raw))["both"] for m in PUBLISHED
+            rmse_of(reference_prediction(runs[name].raw, published(m)) - reference_torque(runs[name].raw))["both"]
+            for m in PUBLISHED
         )
         alike = min(torque_scores(published_law(m), runs[name])["both"] for m in PUBLISHED)
         assert left.scores["both"] < min(theirs, alike), name

@@ -1,4 +1,5 @@
-"""Virtual benches: every constant that a record determines lies inside its 95 % interval in 95 % +- 4 % of 200 records."""
+"""Virtual benches: every constant that a record determines lies inside its 95 % interval in 95 % +- 4 % of 200
+records."""
 
 from dataclasses import replace
 from functools import partial
@@ -49,17 +50,22 @@ def test_the_robots_motor_with_sensors_as_they_come_would_fail(tmp_path):
     (folder / "motor.toml").write_text("\n".join(kept))
     robot_experiment(folder, 1)
     model = load(folder / "motor.toml").problem.model
-    z = scores(model, partial(robot_experiment, folder), {n: ROBOT_MOTOR[other] for n, other in NAMES.items()}, SEEDS[:50])
+    z = scores(
+        model, partial(robot_experiment, folder), {n: ROBOT_MOTOR[other] for n, other in NAMES.items()}, SEEDS[:50]
+    )
     assert held(z["La"]) < 0.6  # both sensors look back by 0.1 ms, and the winding seems slower
     assert held(z["kw"]) < 0.85
 
 
 def board_record(seed):
-    """The board's own readings, each speed at its time, from rest; below 16 rad/s the age of a pulse is not known well."""
+    """The board's own readings, each speed at its time, from rest; below 16 rad/s the age of a pulse is not known
+    well."""
     own = replace(rig(), tick=1e-7, substeps=1000)
     r = own.record(seed, excitation(), name="motor").recording
     r = rec.duty_to_voltage(r, "duty", "V", own.supply, 2**own.bits - 1, own.bits, own.efficiency)
-    r = rec.period_to_speed(r, "Tp", "w", own.pulses, slot_error=own.slot_error, tick=own.tick, counts="N", lag="age", slot="slot")
+    r = rec.period_to_speed(
+        r, "Tp", "w", own.pulses, slot_error=own.slot_error, tick=own.tick, counts="N", lag="age", slot="slot"
+    )
     w, age = np.where(r["age"] <= 2e-4, r["w"], np.nan), r["age"].copy()
     w[0] = age[0] = 0.0
     seen = {n: r.signals[n] for n in ("V", "i", "slot")} | {"w": rec.Signal(w, "rad/s"), "age": rec.Signal(age, "s")}
@@ -93,14 +99,19 @@ def test_the_board_motor_with_a_current_channel(tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize("without", [(), ("i",)])
 def test_an_own_motor_as_the_rig_writes_it(tmp_path, without):
-    """docs/own-plants.md: study files as `plantfit rig dc_motor --study` writes them, with and without a current; 60 records."""
+    """docs/own-plants.md: study files as `plantfit rig dc_motor --study` writes them, with and without a current; 60
+    records."""
     constants = {"Rm": 1.2, "Lm": 3e-3, "Kb": 0.05, "Jm": 4e-4, "Cm": 2e-4, "Tf": 4e-3}
 
     def made(seed):
         return record_rig("dc_motor", constants, seed=seed, without=without)
 
     truth = {n: d["value"] for n, d in made(2000).truth["determined"].items() if n != "Kt"}
-    z = study_scores(lambda seed: made(seed).save(tmp_path / f"{seed}.csv", study=True, force=True)["study"], truth, range(2000, 2060))
+    z = study_scores(
+        lambda seed: made(seed).save(tmp_path / f"{seed}.csv", study=True, force=True)["study"],
+        truth,
+        range(2000, 2060),
+    )
     shares = {n: held(v) for n, v in z.items()}
     assert all(share >= 0.86 for share in shares.values()), shares  # 8 misses of 60; more come in 1 of 500 times
     assert all(abs(np.mean(v)) < 0.5 for v in z.values())

@@ -32,7 +32,9 @@ def study(tmp_path_factory):
     """The paper's objective on the first 20 s, with the true speed in the surrogate's place."""
     folder = unpack("motor", tmp_path_factory.mktemp("motor"))
     record = two_errors_record(made().recording, made().run.exact["w"])
-    short = Recording(record.t[:200], {n: type(s)(s.values[:200], s.unit) for n, s in record.signals.items()}, record.name)
+    short = Recording(
+        record.t[:200], {n: type(s)(s.values[:200], s.unit) for n, s in record.signals.items()}, record.name
+    )
     to_csv(short, folder / "two_errors.csv")
     return load(folder / "two_errors.toml")
 
@@ -64,7 +66,10 @@ def test_both_errors_are_the_papers(study):
 
     def rate(_, x, volts):
         i, w = x
-        return [(volts - p["Rm"] * i - p["Kb"] * w) / p["Lm"], (p["Kb"] * i - p["Cm"] * w - p["Tf"] * np.tanh(w / 0.1)) / p["Jm"]]
+        return [
+            (volts - p["Rm"] * i - p["Kb"] * w) / p["Lm"],
+            (p["Kb"] * i - p["Cm"] * w - p["Tf"] * np.tanh(w / 0.1)) / p["Jm"],
+        ]
 
     x = [np.zeros(2)]
     for volts in r["V"][:-1]:
@@ -126,9 +131,14 @@ def test_the_surrogate_is_nearer_to_the_true_speed_than_the_record():
 
 def test_wins_over_many_methods_are_one_sentence():
     def pair(better, worse, a12, p, differs=True):
-        return SimpleNamespace(better=better, worse=worse, a12=a12, p_holm=p, differs=differs, pairs=6, runs=(50, 50), sentence=f"{worse}?")
+        return SimpleNamespace(
+            better=better, worse=worse, a12=a12, p_holm=p, differs=differs, pairs=6, runs=(50, 50), sentence=f"{worse}?"
+        )
 
-    ends = [SimpleNamespace(name=n, cost=SimpleNamespace(median=m)) for n, m in (("ga", 3.0), ("auto", 1.0), ("de", 2.0), ("pso", 1.1))]
+    ends = [
+        SimpleNamespace(name=n, cost=SimpleNamespace(median=m))
+        for n, m in (("ga", 3.0), ("auto", 1.0), ("de", 2.0), ("pso", 1.1))
+    ]
     pairs = [
         pair("auto", "ga", 1.0, 1e-9),
         pair("auto", "de", 0.71, 0.002),
@@ -137,7 +147,8 @@ def test_wins_over_many_methods_are_one_sentence():
     ]
     told = _pairs(SimpleNamespace(methods=ends, pairs=pairs))  # pyright: ignore[reportArgumentType]
     assert told == [
-        "auto beats, with the share of pairs of runs that it wins (A12): ga 1.00, de 0.71; largest p 0.002 after Holm for 6 pairs of "
+        "auto beats, with the share of pairs of runs that it wins (A12): ga 1.00, de 0.71; largest p 0.002 after Holm "
+        "for 6 pairs of "
         "methods, 50 runs each.",
         "pso?",
     ]

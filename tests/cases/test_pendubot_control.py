@@ -7,7 +7,14 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from plantfit.cases.pendubot.sections.control_section import MOTOR, UPRIGHT, caught, closed, control_section, controllers
+from plantfit.cases.pendubot.sections.control_section import (
+    MOTOR,
+    UPRIGHT,
+    caught,
+    closed,
+    control_section,
+    controllers,
+)
 from plantfit.models.library.pendubot import pendubot
 
 TRUTH = {"m1": 0.210, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077}
@@ -52,7 +59,9 @@ def test_how_far_each_catches(designs):
         d = designs[name]
         loop = closed(d, model)
         for lean, holds in ((c.high, True), (c.high + c.resolution, False)):
-            seen = loop.simulate(d.parameters, MOTOR | TRUTH, {}, samples=3000, x0=UPRIGHT | {"theta1": np.pi / 2 + lean})
+            seen = loop.simulate(
+                d.parameters, MOTOR | TRUTH, {}, samples=3000, x0=UPRIGHT | {"theta1": np.pi / 2 + lean}
+            )
             assert bool(np.all(np.abs(np.asarray(seen.y["theta1"])[-500:] - np.pi / 2) < np.radians(2.0))) is holds
 
 
@@ -83,7 +92,9 @@ def test_on_the_linear_plant_mpc_comes_near_what_is_possible():
 
     linear = replace(model, derivative=derivative)
     most = lean_that_any_voltage_could_catch(plant)
-    reached = {name: caught(closed(designs[name], linear), designs[name], MOTOR | TRUTH).high / most for name in ("LQR", "MPC")}
+    reached = {
+        name: caught(closed(designs[name], linear), designs[name], MOTOR | TRUTH).high / most for name in ("LQR", "MPC")
+    }
     assert reached["LQR"] < 0.8 < 0.94 < reached["MPC"] <= 1.0
 
 

@@ -39,7 +39,9 @@ def section(motion):
 def test_the_section_says_and_names_what_is_determined(section):
     assert section["title"].endswith("(virtual rig)")
     first = section["sentences"][0]
-    assert first.startswith("4 combinations of the 6 parameters are determined: b1 = m1*lc1^2 + l1^2*m2 + I1, b2 = m2*lc2^2 + I2")
+    assert first.startswith(
+        "4 combinations of the 6 parameters are determined: b1 = m1*lc1^2 + l1^2*m2 + I1, b2 = m2*lc2^2 + I2"
+    )
     assert "no further combination" in section["sentences"][1]
     assert sum("can move together unseen" in s for s in section["sentences"]) == 2
     assert sum("proven by branch and bound" in s for s in section["sentences"]) == 2
@@ -68,7 +70,9 @@ def test_designs_are_run_in_the_loop_of_the_rig():
     family = UprightMoves(SHORT, moves=2)
     design = family.design(SHORT.poses)
     for ours, given in zip(family.poses(design), SHORT.poses, strict=True):
-        np.testing.assert_allclose([ours.start, ours.duration, ours.to], [given.start, given.duration, given.to], rtol=1e-9)
+        np.testing.assert_allclose(
+            [ours.start, ours.duration, ours.to], [given.start, given.duration, given.to], rtol=1e-9
+        )
     states, torque = family.reference(jnp.asarray(design))
     np.testing.assert_allclose(states, SHORT.reference.states, atol=1e-8)
     np.testing.assert_allclose(torque, SHORT.reference.torque, atol=1e-8)

@@ -1,4 +1,5 @@
-"""The robot's speed loop against a plain loop in numpy and python-control, and the claim of a hundredth of the evaluations."""
+"""The robot's speed loop against a plain loop in numpy and python-control, and the claim of a hundredth of the
+evaluations."""
 
 import numpy as np
 import pytest
@@ -44,7 +45,13 @@ def test_metrics_agree_with_python_control_and_the_fitness_with_eq_13():
     assert m.overshoot == pytest.approx(info["Overshoot"], abs=1e-9)
     for ours, theirs in (("rise_time", "RiseTime"), ("settling_time", "SettlingTime"), ("peak_time", "PeakTime")):
         assert getattr(m, ours) == pytest.approx(info[theirs], abs=1e-12)
-    by_hand = info["Overshoot"] / 100 + info["RiseTime"] + info["SettlingTime"] + info["PeakTime"] + abs(SET_POINT - y[-1]) / SET_POINT
+    by_hand = (
+        info["Overshoot"] / 100
+        + info["RiseTime"]
+        + info["SettlingTime"]
+        + info["PeakTime"]
+        + abs(SET_POINT - y[-1]) / SET_POINT
+    )
     assert float(fitness(m)) == pytest.approx(by_hand, rel=1e-9)
     assert float(objective(MOTOR).costs(jnp.array([GAINS]) / UPPER)[0]) == pytest.approx(by_hand, rel=1e-9)
 
@@ -52,7 +59,8 @@ def test_metrics_agree_with_python_control_and_the_fitness_with_eq_13():
 def test_what_never_settles_costs_a_second_for_it():
     m = response(MOTOR, (0.0, 0.0, 0.0))[1]
     assert np.isinf(m.settling_time)
-    # at rest all the time: rise and settling take the horizon, the first value is the largest, the error is the set point
+    # at rest all the time: rise and settling take the horizon, the first value is the largest, the error is the set
+    # point
     assert float(fitness(m)) == pytest.approx(1.0 + 1.0 + 0.0 + 1.0, rel=1e-12)
 
 

@@ -30,7 +30,8 @@ def problem():
 
 
 def test_the_whole_plant_steps_as_the_rig_does(problem):
-    """A step to an opening of the records in an open loop: that of the rig's own simulator, tables of that opening alone."""
+    """A step to an opening of the records in an open loop: that of the rig's own simulator, tables of that opening
+    alone."""
     loop = closed_loop(whole_plant(), OPEN, period=0.1, output="y", input="u", substeps=4)
     plants = plants_of(problem, [truth_point(problem)])
     for opening in (10.0, 50.0):

@@ -1,4 +1,5 @@
-"""Pieces of the steam demo: BDF and its finite differences, runs summed over openings, the study file, sections of the page."""
+"""Pieces of the steam demo: BDF and its finite differences, runs summed over openings, the study file, sections of
+the page."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -64,7 +65,9 @@ def truth() -> np.ndarray:
     """The cube point of the rig's tables."""
     p = problem()
     found = [rig_runs()[c.recording or ""].truth["parameters"][c.parameter] for c in p.space.coordinates]
-    return p.space.cube([v if np.ndim(v) == 0 else v[c.index[0]] for v, c in zip(found, p.space.coordinates, strict=True)])
+    return p.space.cube(
+        [v if np.ndim(v) == 0 else v[c.index[0]] for v, c in zip(found, p.space.coordinates, strict=True)]
+    )
 
 
 def cost(solver=None, budget=10_000) -> bdf.Cost:
@@ -132,7 +135,9 @@ class Smooth(bdf.Solver):
 
     def around(self, row: np.ndarray, step: bdf.Step) -> tuple[float, Callable[[np.ndarray], float]]:
         def value(row: np.ndarray) -> float:
-            return float(np.sum((row - 0.01 * step.opening) ** 2 * np.arange(1, len(row) + 1)) + np.prod(1 + 0.1 * row[:4]))
+            return float(
+                np.sum((row - 0.01 * step.opening) ** 2 * np.arange(1, len(row) + 1)) + np.prod(1 + 0.1 * row[:4])
+            )
 
         return value(row), value
 
@@ -169,10 +174,15 @@ def test_descent_ends_with_its_budget():
 
 
 def test_the_process_of_its_own_gives_the_same():
-    with Beside(bdf.descents, smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), np.full(62, 0.3), 64, 0) as made:
+    with Beside(
+        bdf.descents, smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), np.full(62, 0.3), 64, 0
+    ) as made:
         found = made.result()
     np.testing.assert_array_equal(
-        found.slopes, bdf.Cost(smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), bdf.Solver(), 100).differences(np.full(62, 0.3))
+        found.slopes,
+        bdf.Cost(smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), bdf.Solver(), 100).differences(
+            np.full(62, 0.3)
+        ),
     )
 
 
@@ -183,7 +193,9 @@ def test_a_process_that_fails_says_why():
 
 def result(costs, evaluations, x=(0.0,)) -> RunResult:
     at = np.asarray(evaluations, dtype=float)
-    return RunResult("m", 0, 1, np.array(x), float(costs[-1]), float(at[-1]), 1.0, Status.budget, at, np.asarray(costs, dtype=float))
+    return RunResult(
+        "m", 0, 1, np.array(x), float(costs[-1]), float(at[-1]), 1.0, Status.budget, at, np.asarray(costs, dtype=float)
+    )
 
 
 def test_runs_on_openings_are_summed_at_the_same_share_of_their_evaluations():
@@ -200,7 +212,8 @@ def test_openings_alone_add_up_to_the_problem_of_all():
     recordings = {n: r.recording for n, r in rig_runs().items()}
     exact = next(m for m in METHODS if m.label == "least squares, exact")
     start = np.full(62, 0.4)
-    # of 600 evaluations the last descent would have three Jacobians: too few to leave what fitted the errors of one step a sample
+    # of 600 evaluations the last descent would have three Jacobians: too few to leave what fitted the errors of one
+    # step a sample
     together = method_runs(problem(), exact, start, 5, 3000, 1)
     alone = opening_runs(recordings, exact, {n: np.full(31, 0.4) for n in recordings}, 5, 3000, 1)
     assert len(together.runs) == len(alone.runs) == 1
@@ -214,8 +227,8 @@ def test_openings_alone_add_up_to_the_problem_of_all():
 
 @pytest.mark.slow
 def test_random_starts_reach_the_noise_floor_of_exact_simulation():
-    """On another draw of the noise than the demo's (10 of 10 there): nine of ten, one ends at 1.17 times the floor. Costs are those of
-    much finer steps than the search took; at its own steps all ten reach the floor."""
+    """On another draw of the noise than the demo's (10 of 10 there): nine of ten, one ends at 1.17 times the floor.
+    Costs are those of much finer steps than the search took; at its own steps all ten reach the floor."""
     rig = SteamChamberRig()
     p = dynamic_problem({n: r.recording for n, r in rig.records(2).items()}, weighted=True)
     exact = next(m for m in METHODS if m.label == "least squares, exact, random starts")
@@ -228,8 +241,12 @@ def test_random_starts_reach_the_noise_floor_of_exact_simulation():
 
 def test_table_2_has_the_statistics_of_numpy():
     runs = [result([c], [100]) for c in (0.05, 0.02, 0.08)]
-    rows = table_2([MethodRuns("CMA-ES", STATIC, tuple(runs)), MethodRuns("other", STATIC, tuple(runs[:1]))], 0.025)["rows"]
-    assert [float(v) for v in rows[0][4:9]] == pytest.approx([0.02, 0.08, 0.05, 0.05, np.std([0.05, 0.02, 0.08], ddof=1)], rel=5e-3)
+    rows = table_2([MethodRuns("CMA-ES", STATIC, tuple(runs)), MethodRuns("other", STATIC, tuple(runs[:1]))], 0.025)[
+        "rows"
+    ]
+    assert [float(v) for v in rows[0][4:9]] == pytest.approx(
+        [0.02, 0.08, 0.05, 0.05, np.std([0.05, 0.02, 0.08], ddof=1)], rel=5e-3
+    )
     assert rows[0][9] == "2"
     assert rows[1][1] == "paper"
     assert [r[0] for r in rows] == ["CMA-ES", "", "other"]
@@ -246,7 +263,9 @@ def test_what_was_found_is_made_of_the_runs():
         {"parameter": "Td", "recording": n, "value": v + 0.02, "low": v - 0.1 * k, "high": v + 0.1 * k}
         for k, (n, v) in enumerate(true.items())
     ]
-    told = what_was_found(methods, floor, 0.1, slopes, runs, cast(Answer, SimpleNamespace(findings={"parameters": rows})))
+    told = what_was_found(
+        methods, floor, 0.1, slopes, runs, cast(Answer, SimpleNamespace(findings={"parameters": rows}))
+    )
     assert len(told) == 5
     assert "CMA-ES 2, L-BFGS-B, finite differences 10, DISH 40" in told[1]
     assert "exactly 0 for 2 of 2 dead times" in told[2]

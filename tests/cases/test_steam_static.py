@@ -101,7 +101,9 @@ def test_a_study_of_delays_tells_coverage_and_width():
 def test_the_page_says_what_was_found():
     recordings, whole, steps = fitted()
     truth = {n: r.truth["parameters"] for n, r in rig_runs().items()}
-    static = static_section([whole, steps], early_dead_times(recordings), truth, [delay_study(0.002, 16, 60.0, range(2))])
+    static = static_section(
+        [whole, steps], early_dead_times(recordings), truth, [delay_study(0.002, 16, 60.0, range(2))]
+    )
     constants = constant_uncertainty(recordings["opening100"])
     tables = table_uncertainty(recordings["opening100"], steps.constants["opening100"])
     section = uncertainty_section("100", tables, ["k[7]", "Td"], zero_left_in(recordings["opening100"]), constants)
@@ -110,13 +112,17 @@ def test_the_page_says_what_was_found():
     drawn = np.abs(rng.uniform(-0.039, 0.039, 200_000) + rng.uniform(-0.117, 0.117, 200_000))
     table = next(t for t in section["tables"] if "table 4" in t["caption"])
     for row in table["rows"]:
-        assert float(row[3].rstrip(" %")) == pytest.approx(float(row[2].rstrip(" %")), abs=0.5)  # the paper's 68, 95, 99.7 %
+        assert float(row[3].rstrip(" %")) == pytest.approx(
+            float(row[2].rstrip(" %")), abs=0.5
+        )  # the paper's 68, 95, 99.7 %
         assert float(row[5].rstrip(" %")) == pytest.approx(100 * np.mean(drawn < float(row[4])), abs=0.3)
     assert section["tables"][0]["rows"][-1][6] == "0.1424"
     assert [row[0] for row in section["tables"][-1]["rows"]] == ["k[7]", "Td"]
     gain = next(i for i, n in enumerate(constants.names) if n.startswith("k"))
     limit = np.sqrt(0.002**2 + 0.006**2) / np.sqrt(6)  # two triangles, in shares
-    shown = np.sqrt(sum(constants.systematic[f"{n}, span"][gain] ** 2 for n in ("pressure transducer", "analog input card")))
+    shown = np.sqrt(
+        sum(constants.systematic[f"{n}, span"][gain] ** 2 for n in ("pressure transducer", "analog input card"))
+    )
     assert shown == pytest.approx(constants.values[gain] * limit, rel=1e-3)
     page = render_case_page({"title": "x", "sections": [static, section]})
     assert "0.1424" in page

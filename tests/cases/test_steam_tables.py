@@ -39,7 +39,8 @@ def test_shared_surface_predicts_what_is_determined_and_the_page_says_what_is_no
 
 @pytest.mark.slow
 def test_a_valve_that_moves_under_pressure_tells_k_a1_and_a2_apart(tmp_path):
-    """docs/operating-point-tables.md: of one step few of 31 are determined, of openings that change under pressure most, and they hold."""
+    """docs/operating-point-tables.md: of one step few of 31 are determined, of openings that change under pressure
+    most, and they hold."""
     openings = "10%,25%,15%,35%,20%,45%,30%,46%,20%,40%,5%"
     made = record_rig("steam_chamber", {"tables_of": 40}, seed=3, excitation=openings, duration=660.0)
     study = load(made.save(tmp_path / "moved.csv", study=True)["study"])
@@ -48,7 +49,10 @@ def test_a_valve_that_moves_under_pressure_tells_k_a1_and_a2_apart(tmp_path):
     assert sum(r["status"] == "determined" for r in rows) >= 21
     combined = propagate(answer.problem, answer, study.errors).combined
     true = {n: np.ravel(d["value"]) for n, d in made.truth["determined"].items()}
-    z = [(r["value"] - true[r["parameter"]][r["index"][0] if r["index"] else 0]) / s for r, s in zip(rows, combined, strict=True)]
+    z = [
+        (r["value"] - true[r["parameter"]][r["index"][0] if r["index"] else 0]) / s
+        for r, s in zip(rows, combined, strict=True)
+    ]
     known = np.array([v for v, r in zip(z, rows, strict=True) if r["status"] == "determined"])
     assert np.sum(np.abs(known) > 1.96) <= 4  # of 24; five or more in 1 of 80 times
     assert np.max(np.abs(known)) < 4.0

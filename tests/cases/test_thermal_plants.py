@@ -50,7 +50,9 @@ def test_steps_of_the_exchanger_that_tell_nothing_are_those_above_1_5(folder):
 
 def test_error_after_steps_begins_at_zero():
     t = np.arange(0.0, 400.0, 2.0)
-    record = Recording(t, {"u": Signal(np.where(t < 200, 1.0, 2.0)), "y": Signal(np.where(t < 200, 5.0, 8.0), "degC")}, "made")
+    record = Recording(
+        t, {"u": Signal(np.where(t < 200, 1.0, 2.0)), "y": Signal(np.where(t < 200, 5.0, 8.0), "degC")}, "made"
+    )
     np.testing.assert_allclose(after_steps(None, "made", record), -3.0)
 
 
@@ -67,7 +69,10 @@ def test_exchanger_one_table_model_and_the_recordings_left_out(folder):
     record = demos()["exchanger"][1]()(folder / "exchanger_demo")
     assert value(record, "staircase of January, one table model") <= 0.5
     assert value(record, "staircase, a model for each level") == pytest.approx(0.365, abs=0.01)
-    for name in ("june_stairs", "june_prbs"):  # fitted within June, the table carries further; January's does not, and that is said
+    for name in (
+        "june_stairs",
+        "june_prbs",
+    ):  # fitted within June, the table carries further; January's does not, and that is said
         unseen, other = f"models of June, on {name}, unseen half: table", f"models of January, on {name}, unseen: table"
         assert value(record, unseen) < reference(record, unseen)
         assert value(record, other) > reference(record, other)

@@ -13,7 +13,11 @@ NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 def parts(page):
     """Text by title, of the sections of a page that have commands."""
     text = (DOCS / page).read_text("utf-8")
-    return {title: part for title, part in re.findall(r"^## (.+)\n((?:(?!^## ).*\n)*)", text, re.MULTILINE) if "    $ plantfit" in part}
+    return {
+        title: part
+        for title, part in re.findall(r"^## (.+)\n((?:(?!^## ).*\n)*)", text, re.MULTILINE)
+        if "    $ plantfit" in part
+    }
 
 
 def commands(part):
@@ -28,23 +32,28 @@ def commands(part):
 
 
 def told(line):
-    """A line without its numbers and spaces, and its numbers; a p-value goes by its order of magnitude and is left out."""
+    """A line without its numbers and spaces, and its numbers; a p-value goes by its order of magnitude and is left
+    out."""
     line = re.sub(r"p = [\d.e-]+", "p", line)
     words = re.sub(r"[\s()-]+|(?<=#\))e(?=#)", "", NUMBER.sub("#", line))
     return words, NUMBER.findall(line)
 
 
 def alike(one, other, chatter=False):
-    """Whether two lines have the same words, and numbers to 2 % or two units of the last digit, by which machines may differ.
+    """Whether two lines have the same words, and numbers to 2 % or two units of the last digit, by which machines may
+    differ.
 
     With `chatter` the record itself differs from machine to machine: estimates agree within four standard errors.
     """
     (words, numbers), (others, found) = told(one), told(other)
     if chatter:
         pairs = zip(re.findall(ESTIMATE, one), re.findall(ESTIMATE, other), strict=True)
-        return words == others and all(abs(float(a) - float(b)) <= 4 * (float(s) + float(r)) for (a, s), (b, r) in pairs)
+        return words == others and all(
+            abs(float(a) - float(b)) <= 4 * (float(s) + float(r)) for (a, s), (b, r) in pairs
+        )
     return words == others and all(
-        abs(float(a) - float(b)) <= max(0.02 * abs(float(a)), 2.01 * unit(a)) for a, b in zip(numbers, found, strict=True)
+        abs(float(a) - float(b)) <= max(0.02 * abs(float(a)), 2.01 * unit(a))
+        for a, b in zip(numbers, found, strict=True)
     )
 
 
@@ -69,7 +78,8 @@ def missing(wanted, said, chatter=False):
 
 
 def first_wrong(capsys, monkeypatch, folder, part, chatter=False):
-    """Run the commands of a part in an empty folder; the first that fails, or line that is missing, None where there is none."""
+    """Run the commands of a part in an empty folder; the first that fails, or line that is missing, None where there
+    is none."""
     monkeypatch.chdir(folder)
     monkeypatch.setenv("COLUMNS", "500")
     for words, lines in commands(part):

@@ -26,7 +26,13 @@ bounds = [0.1, 9]
 def folder(tmp_path, monkeypatch):
     rng = np.random.default_rng(8)
     u = rng.uniform(1, 2, 100)
-    np.savetxt(tmp_path / "bench.csv", np.c_[u, 3 * u + 0.01 * rng.standard_normal(100)], delimiter=",", header="u,y", comments="")
+    np.savetxt(
+        tmp_path / "bench.csv",
+        np.c_[u, 3 * u + 0.01 * rng.standard_normal(100)],
+        delimiter=",",
+        header="u,y",
+        comments="",
+    )
     (tmp_path / "gain.toml").write_text(SPEC)
     monkeypatch.chdir(tmp_path)
     return tmp_path

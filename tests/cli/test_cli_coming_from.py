@@ -66,7 +66,9 @@ def test_the_curve_without_states_is_fitted():
     made: dict[str, Any] = {"pf": pf}
     exec(compile(BLOCKS[1], "coming-from.md", "exec"), made)
     x = np.linspace(0, 5, 40)
-    record = pf.from_arrays({"t": np.arange(40.0), "x": x, "y": 2 * np.exp(-x / 1.5)}, time="t", signals={"x": "x", "y": "y"})
+    record = pf.from_arrays(
+        {"t": np.arange(40.0), "x": x, "y": 2 * np.exp(-x / 1.5)}, time="t", signals={"x": "x", "y": "y"}
+    )
     answer = pf.fit(pf.Problem(made["curve"], record))
     assert answer.values == pytest.approx({"a": 2.0, "b": 1.5}, rel=1e-5)
 
@@ -88,7 +90,11 @@ def test_exports_and_keys_of_the_page_are_there():
     row = next(r for r in PAGE.splitlines() if r.startswith("| going back"))
     assert {"matlab", "c", "casadi", "control"} <= set(TARGETS) & set(re.findall(r"\w+", row))
     keys = {k for table in json_schema()["$defs"].values() for k in table.get("properties", {})}
-    assert {k for c in CODE if (k := c.split(" = ")[0]) in ("clean", "value", "tied")} == {"clean", "value", "tied"} & keys
+    assert {k for c in CODE if (k := c.split(" = ")[0]) in ("clean", "value", "tied")} == {
+        "clean",
+        "value",
+        "tied",
+    } & keys
 
 
 def test_the_five_lines_of_the_readme_run(monkeypatch, tmp_path):
@@ -100,7 +106,9 @@ def test_the_five_lines_of_the_readme_run(monkeypatch, tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("line", [c for c in COMMANDS if c.split()[1] not in ("track", "new", "resume") and "--posterior" not in c])
+@pytest.mark.parametrize(
+    "line", [c for c in COMMANDS if c.split()[1] not in ("track", "new", "resume") and "--posterior" not in c]
+)
 def test_its_commands_run(line, capsys, monkeypatch, tmp_path):
     """But `track`, `new` and `resume`, which have tests of their own, and the posterior, which is an extra."""
     monkeypatch.chdir(tmp_path)

@@ -23,10 +23,13 @@ def add_study(store, methods, *, runs=12, probe=b"", budget=2000, rates=(1.0, 2.
     number = store.add(plan, spec_text=None, coordinates=NAMES, probe=probe)
     for _ in range(len(methods) if tasks is None else tasks):
         claim = store.claim(number, "me")
-        made = [falling(claim.task.method, k, rates[methods.index(claim.task.method)], budget=budget) for k in range(runs)]
+        made = [
+            falling(claim.task.method, k, rates[methods.index(claim.task.method)], budget=budget) for k in range(runs)
+        ]
         results = [
             RunResult(
-                r.method, r.run, 1, r.x, r.cost, r.evaluations, r.seconds, Status.budget, r.history_evaluations, r.history_cost,
+                r.method, r.run, 1, r.x, r.cost, r.evaluations, r.seconds, Status.budget, r.history_evaluations,
+                r.history_cost,
                 0, extra or {},
             )
             for r in made

@@ -33,7 +33,9 @@ def study(folder, lags):
     rng = np.random.default_rng(3)
     for name, lag in lags.items():
         r = recording(rng, name, lag=lag)
-        np.savetxt(folder / f"{name}.csv", np.column_stack([r.t, r["u"], r["y"]]), delimiter=",", header="t,u,y", comments="")
+        np.savetxt(
+            folder / f"{name}.csv", np.column_stack([r.t, r["u"], r["y"]]), delimiter=",", header="t,u,y", comments=""
+        )
     tables = "\n".join(f'[recording.{n}]\nfile = "{n}.csv"\ntime = "t"' for n in lags)
     (folder / "oven.toml").write_text(SPEC.format(recordings=tables))
 
@@ -102,7 +104,10 @@ def test_what_cannot_be_compared_is_said_before_anything_is_fitted(tmp_path, cap
     study(tmp_path, {"may": 0.6})
     said = call(capsys, monkeypatch, "compare-records", "oven.toml")
     assert said.code == 3
-    assert "'oven' fits one recording, 'may', and there is nothing to compare it with; add another [recording.NAME]" in said.err
+    assert (
+        "'oven' fits one recording, 'may', and there is nothing to compare it with; add another [recording.NAME]"
+        in said.err
+    )
     assert "Traceback" not in said.err
     assert call(capsys, monkeypatch, "compare-records", "none.toml").code == 7
     assert call(capsys, monkeypatch, "compare-records", "oven", "--store", "none.db").code == 10

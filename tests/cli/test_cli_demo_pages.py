@@ -38,11 +38,16 @@ def first_section(page):
     """Title and points of the first section of a page."""
     found = re.search(r"<section id=\"section-1\">\s*<h2>(.*?)</h2>(.*?)</section>", page, re.S)
     assert found
-    return found[1], [" ".join(re.sub(r"<[^>]+>", " ", p).split()) for p in re.findall(r"<li>(.*?)</li>", found[2], re.S)]
+    return found[1], [
+        " ".join(re.sub(r"<[^>]+>", " ", p).split()) for p in re.findall(r"<li>(.*?)</li>", found[2], re.S)
+    ]
 
 
 def test_a_sentence_that_stands_twice_is_seen():
-    page = "<h2>A title of few words</h2><ul><li>One long sentence stands here. Another.</li><li>One long sentence stands here.</li></ul>"
+    page = (
+        "<h2>A title of few words</h2><ul><li>One long sentence stands here. Another.</li><li>One long sentence "
+        "stands here.</li></ul>"
+    )
     assert twice(page) == ["One long sentence stands here."]
     assert twice(page.replace("stands here.</li></ul>", "stands there.</li></ul>")) == []
     assert twice("<td>One long sentence stands here.</td>" * 2) == []

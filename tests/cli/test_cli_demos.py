@@ -37,7 +37,9 @@ def test_files_alone_are_copied_and_named(capsys, monkeypatch, tmp_path):
 
 
 def test_what_was_found_stands_first():
-    made = record("a", "A", [], [], [], [], [{"title": "Then", "sentences": ["more"]}], found=["One number.", "Another."])
+    made = record(
+        "a", "A", [], [], [], [], [{"title": "Then", "sentences": ["more"]}], found=["One number.", "Another."]
+    )
     assert [s["title"] for s in made["sections"]] == [FOUND, "Then"]
     assert made["sections"][0]["sentences"] == made["found"] == ["One number.", "Another."]
     assert record("a", "A", [], [], [], [])["sections"] == []

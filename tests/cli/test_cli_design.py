@@ -1,4 +1,5 @@
-"""`plantfit design`: from a finished study of a heater with known truth to an input that can be recorded, its page, and refusals."""
+"""`plantfit design`: from a finished study of a heater with known truth to an input that can be recorded, its page,
+and refusals."""
 
 import json
 import shutil
@@ -76,12 +77,27 @@ def test_an_input_within_limits_is_written_for_record_with_a_page(place, capsys,
 
 def test_a_second_lag_is_told_from_a_longer_dead_time(place, capsys, monkeypatch):
     text = (place / "heater.toml").read_text()
-    other = text.replace('"heater"', '"two lags"').replace("delay(u, L)", "z").replace("x' =", "z' = (delay(u, L) - z)/tau2\nx' =")
+    other = (
+        text.replace('"heater"', '"two lags"')
+        .replace("delay(u, L)", "z")
+        .replace("x' =", "z' = (delay(u, L) - z)/tau2\nx' =")
+    )
     other = other.replace("states = {", 'states = { z = { unit = "%", initial = "u" },')
     other = other.replace("[search]", '[parameters.tau2]\nbounds = [0.5, 20.0]\nscale = "log"\nunit = "s"\n[search]')
     (place / "two.toml").write_text(other)
     assert call(capsys, monkeypatch, "run", "two.toml", "--no-diagnose").code == 0
-    words = ("design", "heater.toml", "--against", "two.toml", "--input", "u=0..100", "--duration", "3min", *FEW, "--json")
+    words = (
+        "design",
+        "heater.toml",
+        "--against",
+        "two.toml",
+        "--input",
+        "u=0..100",
+        "--duration",
+        "3min",
+        *FEW,
+        "--json",
+    )
     record = call(capsys, monkeypatch, *words).record("design")
     assert record["against"] == "two lags"
     assert record["distance"] > 0

@@ -41,7 +41,9 @@ def test_a_file_that_is_there_is_kept_and_what_was_found_is_said(axis, capsys, m
 
 
 def test_one_that_is_asked_for_is_written_whatever_it_explains(axis, capsys, monkeypatch):
-    said = call(capsys, monkeypatch, "diagnose", "axis.toml", "--try", "drag by the square on force with velocity", "--json")
+    said = call(
+        capsys, monkeypatch, "diagnose", "axis.toml", "--try", "drag by the square on force with velocity", "--json"
+    )
     assert said.code == 0, said.err
     record = json.loads(said.out)
     assert record["write"][1].startswith('quadratic = { "force with velocity" = [')
@@ -71,7 +73,9 @@ def test_run_names_what_a_regression_lacks(tmp_path, capsys, monkeypatch, filter
     said = call(capsys, monkeypatch, "run", "axis.toml")
     assert said.code == 0, said.err
     assert "Dry friction of 1.50" in said.out
-    assert 'Next: plantfit run axis.toml --try "dry friction on force with velocity over 0.0001"' in " ".join(said.out.split())
+    assert 'Next: plantfit run axis.toml --try "dry friction on force with velocity over 0.0001"' in " ".join(
+        said.out.split()
+    )
 
 
 def test_run_says_nothing_of_a_regression_that_lacks_nothing(tmp_path, capsys, monkeypatch):

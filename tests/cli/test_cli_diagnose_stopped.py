@@ -31,7 +31,9 @@ def test_what_was_tried_is_told_and_written(tmp_path, capsys, monkeypatch):
     assert "Stopping; what was tried until now is told." in said.err
     assert "A dead time of" in said.out
     assert "dead_time" in (tmp_path / "new.toml").read_text()
-    told = re.search(r"It was stopped: (\d+) of (\d+) additions to the model were tried until then", " ".join(said.out.split()))
+    told = re.search(
+        r"It was stopped: (\d+) of (\d+) additions to the model were tried until then", " ".join(said.out.split())
+    )
     assert told
     assert int(told[1]) == len(tried) < int(told[2])
     assert "likely missing" not in said.out

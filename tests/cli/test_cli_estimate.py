@@ -52,7 +52,8 @@ def test_the_truth_that_a_rig_leaves_is_read_in_the_units_of_the_study(bench, mo
     answer: Any = SimpleNamespace(problem=study.problem, spec=study.text)
     assert known_truth(answer) == {}
     (bench / "bench.truth.json").write_text(
-        '{"rig": "lag", "constants": {"tau": {"value": 500, "unit": "ms"}, "K": {"value": 2, "unit": "s"}, "other": 1}, "determined": []}'
+        '{"rig": "lag", "constants": {"tau": {"value": 500, "unit": "ms"}, "K": {"value": 2, "unit": "s"}, "other": '
+        '1}, "determined": []}'
     )
     assert known_truth(answer) == {"tau": 0.5}
     (bench / "bench.truth.json").write_text("not JSON")
@@ -83,7 +84,8 @@ def test_estimates_of_a_study_file(bench, capsys, monkeypatch):
 
 
 def test_states_are_written_filtered_and_smoothed(bench, capsys, monkeypatch):
-    """Against the plant's true state: bands of two standard deviations hold it, and what comes later makes it better known."""
+    """Against the plant's true state: bands of two standard deviations hold it, and what comes later makes it better
+    known."""
     monkeypatch.chdir(bench)
     said = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", "ekf", "--states", "states.csv")
     assert said.code == 0, said.err
@@ -112,13 +114,17 @@ def test_states_are_written_filtered_and_smoothed(bench, capsys, monkeypatch):
         ("ekf", ".", 10, "holds no states"),
     ],
 )
-def test_states_that_cannot_be_are_refused_before_anything_is_computed(bench, capsys, monkeypatch, method, file, code, sentence):
+def test_states_that_cannot_be_are_refused_before_anything_is_computed(
+    bench, capsys, monkeypatch, method, file, code, sentence
+):
     monkeypatch.chdir(bench)
     monkeypatch.setattr("plantfit.estimators.estimate_parameters", None)
     (bench / "binary.csv").write_bytes(b"\xff\xfe\x00data")
     (bench / "binary.csv.gz").write_bytes(b"\x1f\x8bdata")
     before = {f.name: f.read_bytes() for f in bench.iterdir() if f.is_file() and f.suffix in (".csv", ".gz")}
-    said = call(capsys, monkeypatch, "estimate", "lag.toml", "--method", method, "--states", file, "--store", "unused.db")
+    said = call(
+        capsys, monkeypatch, "estimate", "lag.toml", "--method", method, "--states", file, "--store", "unused.db"
+    )
     assert said.code == code
     assert sentence in said.err.replace("\n", " ")
     assert {f.name: f.read_bytes() for f in bench.iterdir() if f.is_file() and f.suffix in (".csv", ".gz")} == before
@@ -168,8 +174,18 @@ def test_standard_input_is_tracked(bench, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("change", "words", "code", "sentence"),
     [
-        (("[estimate]", "[estimate]\nmetods = 1"), ["estimate"], 7, "key 'estimate.metods' is not known; did you mean 'methods'?"),
-        (("[estimate.process]\nx", "[estimate.process]\nv"), ["estimate"], 7, "[estimate.process] names 'v', which is no state"),
+        (
+            ("[estimate]", "[estimate]\nmetods = 1"),
+            ["estimate"],
+            7,
+            "key 'estimate.metods' is not known; did you mean 'methods'?",
+        ),
+        (
+            ("[estimate.process]\nx", "[estimate.process]\nv"),
+            ["estimate"],
+            7,
+            "[estimate.process] names 'v', which is no state",
+        ),
         (('y = "50 mK"', "y = -1"), ["estimate"], 6, "[estimate]: The measurement level of 'y' is -1.0"),
         (('y = "50 mK"', 'y = "50 mV"'), ["estimate"], 4, "[estimate.measurement] y = '50 mV'"),
         (
@@ -180,7 +196,12 @@ def test_standard_input_is_tracked(bench, capsys, monkeypatch):
         ),
         (("", ""), ["track", "--recording", "none.csv"], 3, "There is no recording 'none.csv'"),
         (("", ""), ["track", "--recording", "healthy.csv", "--idle", "3s"], 3, "--idle is for a recording that grows"),
-        (("", ""), ["track", "--recording", "healthy.csv", "--like", "x"], 7, "--like x: the study has no such recording; it has bench"),
+        (
+            ("", ""),
+            ["track", "--recording", "healthy.csv", "--like", "x"],
+            7,
+            "--like x: the study has no such recording; it has bench",
+        ),
         (
             ('time = "t"', 'time = "t"\nclean = [{ step = "lowpass", signal = "y", cutoff = 3.0 }]'),
             ["track", "--recording", "healthy.csv", "--follow"],

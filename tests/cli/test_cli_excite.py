@@ -13,7 +13,8 @@ from plantfit.recording.excitation import prbs
 def test_a_prbs_with_everything(capsys, monkeypatch, tmp_path):
     places = [tmp_path / name for name in ("excite.csv", "excite.h", "excite.html")]
     said = call(
-        capsys, monkeypatch, "excite", "prbs", "--amplitude", "6V", "--rate", "100Hz", "--duration", "0.5min", "--hold", "3", "--seed", "4",
+        capsys, monkeypatch, "excite", "prbs", "--amplitude", "6V", "--rate", "100Hz", "--duration", "0.5min", "--hold",
+        "3", "--seed", "4",
         "--voltage", "3000mV", "--out", places[0], "--header", places[1], "--preview", places[2],
     )  # fmt: skip
     assert said.code == 0, said.err
@@ -76,7 +77,8 @@ def test_steps_and_dead_zones_in_another_unit_of_temperature_are_sizes(capsys, m
     def made(step):
         place = tmp_path / f"{step}.h"
         said = call(
-            capsys, monkeypatch, "excite", "prbs", "--amplitude", "5degC", "--signal", "T", "--rate", "1Hz", "--duration", "60s",
+            capsys, monkeypatch, "excite", "prbs", "--amplitude", "5degC", "--signal", "T", "--rate", "1Hz",
+            "--duration", "60s",
             "--step", step, "--out", tmp_path / f"{step}.csv", "--header", place,
         )  # fmt: skip
         assert said.code == 0, said.err

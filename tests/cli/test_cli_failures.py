@@ -28,7 +28,13 @@ def failing(monkeypatch, tmp_path):
     return fail_with
 
 
-ERRORS = [ValueError("line 1\nline 2"), KeyError("k"), RecursionError(), AssertionError(), ZeroDivisionError("x" * 9000)]
+ERRORS = [
+    ValueError("line 1\nline 2"),
+    KeyError("k"),
+    RecursionError(),
+    AssertionError(),
+    ZeroDivisionError("x" * 9000),
+]
 ERRORS += [TypeError("\ud800")]
 
 
@@ -101,7 +107,9 @@ def test_a_reader_that_leaves_and_a_terminal_without_umlauts(tmp_path):
     assert told.returncode == 7
     assert b"There is no study file 'W\\xe4rme\\u2192.toml'" in told.stderr
     code = run.format(words=["methods"])
-    left = subprocess.run(["sh", "-c", f'"{sys.executable}" -c "{code}" | head -c 1'], capture_output=True, text=True, cwd=tmp_path)
+    left = subprocess.run(
+        ["sh", "-c", f'"{sys.executable}" -c "{code}" | head -c 1'], capture_output=True, text=True, cwd=tmp_path
+    )
     assert left.stderr == ""
 
 

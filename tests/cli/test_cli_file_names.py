@@ -20,7 +20,8 @@ from study_fakes import FakeSearch, objective  # pyright: ignore[reportMissingIm
 from plantfit.study import Plan, run
 
 HOSTILE = [
-    "../escaped", "/tmp/escaped", "a/b", "a\0b", "..", ".", "~", "-rf", "con", "NUL.x", "a\nb", "\ud800", "C:\\x", "x" * 5000,
+    "../escaped", "/tmp/escaped", "a/b", "a\0b", "..", ".", "~", "-rf", "con", "NUL.x", "a\nb", "\ud800", "C:\\x",
+    "x" * 5000,
     "é" * 300, ".bashrc", "<script>", "a:b", " ", "\u202e", "$(x)", "*",
 ]  # fmt: skip
 

@@ -22,7 +22,10 @@ x = { initial = 1.0, unit = "m" }
 bounds = [0.01, 0.5]
 unit = "1/m/s"
 '''
-SAID = "No steps make this simulation exact to 0.2 %: its error is as large as the outputs move, or larger, so do not use its numbers."
+SAID = (
+    "No steps make this simulation exact to 0.2 %: its error is as large as the outputs move, or larger, so do not "
+    "use its numbers."
+)
 
 
 @pytest.fixture
@@ -42,7 +45,9 @@ def test_check_and_predict(study, k, said, capsys, monkeypatch):
     assert (SAID in " ".join(found.out.split())) == said
     found = call(capsys, monkeypatch, "predict", str(study), "--set", f"k={k}", "-o", place)
     assert (SAID in " ".join(found.out.split())) == said
-    record = call(capsys, monkeypatch, "predict", str(study), "--set", f"k={k}", "-o", place, "--json").record("predict")
+    record = call(capsys, monkeypatch, "predict", str(study), "--set", f"k={k}", "-o", place, "--json").record(
+        "predict"
+    )
     assert record["step_error"] == (1.0 if said else None)
 
 

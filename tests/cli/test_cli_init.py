@@ -49,7 +49,10 @@ def test_what_is_said_names_each_column_and_the_next_command(tmp_path, capsys, m
     assert said.out.endswith("Next: plantfit check idle.toml\n")
     next(s for s in STYLES if s.name == "noise.csv").write(tmp_path / "noise.csv")
     assert "Not sure of 'AI1' (input)" in call(capsys, monkeypatch, "init", "noise.csv").out
-    assert "Not sure" not in call(capsys, monkeypatch, "init", "noise.csv", "--force", "--input", "AI1", "--output", "AI0").out
+    assert (
+        "Not sure"
+        not in call(capsys, monkeypatch, "init", "noise.csv", "--force", "--input", "AI1", "--output", "AI0").out
+    )
 
 
 def test_an_output_that_nothing_moves_is_said_to_be_one(tmp_path, capsys, monkeypatch):
@@ -62,16 +65,33 @@ def test_an_output_that_nothing_moves_is_said_to_be_one(tmp_path, capsys, monkey
     header = "t_s,valve_u,temp1_degC,temp2_degC"
     np.savetxt(tmp_path / "ex.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
     said = " ".join(call(capsys, monkeypatch, "init", "ex.csv", "--yes").out.split())
-    assert "temp1_degC does not seem to answer to valve_u: leave it out, or make it an input (--input 'temp1_degC')." in said
+    assert (
+        "temp1_degC does not seem to answer to valve_u: leave it out, or make it an input (--input 'temp1_degC')."
+        in said
+    )
     assert "temp2_degC answers to valve_u." in said
-    named = call(capsys, monkeypatch, "init", "ex.csv", "--force", "--input", "temp1_degC", "--input", "valve_u", "--output", "temp2_degC")
+    named = call(
+        capsys,
+        monkeypatch,
+        "init",
+        "ex.csv",
+        "--force",
+        "--input",
+        "temp1_degC",
+        "--input",
+        "valve_u",
+        "--output",
+        "temp2_degC",
+    )
     assert "No answer" not in named.out
 
 
 def test_named_columns_win(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     next(s for s in STYLES if s.name == "two.csv").write(tmp_path / "two.csv")
-    said = call(capsys, monkeypatch, "init", "two.csv", "--json", "--input", "Heater_2", "--output", "Temperature 2 (degC)")
+    said = call(
+        capsys, monkeypatch, "init", "two.csv", "--json", "--input", "Heater_2", "--output", "Temperature 2 (degC)"
+    )
     told = json.loads(said.out)
     assert (told["inputs"], told["outputs"]) == (["Heater_2"], ["Temperature_2"])
     for words, message in (
@@ -145,7 +165,9 @@ def test_candidates_are_fitted_and_compared(tmp_path, capsys, monkeypatch):
     assert {f.name for f in tmp_path.glob("*.toml")} == {f"plant-{k}.toml" for k in ("first", "dead_time", "second")}
     told = json.loads(said.out)
     first = told["verdict"][0]["sentence"]
-    assert first.startswith(("The data do not tell plant-dead_time.toml and plant-second.toml apart", "plant-dead_time.toml predicts"))
+    assert first.startswith(
+        ("The data do not tell plant-dead_time.toml and plant-second.toml apart", "plant-dead_time.toml predicts")
+    )
     rmse = {m["name"]: m for m in told["models"]}
     assert set(rmse) >= {"plant-first.toml", "plant-dead_time.toml", "plant-second.toml"}
     assert "plant-first.toml" in first
@@ -159,7 +181,9 @@ def test_a_file_without_an_output_and_a_folder_that_is_missing_are_told(tmp_path
     said = call(capsys, monkeypatch, "init", "still.csv", "--yes")
     assert said.code == 3
     assert "only 'u' changes" in " ".join(said.err.split())
-    Path("moves.csv").write_text("t,u,y\n" + "\n".join(f"{0.1 * k:.1f},{k // 9 % 2},{k % 5}" for k in range(50)) + "\n", "utf-8")
+    Path("moves.csv").write_text(
+        "t,u,y\n" + "\n".join(f"{0.1 * k:.1f},{k // 9 % 2},{k % 5}" for k in range(50)) + "\n", "utf-8"
+    )
     said = call(capsys, monkeypatch, "init", "moves.csv", "--yes", "--out", "missing/study.toml")
     assert said.code != 0
     assert "There is no folder 'missing'" in " ".join(said.err.split())
@@ -179,7 +203,11 @@ def test_times_that_go_back_or_stand_twice_are_treated_in_the_file(tmp_path, cap
     said = call(capsys, monkeypatch, "init", "a.csv", "--yes")
     assert said.code == 0, said.err
     table = tomllib.loads((tmp_path / "a.toml").read_text())["recording"]["data"]
-    assert [f"{k} = {'true' if table[k] is True else chr(34) + table[k] + chr(34)}" for k in ("sort", "duplicates") if k in table] == lines
+    assert [
+        f"{k} = {'true' if table[k] is True else chr(34) + table[k] + chr(34)}"
+        for k in ("sort", "duplicates")
+        if k in table
+    ] == lines
     for line in lines:
         assert f"The study file treats this with {line}" in said.out
     checked = call(capsys, monkeypatch, "check", "a.toml")
@@ -197,8 +225,10 @@ def test_every_parameter_says_what_it_is(capsys, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize(("name", "unit"), [
-    ("temp1_degC", "degC"), ("heater_V", "V"), ("speed_rad_s", "rad/s"), ("p_mbar", "mbar"), ("level_pct", "%"), ("flow_l_min", "l/min"),
-    ("run_1", None), ("x_m", None), ("motor_A", None), ("T_K", None), ("_V", None), ("degC", None), ("leverage", None), ("phase_s", None),
+    ("temp1_degC", "degC"), ("heater_V", "V"), ("speed_rad_s", "rad/s"), ("p_mbar", "mbar"), ("level_pct", "%"),
+    ("flow_l_min", "l/min"),
+    ("run_1", None), ("x_m", None), ("motor_A", None), ("T_K", None), ("_V", None), ("degC", None), ("leverage", None),
+    ("phase_s", None),
 ])  # fmt: skip
 def test_a_unit_that_a_name_ends_in_is_taken_where_it_is_sure(name, unit):
     from plantfit.recording.readers.columns import unit_in_name
@@ -212,7 +242,9 @@ def test_units_of_names_and_umlauts_reach_the_study(tmp_path, capsys, monkeypatc
     t, u, x = np.arange(300.0), np.repeat(rng.uniform(0, 10, 15), 20), np.zeros(300)
     for k in range(299):
         x[k + 1] = x[k] + (2 * u[k] - x[k]) / 25
-    rows = "\n".join(f"{a:.1f};{b:.3f};{c:.3f};{c + 3:.3f}" for a, b, c in zip(t, u, x + rng.normal(0, 0.1, 300), strict=True))
+    rows = "\n".join(
+        f"{a:.1f};{b:.3f};{c:.3f};{c + 3:.3f}" for a, b, c in zip(t, u, x + rng.normal(0, 0.1, 300), strict=True)
+    )
     (tmp_path / "tank.csv").write_text("time_s;heater_V;temp_degC;Füllstand (mm)\n" + rows, "utf-8")
     assert call(capsys, monkeypatch, "init", "tank.csv", "--yes").code == 0
     text = (tmp_path / "tank.toml").read_text("utf-8")
@@ -232,7 +264,9 @@ def test_a_rest_that_no_input_came_near_is_called_an_extrapolation(low, told, tm
     np.savetxt("pump.csv", rows, delimiter=",", header="t_s,pump_V,level_mm", comments="", fmt="%.5g")
     assert call(capsys, monkeypatch, "init", "pump.csv", "--yes").code == 0
     sentence = tomllib.loads((tmp_path / "pump.toml").read_text("utf-8"))["parameters"]["rest"]["sentence"]
-    assert sentence == "where level_mm rests without input" + (" (an extrapolation: pump_V was never below 0.8 V)" if told else "")
+    assert sentence == "where level_mm rests without input" + (
+        " (an extrapolation: pump_V was never below 0.8 V)" if told else ""
+    )
 
 
 def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name(tmp_path, capsys, monkeypatch):
@@ -241,7 +275,10 @@ def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name
     Path("a.csv").write_text(f"t [s],u [V],speed [blub],n [0]\n{rows}\n", "utf-8")
     said = call(capsys, monkeypatch, "init", "a.csv", "--yes", "--input", "u", "--output", "speed [blub]")
     assert said.code == 0, said.err
-    told = "'blub' in the header 'speed [blub]' is not a known unit and counts as part of the name; correct it, or state the unit in units."
+    told = (
+        "'blub' in the header 'speed [blub]' is not a known unit and counts as part of the name; correct it, or "
+        "state the unit in units."
+    )
     assert " ".join(said.out.split()).count(told) == 1
     assert "'0' in the header" not in said.out
     recording = spec.load(tmp_path / "a.toml").problem.experiments["data"].recording
@@ -254,13 +291,16 @@ def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name
     ("file", "text", "told"),
     [
         (".", None, "'.' is a folder; name a file in it."),
-        ("two.csv", "t,u,u,y\n0,1,2,3\n1,0,3,2\n2,1,4,3\n3,2,2,4\n4,1,2,2\n", "two.csv has 2 columns 'u'; give each its own "
+        ("two.csv", "t,u,u,y\n0,1,2,3\n1,0,3,2\n2,1,4,3\n3,2,2,4\n4,1,2,2\n",
+         "two.csv has 2 columns 'u'; give each its own "
             "name in the header."),
-        ("c.csv", "t,u,y\n0,1,5,2,5\n1,0,5,3,5\n", "c.csv, line 2: 5 cells where the first row has 3 (delimiter ','); correct the line "
+        ("c.csv", "t,u,y\n0,1,5,2,5\n1,0,5,3,5\n", "c.csv, line 2: 5 cells where the first row has 3 (delimiter ','); "
+                                                   "correct the line "
          "(if its numbers have decimal commas, separate the columns by semicolons)."),
         ("b.csv", "\0\0", "'b.csv' is not text; save it as CSV, or give its name the ending of its "
             "format"),
-        ("t.csv", "t,u,y\n0,1,2\n1,x,3\n2,1,4\n3,2,2\n", "can be made from this recording (t.csv, line 3, column 'u': 'x' is "
+        ("t.csv", "t,u,y\n0,1,2\n1,x,3\n2,1,4\n3,2,2\n",
+         "can be made from this recording (t.csv, line 3, column 'u': 'x' is "
             "not a number;"),
     ],
 )  # fmt: skip

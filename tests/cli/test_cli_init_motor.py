@@ -1,4 +1,5 @@
-"""`plantfit init --model dc_motor`: what it writes with and without a current, what it says of further measurements, and mistakes."""
+"""`plantfit init --model dc_motor`: what it writes with and without a current, what it says of further measurements,
+and mistakes."""
 
 import json
 
@@ -26,7 +27,14 @@ def test_without_a_current_the_determined_combinations_are_found(capsys, monkeyp
     truth = motor(tmp_path, "i")
     said = call(capsys, monkeypatch, "init", "motor.csv", "--model", "dc_motor")
     assert said.code == 0, said.err
-    for told in ("c0 = (Rm Cm + Kt Kb)/Kt", "f = Rm Tf/Kt", "the current", "Rm (ohmmeter) and Kb", "Rm alone", "Lm alone"):
+    for told in (
+        "c0 = (Rm Cm + Kt Kb)/Kt",
+        "f = Rm Tf/Kt",
+        "the current",
+        "Rm (ohmmeter) and Kb",
+        "Rm alone",
+        "Lm alone",
+    ):
         assert told in said.out
         assert told in (tmp_path / "motor.toml").read_text("utf-8")
     run = call(capsys, monkeypatch, "run", "motor.toml", "--no-diagnose", "--json")
@@ -93,7 +101,11 @@ def test_rm_and_kb_give_the_rest_by_the_formulas_that_it_says():
     [
         (("--model", "pendubot"), 7, "--model 'pendubot': init writes a study of the model dc_motor only"),
         (("--model", "dc_motor", "--candidates"), 7, "cannot be used with --model; leave one of the two out"),
-        (("--model", "dc_motor"), 3, "no column is a motor's voltage in V (a duty is turned into it by the step duty_to_voltage)"),
+        (
+            ("--model", "dc_motor"),
+            3,
+            "no column is a motor's voltage in V (a duty is turned into it by the step duty_to_voltage)",
+        ),
     ],
 )
 def test_mistakes(capsys, monkeypatch, tmp_path, words, code, sentence):

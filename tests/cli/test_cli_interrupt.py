@@ -17,10 +17,15 @@ def test_a_stopped_command_says_so(command, tmp_path):
     if command[0] == "demo":
         wait = "print('ready', flush=True); run_cli()"
     else:  # the signal comes while the command runs, wherever that is
-        wait = "import plantfit.cli.commands.reference.catalogue as c; c.methods = lambda *given: os.kill(os.getpid(), 2); run_cli()"
+        wait = (
+            "import plantfit.cli.commands.reference.catalogue as c; c.methods = lambda *given: "
+            "os.kill(os.getpid(), "
+            "2); run_cli()"
+        )
     process = subprocess.Popen(
         [sys.executable, "-c", f"{begin}; {wait}"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     assert process.stdout is not None
     if command[0] == "demo":
@@ -58,11 +63,14 @@ def started(code, tmp_path, command="methods"):
     begin += "import plantfit.cli.commands.reference.catalogue as c\nc.methods = lambda *given: work()\n"
     process = subprocess.Popen(
         [sys.executable, "-c", f"{begin}{code}\nfrom plantfit.cli.start import run\nrun()"],
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path, env={**os.environ, "PYTHONUNBUFFERED": "1"},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        env={**os.environ, "PYTHONUNBUFFERED": "1"},
     )  # fmt: skip
     assert process.stdout is not None
     line = b""
-    while b"computing" not in line or not line.endswith(b"\n"):  # byte by byte: what a buffer took, `communicate` would not see
+    while b"computing" not in line or not line.endswith(
+        b"\n"
+    ):  # byte by byte: what a buffer took, `communicate` would not see
         byte = os.read(process.stdout.fileno(), 1)
         assert byte, process.communicate()
         line += byte
@@ -189,7 +197,8 @@ def test_nothing_is_left_behind():
 def test_a_late_ctrl_c_does_not_end_in_a_traceback(tmp_path):
     """The command has said and saved everything; libraries still clean up at exit."""
     at_exit = (
-        "import atexit, time\natexit.register(lambda: (print('computing', flush=True), time.sleep(2.0), print('cleaned up', flush=True)))\n"
+        "import atexit, time\natexit.register(lambda: (print('computing', flush=True), time.sleep(2.0), "
+        "print('cleaned up', flush=True)))\n"
     )
     process = started(at_exit + "work = lambda: None", tmp_path)
     time.sleep(0.3)
@@ -200,7 +209,8 @@ def test_a_late_ctrl_c_does_not_end_in_a_traceback(tmp_path):
 
 
 def test_what_has_to_happen_at_the_end_of_a_process_happens(tmp_path):
-    """The last search for cycles is left out, which costs neither functions of `atexit` nor temporary folders nor the exit code."""
+    """The last search for cycles is left out, which costs neither functions of `atexit` nor temporary folders nor
+    the exit code."""
     code = f"""
 import atexit, gc, tempfile
 def work():

@@ -1,4 +1,5 @@
-"""`plantfit intervals`: intervals of a heater with known truth, the page, the draws, and refusals before anything is fitted."""
+"""`plantfit intervals`: intervals of a heater with known truth, the page, the draws, and refusals before anything is
+fitted."""
 
 import sys
 
@@ -63,4 +64,7 @@ def test_refusals_come_before_the_fit(place, capsys, monkeypatch, words, said):
 def test_a_posterior_without_blackjax_says_what_to_install(place, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "blackjax", None)
     found = call(capsys, monkeypatch, "intervals", "heater.toml", "--posterior")
-    assert found.err == "plantfit: A posterior needs the package blackjax; install it with: pip install 'plantfit[posterior]'\n"
+    assert (
+        found.err
+        == "plantfit: A posterior needs the package blackjax; install it with: pip install 'plantfit[posterior]'\n"
+    )

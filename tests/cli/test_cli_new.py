@@ -29,7 +29,10 @@ def rc(folder, seed=1):
     noise = np.random.default_rng(seed)
     i = (u - v) / TRUE["R1"] + noise.normal(0, 2e-5, 400)
     v = v + noise.normal(0, 0.02, 400)
-    to_csv(from_arrays(t, signals={"u": (u, "V"), "v_b": (v, "V"), "i_R1": (1000 * i, "mA")}, name="circuit"), folder / "circuit.csv")
+    to_csv(
+        from_arrays(t, signals={"u": (u, "V"), "v_b": (v, "V"), "i_R1": (1000 * i, "mA")}, name="circuit"),
+        folder / "circuit.csv",
+    )
 
 
 def test_a_list_of_parts_becomes_a_study_that_finds_the_parts(capsys, monkeypatch, tmp_path):
@@ -66,7 +69,9 @@ def test_every_plant_to_begin_with_is_a_whole_study(kind, capsys, monkeypatch, t
     content = tomllib.loads(text)
     signals = content["recording"]["data"]["signals"]
     rng = np.random.default_rng(0)
-    columns = {s: (rng.uniform(1, 2, 20), header.partition("[")[2].rstrip("]") or None) for s, header in signals.items()}
+    columns = {
+        s: (rng.uniform(1, 2, 20), header.partition("[")[2].rstrip("]") or None) for s, header in signals.items()
+    }
     to_csv(from_arrays(np.arange(20.0), signals=columns, name="mine"), tmp_path / "mine.csv")
     study = pf.load("mine.toml")
     assert study.problem.space.dimension >= 2
@@ -89,7 +94,9 @@ def lag(t):
     return 20 + 10 * (1 - np.exp(-(t % 20) / 6))
 
 
-PLATE = "P heater plate by u\nC heat_capacity plate\nR heat_resistance plate room\nT0 surroundings room\nmeasure T(plate)\n"
+PLATE = (
+    "P heater plate by u\nC heat_capacity plate\nR heat_resistance plate room\nT0 surroundings room\nmeasure T(plate)\n"
+)
 
 
 def test_columns_are_found_by_name_by_unit_or_as_they_are_named(capsys, monkeypatch, tmp_path):
@@ -103,7 +110,19 @@ def test_columns_are_found_by_name_by_unit_or_as_they_are_named(capsys, monkeypa
     recorded(tmp_path, {"a": (steps, None), "b": (lag, None)})
     said = call(capsys, monkeypatch, "new", "plate.net", "--recording", "r.csv", "--force")
     assert "T_plate: no column was found, put yours there or write --column T_plate=NAME" in said.out
-    said = call(capsys, monkeypatch, "new", "plate.net", "--recording", "r.csv", "--force", "--column", "u=a", "--column", "T_plate=b")
+    said = call(
+        capsys,
+        monkeypatch,
+        "new",
+        "plate.net",
+        "--recording",
+        "r.csv",
+        "--force",
+        "--column",
+        "u=a",
+        "--column",
+        "T_plate=b",
+    )
     assert said.code == 0, said.err
     assert pf.load("plate.toml").problem.space.dimension == 4
     for words, code, told in (
@@ -145,15 +164,28 @@ def test_parts_and_plants_are_listed(capsys, monkeypatch):
     parts = call(capsys, monkeypatch, "new", "--parts").out
     assert "NAME gear fast slow" in parts
     assert "w(node) speed [rad/s]" in parts
-    assert {p["kind"] for p in json.loads(call(capsys, monkeypatch, "new", "--parts", "--json").out)} >= {"tank", "motor"}
+    assert {p["kind"] for p in json.loads(call(capsys, monkeypatch, "new", "--parts", "--json").out)} >= {
+        "tank",
+        "motor",
+    }
     plants = json.loads(call(capsys, monkeypatch, "new", "--list", "--json").out)
-    assert {p["name"] for p in plants} >= {"dc_motor", "drive_train", "thermal", "tank", "exchanger", "pendulum", "mass_spring"}
+    assert {p["name"] for p in plants} >= {
+        "dc_motor",
+        "drive_train",
+        "thermal",
+        "tank",
+        "exchanger",
+        "pendulum",
+        "mass_spring",
+    }
 
 
 @pytest.mark.slow
 def test_the_tutorial_of_the_page_ends_as_it_says(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
-    section = (ROOT / "docs" / "networks.md").read_text("utf-8").split("## From a drawing to a verdict")[1].split("\n## ")[0]
+    section = (
+        (ROOT / "docs" / "networks.md").read_text("utf-8").split("## From a drawing to a verdict")[1].split("\n## ")[0]
+    )
     data = (ROOT / "src" / "plantfit" / "cases" / "heater" / "step_test.csv").read_text("utf-8")
     (tmp_path / "steps.csv").write_text("t_s,u,y [K]\n" + data)
     parts, known = re.findall(r"```text\n(.*?)```", section, re.DOTALL)
@@ -177,7 +209,9 @@ def test_the_tutorial_of_the_page_ends_as_it_says(capsys, monkeypatch, tmp_path)
         pytest.param("free", "pendulum", slice(3, None), (125, 0.75), marks=pytest.mark.slow),
     ],
 )
-def test_the_exchanger_and_the_pendulum_of_the_page_end_as_it_says(capsys, monkeypatch, tmp_path, name, kind, place, truth):
+def test_the_exchanger_and_the_pendulum_of_the_page_end_as_it_says(
+    capsys, monkeypatch, tmp_path, name, kind, place, truth
+):
     """Its lines make the records; printed numbers are the page's, and the truth lies in what is said."""
     monkeypatch.chdir(tmp_path)
     section = (ROOT / "docs" / "networks.md").read_text("utf-8").split("## A heat exchanger and a pendulum")[1]
@@ -188,7 +222,9 @@ def test_the_exchanger_and_the_pendulum_of_the_page_end_as_it_says(capsys, monke
     run = call(capsys, monkeypatch, "run", f"{name}.toml", "--no-diagnose", "--json")
     verdict = [v["sentence"] for v in json.loads(run.out)["verdict"]]
     for line in lines:
-        shape = re.sub(r"\d[\d.]*", r"[\\d.]+", re.escape(line).replace(r"\ ", " "))  # another processor has other last digits
+        shape = re.sub(
+            r"\d[\d.]*", r"[\\d.]+", re.escape(line).replace(r"\ ", " ")
+        )  # another processor has other last digits
         assert any(re.match(shape, v) for v in verdict), (line, verdict)
     for (value, error), true in zip(re.findall(r"= ([\d.]+) ± ([\d.]+)", lines[0]), truth, strict=True):
         assert abs(float(value) - true) < 2.5 * float(error)

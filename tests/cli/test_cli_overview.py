@@ -1,4 +1,5 @@
-"""`plantfit --help`: every command once, in one line of at most 80 columns. Each has a page, and a schema of what `--json` prints."""
+"""`plantfit --help`: every command once, in one line of at most 80 columns. Each has a page, and a schema of what
+`--json` prints."""
 
 import inspect
 import re
@@ -42,24 +43,39 @@ def test_the_page_on_the_architecture_has_every_section_with_its_commands():
     found = re.findall(r"^\| ([A-Z][a-z ]+): `(\w+)` \|[^:|]*: ([^|]*) \|$", page, re.MULTILINE)
     files = {title: next(iter(rows.values()))[0].__module__.rpartition(".")[2] for title, rows in SECTIONS.items()}
     wanted = [(title, files[title], ", ".join(rows)) for title, rows in SECTIONS.items()]
-    assert found == wanted, 'name the command in the table below "A command" of docs/architecture.md, in the order of the help'
+    assert found == wanted, (
+        'name the command in the table below "A command" of docs/architecture.md, in the order of the help'
+    )
 
 
 def test_what_a_command_prints_as_json_has_a_schema():
-    taking = {name for rows in SECTIONS.values() for name, (command, _) in rows.items() if "json" in inspect.signature(command).parameters}
-    described, excepted = {name.split()[0] for name in RESULTS}, [name for names in NO_RESULT.values() for name in names]
+    taking = {
+        name
+        for rows in SECTIONS.values()
+        for name, (command, _) in rows.items()
+        if "json" in inspect.signature(command).parameters
+    }
+    described, excepted = (
+        {name.split()[0] for name in RESULTS},
+        [name for names in NO_RESULT.values() for name in names],
+    )
     missing = sorted(taking - described - set(excepted))
     assert missing == [], (
-        f"make a record below src/plantfit/findings/results/, with a line in RESULTS of all_results.py, of what {missing} prints with "
+        f"make a record below src/plantfit/findings/results/, with a line in RESULTS of all_results.py, of what "
+        f"{missing} prints with "
         "--json, as `Sensitivities`; or name it in NO_RESULT here with the reason"
     )
-    assert sorted(excepted) == sorted(taking - described), "take out of NO_RESULT what has a schema, takes no --json, or stands there twice"
+    assert sorted(excepted) == sorted(taking - described), (
+        "take out of NO_RESULT what has a schema, takes no --json, or stands there twice"
+    )
 
 
 def test_every_command_stands_on_a_page():
     """Beside the page on the architecture, which users do not read."""
     pages = " ".join(path.read_text("utf-8") for path in DOCS.glob("*.md") if path.name != "architecture.md")
-    missing = [name for rows in SECTIONS.values() for name in rows if not re.search(rf"plantfit {name}(?![\w-])", pages)]
+    missing = [
+        name for rows in SECTIONS.values() for name in rows if not re.search(rf"plantfit {name}(?![\w-])", pages)
+    ]
     assert missing == [], f"write {[f'plantfit {name}' for name in missing]} on the page of docs/ about the matter"
 
 

@@ -30,7 +30,9 @@ def written(folder):
     x, rows = np.array([1.0, 0.0]), []
     for now in u:
         rows.append(x[0])
-        x = solve_ivp(lambda s, x, now=now: [x[1], x[0] - x[0] ** 3 - 0.3 * x[1] + now], (0, 0.1), x, rtol=1e-10, atol=1e-12).y[:, -1]
+        x = solve_ivp(
+            lambda s, x, now=now: [x[1], x[0] - x[0] ** 3 - 0.3 * x[1] + now], (0, 0.1), x, rtol=1e-10, atol=1e-12
+        ).y[:, -1]
     y = np.array(rows) + 0.01 * np.random.default_rng(3).normal(size=len(t))
     np.savetxt(folder / "run.csv", np.c_[t, u, y], delimiter=",", header="t [s],u,y", comments="")
     (folder / "well.toml").write_text(STUDY, "utf-8")

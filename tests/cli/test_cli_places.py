@@ -1,4 +1,5 @@
-"""Folders with blanks and letters of other alphabets, locales without them, no home and one that cannot be written: the same study."""
+"""Folders with blanks and letters of other alphabets, locales without them, no home and one that cannot be written:
+the same study."""
 
 import json
 import os
@@ -50,7 +51,12 @@ def fitted(tmp_path, place):
     folder.mkdir()
     heater(folder)
     (folder / "Messung 測.csv").write_bytes((folder / "heater.csv").read_bytes())
-    text = (folder / "heater.toml").read_text("utf-8").replace("heater.csv", "Messung 測.csv").replace('"heater"', '"Heizung größer"')
+    text = (
+        (folder / "heater.toml")
+        .read_text("utf-8")
+        .replace("heater.csv", "Messung 測.csv")
+        .replace('"heater"', '"Heizung größer"')
+    )
     text += 'methods = ["least_squares"]\nruns = 1\nbudget = 60\n'
     (folder / "Heizung größer.toml").write_text(text, "utf-8")
     environment = {key: value for key, value in (os.environ | changed).items() if value is not None}

@@ -48,7 +48,16 @@ def test_a_recording_from_excitation_to_table(capsys, monkeypatch, program, tmp_
     to_csv(prbs(6.0, 100, 1, hold=4, seed=1), tmp_path / "excite.csv")
     with running(program, "--watchdog", 3000) as port:
         said = call(
-            capsys, monkeypatch, "record", "--port", port, "--excitation", tmp_path / "excite.csv", "--out", tmp_path / "run.csv", "--json"
+            capsys,
+            monkeypatch,
+            "record",
+            "--port",
+            port,
+            "--excitation",
+            tmp_path / "excite.csv",
+            "--out",
+            tmp_path / "run.csv",
+            "--json",
         )
     assert said.code == 0, said.err
     told = json.loads(said.out)
@@ -57,7 +66,10 @@ def test_a_recording_from_excitation_to_table(capsys, monkeypatch, program, tmp_
     assert told["played"] == told["values"] == 100
     assert len(read_csv(tmp_path / "run.csv")) == told["samples"]
     said = call(capsys, monkeypatch, "init", tmp_path / "run.csv", "--json")
-    assert (json.loads(said.out)["input"], json.loads(said.out)["output"]) == ("V", "current")  # not the counter, not the gaps
+    assert (json.loads(said.out)["input"], json.loads(said.out)["output"]) == (
+        "V",
+        "current",
+    )  # not the counter, not the gaps
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -71,7 +83,9 @@ def test_ctrl_c_stops_the_motor_first(capsys, monkeypatch, program, tmp_path, nu
         time.sleep(0.8)
         os.kill(os.getpid(), number)
 
-    with running(program, "--truth", tmp_path / "truth", "--watchdog", 20000) as port:  # the watchdog is too slow to help
+    with running(
+        program, "--truth", tmp_path / "truth", "--watchdog", 20000
+    ) as port:  # the watchdog is too slow to help
         threading.Thread(target=press, daemon=True).start()
         words = ("--port", port, "--excitation", tmp_path / "excite.csv", "--out", tmp_path / "run.csv")
         said = call(capsys, monkeypatch, "record", *words)

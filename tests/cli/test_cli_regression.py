@@ -1,4 +1,5 @@
-"""A study with a table [regression] by `plantfit check` and `plantfit run`: against the truth of virtual rigs, over seeds."""
+"""A study with a table [regression] by `plantfit check` and `plantfit run`: against the truth of virtual rigs, over
+seeds."""
 
 import json
 
@@ -10,7 +11,19 @@ OFF = 'method = "least squares"'
 
 
 def recorded(capsys, monkeypatch, folder, seed, *more):
-    words = ("rig", "pendubot", "--set", "l1=0.25", "--seed", seed, "--study", "--force", "--out", folder / "run.csv", *more)
+    words = (
+        "rig",
+        "pendubot",
+        "--set",
+        "l1=0.25",
+        "--seed",
+        seed,
+        "--study",
+        "--force",
+        "--out",
+        folder / "run.csv",
+        *more,
+    )
     assert call(capsys, monkeypatch, *words).code == 0
     return {n: d["value"] for n, d in json.loads((folder / "run.truth.json").read_text("utf-8"))["determined"].items()}
 
@@ -81,9 +94,12 @@ def test_a_regression_of_columns_made_by_cleaning_steps_is_warned_of(capsys, mon
     x = 0.1 * np.sin(3 * t) + 0.05 * np.sin(7 * t)
     v, a = 0.3 * np.cos(3 * t) + 0.35 * np.cos(7 * t), -0.9 * np.sin(3 * t) - 2.45 * np.sin(7 * t)
     force = 80 * a + 150 * v + 30 * np.sign(v)
-    np.savetxt("run.csv", np.stack([t, x, force, v, a], axis=1), delimiter=",", header="t,position,force,v,a", comments="")
+    np.savetxt(
+        "run.csv", np.stack([t, x, force, v, a], axis=1), delimiter=",", header="t,position,force,v,a", comments=""
+    )
     step = (
-        'clean = [{ step = "smooth_motion", signal = "position", velocity = "velocity", acceleration = "acceleration", cutoff = 20.0 }]\n'
+        'clean = [{ step = "smooth_motion", signal = "position", velocity = "velocity", acceleration = '
+        '"acceleration", cutoff = 20.0 }]\n'
     )
     model = '[model]\nkind = "drive_regression"\nfilter_alike = { cutoff = 5.0, every = 5 }\n'
     (tmp_path / "s.toml").write_text(f'name = "s"\n[recording.r]\nfile = "run.csv"\n{step}{model}', "utf-8")
@@ -93,7 +109,8 @@ def test_a_regression_of_columns_made_by_cleaning_steps_is_warned_of(capsys, mon
     assert "velocity" in said.out
     # columns that sensors measured, and none that is an acceleration, ask for nothing
     (tmp_path / "e.toml").write_text(
-        'name = "e"\n[recording.r]\nfile = "run.csv"\n[model]\nequations = "force = k*position + d*v"\ninputs = ["position", "v"]\n'
+        'name = "e"\n[recording.r]\nfile = "run.csv"\n[model]\nequations = "force = k*position + d*v"\ninputs = '
+        '["position", "v"]\n'
         'outputs = ["force"]\n[parameters.k]\nbounds = [0, 1e3]\n[parameters.d]\nbounds = [0, 1e3]\n', "utf-8",
     )  # fmt: skip
     said = call(capsys, monkeypatch, "check", "e.toml")
@@ -135,7 +152,9 @@ def test_targets_and_references_are_converted_or_refused(capsys, monkeypatch, tm
     monkeypatch.chdir(tmp_path)
     t, rng = np.arange(4000) * 0.005, np.random.default_rng(1)
     x, v = 0.1 * np.sin(3 * t) + 0.05 * np.sin(7 * t), 0.3 * np.cos(3 * t) + 0.35 * np.cos(7 * t)
-    newton = 80 * (-0.9 * np.sin(3 * t) - 2.45 * np.sin(7 * t)) + 150 * v + 30 * np.sign(v) + 2 + rng.normal(0, 2, len(t))
+    newton = (
+        80 * (-0.9 * np.sin(3 * t) - 2.45 * np.sin(7 * t)) + 150 * v + 30 * np.sign(v) + 2 + rng.normal(0, 2, len(t))
+    )
     shown = newton * {"kN": 1e-3}.get(force, 1.0)
     columns = [t, x + 1e-5 * rng.normal(size=len(t)), shown, x * {"mm": 1e3}.get(wanted, 1.0)]
     header = f"t [s],position [m],force [{force}],wanted [{wanted}]"
@@ -145,7 +164,10 @@ def test_targets_and_references_are_converted_or_refused(capsys, monkeypatch, tm
     if "V" in (force, wanted):
         name, unit = ("force", "N") if force == "V" else ("wanted", "m")
         assert said.code == 4
-        assert f"signal '{name}' is in 'V', which cannot be converted to the model's '{unit}'; correct one of them." in said.err
+        assert (
+            f"signal '{name}' is in 'V', which cannot be converted to the model's '{unit}'; correct one of them."
+            in said.err
+        )
         return
     found = rows(said)
     for name, true in (("M", 80.0), ("Fv", 150.0), ("Fc", 30.0)):

@@ -18,7 +18,11 @@ def test_rigs_are_listed_with_what_they_take(capsys, monkeypatch):
     assert "--without: i" in one.out
     told = json.loads(call(capsys, monkeypatch, "rig", "--json").out)
     assert [r["name"] for r in told] == list(names())
-    assert {k: told[1]["numbers"][6][k] for k in ("name", "unit", "value")} == {"name": "l1", "unit": "m", "value": 0.15}
+    assert {k: told[1]["numbers"][6][k] for k in ("name", "unit", "value")} == {
+        "name": "l1",
+        "unit": "m",
+        "value": 0.15,
+    }
 
 
 def test_a_record_with_constants_of_ones_own_its_truth_and_a_study_that_is_ready(capsys, monkeypatch, tmp_path):
@@ -42,11 +46,23 @@ def test_a_record_with_constants_of_ones_own_its_truth_and_a_study_that_is_ready
 
 def test_duration_period_excitation_and_channels(capsys, monkeypatch, tmp_path):
     excite = call(
-        capsys, monkeypatch, "excite", "prbs", "--amplitude", "6V", "--rate", "10Hz", "--duration", "12s", "--out", tmp_path / "e.csv"
+        capsys,
+        monkeypatch,
+        "excite",
+        "prbs",
+        "--amplitude",
+        "6V",
+        "--rate",
+        "10Hz",
+        "--duration",
+        "12s",
+        "--out",
+        tmp_path / "e.csv",
     )
     assert excite.code == 0, excite.err
     made = call(
-        capsys, monkeypatch, "rig", "dc_motor", "--excitation", tmp_path / "e.csv", "--period", "50ms", "--without", "i", "--exact",
+        capsys, monkeypatch, "rig", "dc_motor", "--excitation", tmp_path / "e.csv", "--period", "50ms", "--without",
+        "i", "--exact",
         "--study",         "--out", tmp_path / "m.csv",
     )  # fmt: skip
     assert made.code == 0, made.err

@@ -1,4 +1,5 @@
-"""`plantfit run` names what is missing in a model, leaves clean records alone, and can be stopped in it without losing the answer."""
+"""`plantfit run` names what is missing in a model, leaves clean records alone, and can be stopped in it without
+losing the answer."""
 
 import json
 import os
@@ -42,7 +43,11 @@ def named(findings):
 
 @pytest.mark.parametrize(
     ("plant", "fault", "words"),
-    [("first", "dead_time", "dead time of"), ("second", "coulomb", "dry friction of"), ("first", "sensor_high", "upper end at")],
+    [
+        ("first", "dead_time", "dead time of"),
+        ("second", "coulomb", "dry friction of"),
+        ("first", "sensor_high", "upper end at"),
+    ],
 )
 def test_what_is_missing_is_named_in_verdict_and_report(plant, fault, words, tmp_path, capsys, monkeypatch):
     found = as_json(capsys, monkeypatch, planted(tmp_path, plant, fault))

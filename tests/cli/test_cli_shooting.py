@@ -37,8 +37,12 @@ def write(folder, shooting):
     t = np.arange(0.0, 20.0, 0.01)
     w, d = 4 * np.pi, 0.03
     fast = np.sqrt(w**2 - d**2)
-    y = np.exp(-d * t) * (np.cos(fast * t) + d / fast * np.sin(fast * t)) + np.random.default_rng(0).normal(0, 0.02, len(t))
-    (folder / "ringing.csv").write_text("\n".join(["t [s],y [mm]", *(f"{a:.2f},{b:.6f}" for a, b in zip(t, y, strict=True))]))
+    y = np.exp(-d * t) * (np.cos(fast * t) + d / fast * np.sin(fast * t)) + np.random.default_rng(0).normal(
+        0, 0.02, len(t)
+    )
+    (folder / "ringing.csv").write_text(
+        "\n".join(["t [s],y [mm]", *(f"{a:.2f},{b:.6f}" for a, b in zip(t, y, strict=True))])
+    )
     (folder / "study.toml").write_text(STUDY + (f"shooting = {shooting}\n" if shooting else ""))
     return w
 

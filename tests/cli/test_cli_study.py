@@ -50,7 +50,8 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     refused = call(capsys, monkeypatch, "predict", "heater.toml", "--bands", "--set", "K=0.4")
     assert (
         refused.err
-        == "plantfit: --bands are made for the parameters of the study; they cannot be used with --set, so leave one of the two out.\n"
+        == "plantfit: --bands are made for the parameters of the study; they cannot be used with --set, so leave one "
+        "of the two out.\n"
     )
     far = call(capsys, monkeypatch, "predict", "heater.toml", "--set", "K=0.4", "--json")
     assert json.loads(far.out)["rmse"]["T"] > 5
@@ -60,7 +61,17 @@ def test_check_verifies_at_values_and_refines_to_a_tolerance(folder, capsys, mon
     at = ("--at", "tau=12", "--at", "L=2.7")
     said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at, "--json")
     coarse = json.loads(said.out)["verify"][0]
-    said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at, "--tolerance", str(coarse["max_error"] / 3), "--json")
+    said = call(
+        capsys,
+        monkeypatch,
+        "check",
+        "heater.toml",
+        "--verify",
+        *at,
+        "--tolerance",
+        str(coarse["max_error"] / 3),
+        "--json",
+    )
     fine = json.loads(said.out)["verify"][0]
     assert fine["max_error"] < coarse["max_error"] / 3
     assert fine["substeps"] > coarse["substeps"]
@@ -70,7 +81,8 @@ def test_check_verifies_at_values_and_refines_to_a_tolerance(folder, capsys, mon
 
 
 @pytest.mark.parametrize(
-    ("at", "said"), [("tua=3", "no free parameter 'tua'"), ("tau=many", "write NAME=NUMBER"), ("tau=-5", "outside its bounds")]
+    ("at", "said"),
+    [("tua=3", "no free parameter 'tua'"), ("tau=many", "write NAME=NUMBER"), ("tau=-5", "outside its bounds")],
 )
 def test_check_refuses_values_in_one_sentence(folder, capsys, monkeypatch, at, said):
     answer = call(capsys, monkeypatch, "check", "heater.toml", "--verify", "--at", at)
@@ -82,7 +94,10 @@ def test_check_refuses_values_in_one_sentence(folder, capsys, monkeypatch, at, s
 def test_a_static_curve_counts_in_the_same_fit(folder, capsys, monkeypatch):
     (folder / "curve.csv").write_text("u [%],T [degC]\n" + "\n".join(f"{u},{21 + 0.8 * u}" for u in range(0, 60, 5)))
     text = (folder / "heater.toml").read_text()
-    extra = '\n[recording.curve]\nfile = "curve.csv"\nperiod = 1.0\nsteady = true\nsignals = { u = "u [%]", T = "T [degC]" }\n'
+    extra = (
+        '\n[recording.curve]\nfile = "curve.csv"\nperiod = 1.0\nsteady = true\nsignals = { u = "u [%]", T = "T '
+        '[degC]" }\n'
+    )
     (folder / "both.toml").write_text(text + extra)
     said = call(capsys, monkeypatch, "run", "both.toml", "--json")
     assert said.code == 0, said.err
@@ -183,7 +198,9 @@ def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeyp
     more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso", "cmaes"]\nruns = 6\nbudget = 60000')
     (folder / "heater.toml").write_text(more)
     child = subprocess.Popen(
-        [sys.executable, "-c", "from plantfit.cli.main import run_cli; run_cli()", "run", "heater.toml"], stderr=subprocess.PIPE, text=True
+        [sys.executable, "-c", "from plantfit.cli.main import run_cli; run_cli()", "run", "heater.toml"],
+        stderr=subprocess.PIPE,
+        text=True,
     )
     from plantfit.study import Store
 
@@ -215,7 +232,8 @@ def test_catalogues(capsys, monkeypatch):
 
 
 def test_check_says_what_the_records_can_determine(folder, capsys, monkeypatch):
-    """The heater's four are told apart; with its gain written as a product of two the product is named, and what to hold."""
+    """The heater's four are told apart; with its gain written as a product of two the product is named, and what to
+    hold."""
     said = call(capsys, monkeypatch, "check", "heater.toml")
     assert "These records can tell all 4 parameters apart" in " ".join(said.out.split())
     text = (folder / "heater.toml").read_text().replace("K*delay", "K*c*delay")

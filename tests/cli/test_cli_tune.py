@@ -22,7 +22,14 @@ def test_methods_table_and_one_in_full(capsys, monkeypatch):
     assert "what it does" in table
     assert "residuals" in table
     one = " ".join(call(capsys, monkeypatch, "methods", "pso").out.split())
-    for part in ("Kennedy and Eberhart 1995", "inertia", "0.72984", "0 to 1", "share of the velocity", "absorb, reflect"):
+    for part in (
+        "Kennedy and Eberhart 1995",
+        "inertia",
+        "0.72984",
+        "0 to 1",
+        "share of the velocity",
+        "absorb, reflect",
+    ):
         assert part in one
     [record] = json.loads(call(capsys, monkeypatch, "methods", "pso", "--json").out)
     assert record["name"] == "pso"
@@ -33,13 +40,25 @@ def test_methods_table_and_one_in_full(capsys, monkeypatch):
 
 
 def test_tune_search_writes_a_block_that_a_study_takes(folder, capsys, monkeypatch):
-    words = ("tune-search", "heater.toml", *QUICK, "--only", "inertia,topology", "--range", "inertia=0.4:0.7", "--out", "settings.toml")
+    words = (
+        "tune-search",
+        "heater.toml",
+        *QUICK,
+        "--only",
+        "inertia,topology",
+        "--range",
+        "inertia=0.4:0.7",
+        "--out",
+        "settings.toml",
+    )
     said = call(capsys, monkeypatch, *words)
     assert said.code == 0, said.err
     text = (folder / "settings.toml").read_text()
     assert text in said.out
     # the values may be comments, when they did not pay
-    values = tomllib.loads(text.replace("# inertia", "inertia").replace("# topology", "topology"))["search"]["settings"]["pso"]
+    values = tomllib.loads(text.replace("# inertia", "inertia").replace("# topology", "topology"))["search"][
+        "settings"
+    ]["pso"]
     assert set(values) == {"inertia", "topology"}
     assert "on runs 0 to 2 of seed 1, compared on runs 3 to 22" in " ".join(said.out.split())
 
@@ -91,7 +110,9 @@ def test_ctrl_c_keeps_the_best_so_far(folder, capsys, monkeypatch):
         return racing.race(*arguments)
 
     monkeypatch.setattr(tuner, "race", interrupting)
-    said = call(capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia", "--out", "settings.toml")
+    said = call(
+        capsys, monkeypatch, "tune-search", "heater.toml", *QUICK, "--only", "inertia", "--out", "settings.toml"
+    )
     assert said.code == 130
     assert "not yet compared on fresh seeds" in said.err
     assert "# Stopped after 1 setting" in (folder / "settings.toml").read_text()

@@ -1,4 +1,5 @@
-"""`plantfit tune`: from a finished study of a heater with known truth to a controller, its files, and what is said when it cannot be."""
+"""`plantfit tune`: from a finished study of a heater with known truth to a controller, its files, and what is said
+when it cannot be."""
 
 import ctypes
 import json
@@ -39,7 +40,11 @@ def place(tmp_path_factory):
 @pytest.fixture(scope="module")
 def tuned(place):
     done = subprocess.run(
-        [*PLANTFIT, "tune", "heater.toml", "--budget", "30", "--json"], cwd=place, capture_output=True, text=True, timeout=500
+        [*PLANTFIT, "tune", "heater.toml", "--budget", "30", "--json"],
+        cwd=place,
+        capture_output=True,
+        text=True,
+        timeout=500,
     )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
@@ -61,7 +66,8 @@ def test_one_command_gives_record_page_and_c(place, tuned):
     assert first["stable"]
     assert [r["name"] for r in tuned["controllers"][2:]] == ["SIMC", "AMIGO", "lambda", "Ziegler-Nichols", "Cohen-Coon"]
     assert re.match(
-        r"Of 20 plants that the data allow, \d+ % have an overshoot under 10 % and an Ms under 1.6; ", tuned["verdict"][0]["sentence"]
+        r"Of 20 plants that the data allow, \d+ % have an overshoot under 10 % and an Ms under 1.6; ",
+        tuned["verdict"][0]["sentence"],
     )
     written = json.loads((place / "heater-tune.json").read_text())
     assert {k: v for k, v in tuned.items() if k != "files"} | {"made_by": "plantfit"} == written
@@ -94,7 +100,10 @@ def test_the_c_file_is_the_controller_that_was_tuned(place, tuned):
         check=True,
     )
     program, state = ctypes.CDLL(str(library)), ctypes.create_string_buffer(256)
-    program.heater_pid_init.argtypes, program.heater_pid_init.restype = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double), None
+    program.heater_pid_init.argtypes, program.heater_pid_init.restype = (
+        (ctypes.c_void_p, ctypes.c_double, ctypes.c_double),
+        None,
+    )
     program.heater_pid_update.argtypes = (ctypes.c_void_p, ctypes.c_double, ctypes.c_double)
     program.heater_pid_update.restype = ctypes.c_double
     from plantfit.control import pid
@@ -160,11 +169,20 @@ def test_what_cannot_be_is_one_sentence(place, tuned, tmp_path, capsys, monkeypa
         (("--minimise", "size=1"), "minimise names 'size'"),
         (("--pick", "2"), "pick chooses a point of a front"),
         (("--levels", "3"), "[control] levels belongs to controller = 'scheduled', and the controller is 'pid'"),
-        (("--inner-upper", "3 A"), "[control] inner_upper belongs to controller = 'cascade', and the controller is 'pid'"),
-        (("--number", "q15", "--controller", "smith"), "Fixed point is written of a PID or PI, and 'smith' was asked for"),
+        (
+            ("--inner-upper", "3 A"),
+            "[control] inner_upper belongs to controller = 'cascade', and the controller is 'pid'",
+        ),
+        (
+            ("--number", "q15", "--controller", "smith"),
+            "Fixed point is written of a PID or PI, and 'smith' was asked for",
+        ),
         (("--number", "q15", "--full-scale", "P=3"), "[control] full_scale names 'P'; it may name T and u"),
         (("--full-scale", "T=100 degC"), "full_scale belongs to number = 'q15' or 'q31', and the number is 'double'"),
-        (("--number", "q15", "--full-scale", "100"), "--full-scale '100' names no signal; write for example 'T=100 degC'"),
+        (
+            ("--number", "q15", "--full-scale", "100"),
+            "--full-scale '100' names no signal; write for example 'T=100 degC'",
+        ),
         (("--controller", "cascade"), "A cascade measures an inner output beside T: the model has no other"),
         (("--controller", "cascade", "--inner", "i"), "There is no inner output 'i'; beside T the model has none"),
     ):
@@ -200,14 +218,17 @@ def test_a_pendubot_is_held_upright_from_its_regression(tmp_path):
         (("--hold", "90 deg"), "--hold '90 deg' names no state"),
         (("--hold", "theta1=90 deg", "--upper", "-1V"), "beyond its limits"),
     ):
-        done = subprocess.run([*PLANTFIT, "tune", "pendubot.toml", *words], cwd=tmp_path, capture_output=True, text=True, timeout=300)
+        done = subprocess.run(
+            [*PLANTFIT, "tune", "pendubot.toml", *words], cwd=tmp_path, capture_output=True, text=True, timeout=300
+        )
         assert done.returncode != 0
         assert sentence in " ".join(done.stderr.split())
         assert "Traceback" not in done.stderr
 
 
 def driven(tuned, seconds=240.0):
-    """The output after a step, the plant known: T = 21 + 0.8 u, tau 40 s, 3.4 s late, at rest without power; and the inputs."""
+    """The output after a step, the plant known: T = 21 + 0.8 u, tau 40 s, 3.4 s late, at rest without power; and the
+    inputs."""
     w, running = tuned.settings, tuned.running()
     h, y, u = w.period, 21.0, [0.0] * 20
     running.begin(y)
@@ -231,7 +252,9 @@ def driven(tuned, seconds=240.0):
 )
 def test_other_controllers_by_command_their_pages_their_c_and_what_a_rig_reads_of_them(place, tmp_path, words, form, c):
     more = (*words, "--budget", "60", "--out", str(tmp_path / "it.html"), "--json")
-    done = subprocess.run([*PLANTFIT, "tune", "heater.toml", *more], cwd=place, capture_output=True, text=True, timeout=900)
+    done = subprocess.run(
+        [*PLANTFIT, "tune", "heater.toml", *more], cwd=place, capture_output=True, text=True, timeout=900
+    )
     assert done.returncode == 0, done.stderr
     told = json.loads(done.stdout)
     assert told["form"] == form
@@ -240,7 +263,10 @@ def test_other_controllers_by_command_their_pages_their_c_and_what_a_rig_reads_o
     files = {f.rsplit("/", 1)[-1]: f for f in told["files"]}
     assert {"it.html", "it.json", f"heater_{c}.c", f"heater_{c}.h"} == set(files)
     if shutil.which("gcc") is not None:
-        subprocess.run(["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", files[f"heater_{c}.c"]], check=True)
+        subprocess.run(
+            ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", files[f"heater_{c}.c"]],
+            check=True,
+        )
     from plantfit.rig.offered.tuned import read_tuned
 
     tuned = read_tuned(files["it.json"])
@@ -256,7 +282,9 @@ def test_other_controllers_by_command_their_pages_their_c_and_what_a_rig_reads_o
         assert "the schedule gains nothing here" in told["verdict"][1]["sentence"]  # the plant is linear
     elif "--number" in words:
         header = (tmp_path / "heater_pid.h").read_text()
-        assert "Fixed point: signals of 16 bits, the command limited to 3277 .. 26214 steps." in header  # 10 and 80 % of 100 %
+        assert (
+            "Fixed point: signals of 16 bits, the command limited to 3277 .. 26214 steps." in header
+        )  # 10 and 80 % of 100 %
         assert told["proposed"]["full_scale.u"].startswith("100 %, above all")
         assert "full_scale.T" not in told["proposed"]
     else:
@@ -270,7 +298,8 @@ def test_other_controllers_by_command_their_pages_their_c_and_what_a_rig_reads_o
 
 @pytest.mark.slow
 def test_an_mpc_by_command_its_page_its_c_and_what_record_reads_of_it(place, tmp_path):
-    """Tuned with a limit of the rate; driven sample by sample as `plantfit record --controller` does, it holds the known plant."""
+    """Tuned with a limit of the rate; driven sample by sample as `plantfit record --controller` does, it holds the
+    known plant."""
     words = ("--controller", "mpc", "--rate", "20 %/s", "--budget", "30", "--out", tmp_path / "mpc.html", "--json")
     done = subprocess.run(
         [*PLANTFIT, "tune", "heater.toml", *map(str, words)], cwd=place, capture_output=True, text=True, timeout=900
@@ -284,7 +313,10 @@ def test_an_mpc_by_command_its_page_its_c_and_what_record_reads_of_it(place, tmp
     files = {f.rsplit("/", 1)[-1]: f for f in told["files"]}
     assert {"mpc.html", "mpc.json", "heater_mpc.c", "heater_mpc.h"} == set(files)
     if shutil.which("gcc") is not None:
-        subprocess.run(["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", files["heater_mpc.c"]], check=True)
+        subprocess.run(
+            ["gcc", "-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-fsyntax-only", files["heater_mpc.c"]],
+            check=True,
+        )
     from plantfit.rig.offered.tuned import read_tuned
 
     tuned = read_tuned(files["mpc.json"])
@@ -301,7 +333,9 @@ def test_an_mpc_by_command_its_page_its_c_and_what_record_reads_of_it(place, tmp
 
 
 @pytest.mark.slow
-def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_plants_within_three_percent(place, tmp_path):
+def test_a_share_promised_within_stated_tolerances_holds_on_a_thousand_fresh_plants_within_three_percent(
+    place, tmp_path
+):
     """Both forms, 1000 plants that judge and 1000 others of the same distribution; page and C file of the LQI."""
     import plantfit as pf
     from plantfit.control.tune.frequency import frequencies, sampled_response

@@ -93,7 +93,11 @@ def test_a_weight_without_unit_is_one_number(tmp_path, monkeypatch, capsys, unit
     tank(tmp_path, "")
     monkeypatch.chdir(tmp_path)
     text = (tmp_path / "study.toml").read_text().replace('y = "m", q = "V"', f'y = "{unit}"').replace("q = g*h\n", "")
-    text = text.replace('y = "y [m]", q = "q [V]"', 'y = "y"').replace("g = { bounds = [0.1, 10.0] }\n", "").replace('unit = "m", ', "")
+    text = (
+        text.replace('y = "y [m]", q = "q [V]"', 'y = "y"')
+        .replace("g = { bounds = [0.1, 10.0] }\n", "")
+        .replace('unit = "m", ', "")
+    )
     (tmp_path / "study.toml").write_text(text)
     rows = (tmp_path / "tank.csv").read_text()
     (tmp_path / "tank.csv").write_text(rows.replace("y [m]", "y"))

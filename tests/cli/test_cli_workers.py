@@ -27,7 +27,10 @@ def folder(tmp_path, monkeypatch):
 def found(store, number=1):
     """Everything of the runs of a study but their times."""
     exact = ("method", "run", "cost", "evaluations", "status")
-    return [(*(getattr(r, name) for name in exact), r.x.tobytes(), r.history_cost.tobytes()) for r in Store.open(store).runs(number)]
+    return [
+        (*(getattr(r, name) for name in exact), r.x.tobytes(), r.history_cost.tobytes())
+        for r in Store.open(store).runs(number)
+    ]
 
 
 def test_helpers_a_cluster_and_one_process_find_the_same(folder, capsys, monkeypatch):
@@ -38,7 +41,19 @@ def test_helpers_a_cluster_and_one_process_find_the_same(folder, capsys, monkeyp
     assert said.code == 0, said.err
     assert said.out.index("heater\n") < said.out.index("Report: heater.html") < said.out.index("second\n")
     assert "Report: second.html" in said.out
-    said = call(capsys, monkeypatch, "run", "heater.toml", "--scheduler", "local", "--workers", "1", "--store", "three.db", "--json")
+    said = call(
+        capsys,
+        monkeypatch,
+        "run",
+        "heater.toml",
+        "--scheduler",
+        "local",
+        "--workers",
+        "1",
+        "--store",
+        "three.db",
+        "--json",
+    )
     assert said.code == 0, said.err
     assert json.loads(said.out)["name"] == "heater"
     assert found("one.db") == found("two.db", 1) == found("two.db", 2) == found("three.db")
@@ -90,7 +105,9 @@ def test_workers_says_who_does_what(folder, capsys, monkeypatch):
     from plantfit.study import Plan
 
     store = Store.open("plantfit.db")
-    study_id = store.add(Plan(name="pump", methods=("random",), runs=10, budget=100), spec_text=None, coordinates=("a",), probe=b"")
+    study_id = store.add(
+        Plan(name="pump", methods=("random",), runs=10, budget=100), spec_text=None, coordinates=("a",), probe=b""
+    )
     claim = store.claim(study_id, new_worker("tcp://10.0.0.5:4444"))
     store.claim(study_id, new_worker())
     assert claim is not None

@@ -1,4 +1,5 @@
-"""What a message adds to a command so that it reaches the store: nothing for the usual one, quotes, and never a password."""
+"""What a message adds to a command so that it reaches the store: nothing for the usual one, quotes, and never a
+password."""
 
 from pathlib import Path
 

@@ -24,14 +24,17 @@ def compiled(files) -> ctypes.CDLL:
     if shutil.which("gcc") is None or shutil.which("nm") is None:
         pytest.skip("gcc or nm is not on this machine: the exported C is not compiled")
     library = Path(files.source).with_suffix(".so")
-    subprocess.run(["gcc", *FLAGS, "-shared", "-fPIC", "-nostdlib", "-o", library, files.source], check=True, timeout=600)
+    subprocess.run(
+        ["gcc", *FLAGS, "-shared", "-fPIC", "-nostdlib", "-o", library, files.source], check=True, timeout=600
+    )
     needed = subprocess.run(["nm", "-D", "-u", library], check=True, capture_output=True, text=True, timeout=100).stdout
     assert not [line for line in needed.split("\n") if " U " in line], needed
     return ctypes.CDLL(str(library))
 
 
 class PidProgram:
-    """A PID as exported: `begin(measurement, command)`, `update(measurement, reference)`; whole numbers in fixed point."""
+    """A PID as exported: `begin(measurement, command)`, `update(measurement, reference)`; whole numbers in fixed
+    point."""
 
     def __init__(self, files, number: str):
         self.name, self.kind, self.state = Path(files.source).stem, TYPES[number], ctypes.create_string_buffer(4096)
@@ -51,7 +54,11 @@ class ArrayProgram:
     """Functions NAME_verb(state, array or None, ...) on arrays of `number`."""
 
     def __init__(self, files, number: str):
-        self.name, self.kind, self.state = Path(files.source).stem, np.dtype(REAL[number]), ctypes.create_string_buffer(1024)
+        self.name, self.kind, self.state = (
+            Path(files.source).stem,
+            np.dtype(REAL[number]),
+            ctypes.create_string_buffer(1024),
+        )
         self.library, self.real = compiled(files), TYPES[number]
 
     def call(self, verb: str, *arrays: Any) -> None:

@@ -34,7 +34,14 @@ def upright(measured: tuple[str, ...] = ("q",)) -> LinearPlant:
 def carts() -> Model:
     """Two carts joined by a spring, a force on each, the positions measured."""
     text = "q' = v\ns' = w\nv' = F - k*(q - s) - c*v\nw' = 2*G + k*(q - s) - c*w"
-    return equations(text, inputs=["F", "G"], states=["q", "s", "v", "w"], outputs=["s", "q"], parameters=dict.fromkeys("kc"), name="carts")
+    return equations(
+        text,
+        inputs=["F", "G"],
+        states=["q", "s", "v", "w"],
+        outputs=["s", "q"],
+        parameters=dict.fromkeys("kc"),
+        name="carts",
+    )
 
 
 CARTS = {"k": 3.0, "c": 0.4}

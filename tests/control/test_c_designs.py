@@ -10,7 +10,17 @@ from c_programs import REAL, ArrayProgram, in_loop
 from plants import PERIOD, STICK, carts, stick, upright
 from test_takagi_sugeno import leaning
 
-from plantfit.control import Gains, design_to_c, kalman_observer, kalman_to_c, linearised, lqr, mpc, pid_to_c, takagi_sugeno
+from plantfit.control import (
+    Gains,
+    design_to_c,
+    kalman_observer,
+    kalman_to_c,
+    linearised,
+    lqr,
+    mpc,
+    pid_to_c,
+    takagi_sugeno,
+)
 from plantfit.errors import SimulationError
 from plantfit.simulate.loop.closed_loop import closed_loop
 from plantfit.simulate.loop.sensors import Actuator, Sensor
@@ -46,7 +56,14 @@ def played(program, n_inputs, measured, states=None, inputs=None):
 def cart_design():
     plant = linearised(carts(), {"k": 3.0, "c": 0.4}, {"q": 0.3, "s": 0.3})
     estimator = kalman_observer(plant, PERIOD, {"v": 0.3, "w": 0.1}, {"s": 1e-2, "q": 2e-2})
-    return lqr(plant, PERIOD, {"q": 4.0, "v": 1.0, "s": 1.0}, {"F": 0.2, "G": 0.5}, estimator=estimator, limits={"F": (-0.4, 0.5)})
+    return lqr(
+        plant,
+        PERIOD,
+        {"q": 4.0, "v": 1.0, "s": 1.0},
+        {"F": 0.2, "G": 0.5},
+        estimator=estimator,
+        limits={"F": (-0.4, 0.5)},
+    )
 
 
 def blended_design():
@@ -76,7 +93,10 @@ def test_a_design_equals_its_python_to_rounding(tmp_path, number, which):
     told = played(program, m, measured, states, inputs)
     # sums of a few products of gain and state, carried through the filter
     scale = 1e-12 if number == "double" else 50 * EPS
-    size = np.abs(np.asarray(design.parameters.gain if which != "blended" else design.parameters.gains)).sum(-1).max() * 2.0
+    size = (
+        np.abs(np.asarray(design.parameters.gain if which != "blended" else design.parameters.gains)).sum(-1).max()
+        * 2.0
+    )
     np.testing.assert_allclose(told, ours, rtol=scale, atol=scale * size)
     low, high = np.asarray(design.parameters.lower), np.asarray(design.parameters.upper)
     assert np.any(ours == low)
@@ -87,7 +107,14 @@ def test_a_design_equals_its_python_to_rounding(tmp_path, number, which):
 
 def test_a_regulator_in_the_closed_loop_equals_the_python_loop(tmp_path):
     """The unstable stick, its angle measured in steps, held by the exported filter and gain."""
-    design = lqr(upright(), PERIOD, 1.0, 0.1, estimator=kalman_observer(upright(), PERIOD, {"w": 0.5}, 1e-3), limits=(-0.08, 0.08))
+    design = lqr(
+        upright(),
+        PERIOD,
+        1.0,
+        0.1,
+        estimator=kalman_observer(upright(), PERIOD, {"w": 0.5}, 1e-3),
+        limits=(-0.08, 0.08),
+    )
     program = ArrayProgram(design_to_c(design, tmp_path, name="stick"), "double")
 
     def begin(measurement):
@@ -103,7 +130,9 @@ def test_a_regulator_in_the_closed_loop_equals_the_python_loop(tmp_path):
     wanted = np.where(np.arange(200) < 120, 0.05, -0.02)
     options = {"sensor": Sensor(quantum=1e-3), "actuator": Actuator(-0.08, 0.08), "stepper": "rk4"}
     noise = 1e-3 * np.random.default_rng(4).normal(size=200)
-    ours = design.close(stick(), **options).simulate(design.parameters, STICK, {"q": wanted}, x0={"q": 0.1}, noise={"q": noise})
+    ours = design.close(stick(), **options).simulate(
+        design.parameters, STICK, {"q": wanted}, x0={"q": 0.1}, noise={"q": noise}
+    )
     other = closed_loop(stick(), in_loop(begin, update, len(program.state)), period=PERIOD, **options)
     told = other.simulate(None, STICK, wanted, x0={"q": 0.1}, noise=noise)
     assert np.any(np.abs(np.asarray(ours.u["u"])) == 0.08)
@@ -116,9 +145,13 @@ def test_a_kalman_filter_equals_its_python_to_rounding(tmp_path, number):
     for case, through in (("plain", 0.0), ("through", 0.3)):
         plant = replace(cart_design().plant, D=through * np.ones((2, 2)))
         estimator = kalman_observer(plant, PERIOD, {"v": 0.3, "w": 0.1}, {"s": 1e-2, "q": 2e-2})
-        program = ArrayProgram(kalman_to_c(estimator, plant, PERIOD, tmp_path, name=f"seen_{case}", number=number), number)
+        program = ArrayProgram(
+            kalman_to_c(estimator, plant, PERIOD, tmp_path, name=f"seen_{case}", number=number), number
+        )
         rng = np.random.default_rng(6)
-        y, u = (np.cumsum(rng.normal(scale=0.05, size=(200, 2)), 0).astype(REAL[number]).astype(float) for _ in range(2))
+        y, u = (
+            np.cumsum(rng.normal(scale=0.05, size=(200, 2)), 0).astype(REAL[number]).astype(float) for _ in range(2)
+        )
         x, last = estimator.begin(jnp.asarray(y[0])), np.zeros(2)
         program.call("init", y[0])
         scale = 1e-12 if number == "double" else 50 * EPS
@@ -138,7 +171,15 @@ def test_the_same_files_compile_for_small_processors(tmp_path, compiler):
     gains = Gains(2.0, 6.0, 0.05, filter_time=0.03)
     made = [pid_to_c(gains, tmp_path, period=0.01, upper=1.0, name="speed_float", number="float")]
     made += [
-        pid_to_c(gains, tmp_path, period=0.01, upper=1.0, name="speed_q15", number="q15", full_scale={"measurement": 1.0, "command": 2.0})
+        pid_to_c(
+            gains,
+            tmp_path,
+            period=0.01,
+            upper=1.0,
+            name="speed_q15",
+            number="q15",
+            full_scale={"measurement": 1.0, "command": 2.0},
+        )
     ]
     made += [design_to_c(cart_design(), tmp_path, name="carts", number="float")]
     for files in made:
@@ -158,7 +199,10 @@ def test_the_header_tells_units_period_and_what_it_was_designed_on(tmp_path):
     ("call", "words"),
     [
         (lambda at: design_to_c(cart_design(), at, name="a", number="q15"), "'double', 'float'"),
-        (lambda at: design_to_c(mpc(upright(("q", "w")), PERIOD, 1.0, 1.0, limits=None, horizon=3), at, name="a"), "pid_to_c"),
+        (
+            lambda at: design_to_c(mpc(upright(("q", "w")), PERIOD, 1.0, 1.0, limits=None, horizon=3), at, name="a"),
+            "pid_to_c",
+        ),
         (lambda at: kalman_to_c(cart_design().parameters.estimator, upright(), PERIOD, at), "for this plant"),
         (lambda at: kalman_to_c(cart_design().parameters.estimator, cart_design().plant, -1.0, at), "period = -1"),
     ],

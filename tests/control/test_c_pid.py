@@ -32,7 +32,8 @@ IDS = ["free", "clamping", "wound up", "back-calculation", "kicked", "negative",
 
 
 def signals(n=1000, seed=5):
-    """Measurement and reference (n,) that wander within +-1, with stretches of constant sign that wind an integral up."""
+    """Measurement and reference (n,) that wander within +-1, with stretches of constant sign that wind an integral
+    up."""
     rng = np.random.default_rng(seed)
     y = np.clip(np.cumsum(rng.normal(scale=0.03, size=n)), -0.5, 0.5)
     return y, np.repeat(rng.uniform(0.5, 1.0, n // 100) * (-1.0) ** np.arange(n // 100), 100)
@@ -46,7 +47,9 @@ def commands(controller, reference, measured, gains, rest=0.0):
 
     measured = jnp.asarray(measured, dtype=float)
     begun = jax.tree.map(jnp.asarray, controller.init(measured[0], gains).at_rest(measured[0], rest, gains))
-    return np.asarray(jax.jit(lambda: jax.lax.scan(sample, begun, (jnp.asarray(reference, dtype=float), measured))[1])())
+    return np.asarray(
+        jax.jit(lambda: jax.lax.scan(sample, begun, (jnp.asarray(reference, dtype=float), measured))[1])()
+    )
 
 
 def exported(program, measured, reference, rest: float = 0):
@@ -70,7 +73,9 @@ def test_a_pid_equals_its_python_to_rounding(tmp_path, number, gains, options):
 @pytest.mark.parametrize(("gains", "options"), KINDS, ids=IDS)
 @pytest.mark.parametrize(("number", "bits", "full"), [("q15", 16, (1.0, 3.0)), ("q31", 32, (1.7, 40.0))])
 def test_a_fixed_point_pid_stays_within_its_stated_error(tmp_path, number, bits, gains, options, full):
-    files = pid_to_c(gains, tmp_path, period=H, number=number, full_scale={"measurement": full[0], "command": full[1]}, **options)
+    files = pid_to_c(
+        gains, tmp_path, period=H, number=number, full_scale={"measurement": full[0], "command": full[1]}, **options
+    )
     step, unit = macro(files, "PID_MEASUREMENT_STEP"), macro(files, "PID_COMMAND_STEP")
     assert step == full[0] / 2 ** (bits - 1)
     assert unit == full[1] / 2 ** (bits - 1)
@@ -110,7 +115,8 @@ def test_the_integral_of_a_fixed_point_pid_forgets_nothing(tmp_path):
 
 @pytest.mark.parametrize("number", ["q15", "q31"])
 def test_a_fixed_point_pid_does_not_wrap_at_the_ends_of_its_range(tmp_path, number):
-    """Signals jump between the most negative and most positive whole number, with the largest gains that are accepted."""
+    """Signals jump between the most negative and most positive whole number, with the largest gains that are
+    accepted."""
     bits = 16 if number == "q15" else 32
     most, gains = 2 ** (bits - 1) - 1, Gains(900.0, 4e3, 6.0, filter_time=0.01)
     files = pid_to_c(gains, tmp_path, period=H, number=number, full_scale={"measurement": 1.0, "command": 1.0})
@@ -128,7 +134,9 @@ def test_a_pid_in_the_closed_loop_equals_the_python_loop(tmp_path, number):
     plant, n = straight(), 300
     values, gains = STICK | {"a": -20.0, "c": 2.0}, Gains(0.6, 1.5, 0.08, filter_time=0.02)
     full = {"measurement": 1.0, "command": 1.0}
-    files = pid_to_c(gains, tmp_path, period=H, lower=-0.3, upper=0.3, number=number, full_scale=full if number == "q15" else None)
+    files = pid_to_c(
+        gains, tmp_path, period=H, lower=-0.3, upper=0.3, number=number, full_scale=full if number == "q15" else None
+    )
     program, step = PidProgram(files, number), 1.0 if number == "double" else 2.0**-15
 
     def counts(value):
@@ -174,13 +182,22 @@ FULL = {"measurement": 1.0, "command": 1.0}
         (lambda at: pid_to_c(GAINS, at, period=H, name="double"), "no word of C"),
         (lambda at: pid_to_c(GAINS, at, period=H, number="q7"), "'double', 'float', 'q15', 'q31'"),
         (lambda at: pid_to_c(GAINS, at, period=H, number="q15"), "full_scale = None"),
-        (lambda at: pid_to_c(GAINS, at, period=H, number="q15", full_scale=FULL | {"command": 0.0}), "of the command is 0"),
+        (
+            lambda at: pid_to_c(GAINS, at, period=H, number="q15", full_scale=FULL | {"command": 0.0}),
+            "of the command is 0",
+        ),
         (lambda at: pid_to_c(GAINS, at, period=H, number="q15", full_scale=FULL, upper=2.0), "larger full scale"),
         (lambda at: pid_to_c(GAINS, at, period=H, full_scale=FULL), "belongs to fixed point"),
         (lambda at: pid_to_c(Gains(1e5), at, period=H, number="q15", full_scale=FULL), "Kp moves the command by 1e"),
-        (lambda at: pid_to_c(Gains(7e3, 0.0, 80.0), at, period=H, number="q31", full_scale=FULL), "times its full scale"),
+        (
+            lambda at: pid_to_c(Gains(7e3, 0.0, 80.0), at, period=H, number="q31", full_scale=FULL),
+            "times its full scale",
+        ),
         (lambda at: pid_to_c(Gains(1.0, 1e-30), at, period=H, number="q15", full_scale=FULL), "Ki is too small"),
-        (lambda at: pid_to_c(Gains(1.0, 1.0, 1.0, filter_time=1e9), at, period=H, number="q15", full_scale=FULL), "1e9 periods"),
+        (
+            lambda at: pid_to_c(Gains(1.0, 1.0, 1.0, filter_time=1e9), at, period=H, number="q15", full_scale=FULL),
+            "1e9 periods",
+        ),
         (lambda at: pid_to_c(Gains(float("nan")), at, period=H), "Kp = nan"),
         (lambda at: pid_to_c(Gains(1e39), at, period=H, number="float"), "not finite in 'float'"),
         (lambda at: pid_to_c(GAINS._replace(filter_time=-1.0), at, period=H), "filter_time = -1"),

@@ -42,7 +42,14 @@ def test_directions_scale_and_ends_may_not_be_reached():
 
 def test_a_loop_with_sensor_and_filter():
     plant = upright()
-    design = lqr(plant, PERIOD, {"q": 1.0}, {"u": 1.0}, estimator=kalman_observer(plant, PERIOD, {"w": 1.0}, 1e-3), limits=(-0.1, 0.1))
+    design = lqr(
+        plant,
+        PERIOD,
+        {"q": 1.0},
+        {"u": 1.0},
+        estimator=kalman_observer(plant, PERIOD, {"w": 1.0}, 1e-3),
+        limits=(-0.1, 0.1),
+    )
     loop = design.close(stick(), sensor=Sensor(quantum=1e-3), actuator=Actuator(-0.1, 0.1), stepper="rk4", substeps=1)
     found = largest_initial_angle(loop, design.parameters, STICK, {"q": 0.0}, {"q": 1.0}, largest=1.0, resolution=0.01)
     # the largest angle from which the torque still lifts the stick: a sin q = b u

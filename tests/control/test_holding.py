@@ -1,4 +1,5 @@
-"""Regulators that hold an equilibrium: poles and sensitivity by identities, starts against what no input could catch, fresh plants."""
+"""Regulators that hold an equilibrium: poles and sensitivity by identities, starts against what no input could
+catch, fresh plants."""
 
 from dataclasses import replace
 
@@ -22,7 +23,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
 ASKED = HoldWishes(
-    {"q": 0.0}, "u", 0.01, -0.3, 0.3, "q", 0.1, 1.0, 3.0, 0.02, {"q": 0.2, "w": 1.0}, {"q": 0.0, "w": 0.0}, {"q": 1e-4, "w": 1e-3}
+    {"q": 0.0}, "u", 0.01, -0.3, 0.3, "q", 0.1, 1.0, 3.0, 0.02, {"q": 0.2, "w": 1.0}, {"q": 0.0, "w": 0.0},
+    {"q": 1e-4, "w": 1e-3}
 )  # fmt: skip
 
 
@@ -66,7 +68,8 @@ def test_poles_are_those_of_one_sample_of_plant_and_controller(weights):
 def test_an_output_that_reads_the_input_is_part_of_the_loop():
     """An accelerometer beside the angle: the force that the filter takes it to read is another one on another plant."""
     plant = equations(
-        "x' = v\nv' = x - 0.2*v + k*u\na = x - 0.2*v + k*u\nz = x", inputs=["u"], states=["x", "v"], outputs=["a", "z"], parameters=["k"],
+        "x' = v\nv' = x - 0.2*v + k*u\na = x - 0.2*v + k*u\nz = x", inputs=["u"], states=["x", "v"], outputs=["a", "z"],
+        parameters=["k"],
         name="p",
     )  # fmt: skip
     period, force = 0.1, np.array([1.0, 1.02, 1.5])
@@ -138,9 +141,13 @@ def test_what_cannot_be_held_is_said():
     leaning = replace(ASKED, at={"q": 0.2}, upper=-0.2)
     with pytest.raises(SimulationError, match=r"Holding the point takes u = -0.079.*, beyond its limits -0.3 to -0.2"):
         hold(stick(), plants, plants, leaning)
-    alone = equations("q' = a*q\nw' = u - w", inputs=["u"], states=["q", "w"], outputs=["q", "w"], parameters=["a"], name="alone")
+    alone = equations(
+        "q' = a*q\nw' = u - w", inputs=["u"], states=["q", "w"], outputs=["q", "w"], parameters=["a"], name="alone"
+    )
     with pytest.raises(SimulationError, match=r"No regulator exists for the inputs \['u'\]"):
         hold(alone, {"a": np.ones(3)}, {"a": np.ones(3)}, ASKED)
-    falling = equations("q' = w\nw' = a + u*w", inputs=["u"], states=["q", "w"], outputs=["q"], parameters=["a"], name="falling")
+    falling = equations(
+        "q' = w\nw' = a + u*w", inputs=["u"], states=["q", "w"], outputs=["q"], parameters=["a"], name="falling"
+    )
     with pytest.raises(SimulationError, match=r"has no equilibrium near x0"):
         hold(falling, {"a": np.ones(3)}, {"a": np.ones(3)}, ASKED)

@@ -17,14 +17,22 @@ UP = {"theta1": np.pi / 2, "theta2": 0.0}
 def test_the_upright_pendubot_equals_the_matrices_by_hand():
     b3 = L1 * ARM["b5"]
     mass = np.array([[ARM["b1"] + ARM["b2"] + 2 * b3, ARM["b2"] + b3], [ARM["b2"] + b3, ARM["b2"]]])
-    falling = G * np.array([[ARM["b4"] + ARM["b5"], ARM["b5"]], [ARM["b5"], ARM["b5"]]])  # minus the slope of gravity's torque
+    falling = G * np.array(
+        [[ARM["b4"] + ARM["b5"], ARM["b5"]], [ARM["b5"], ARM["b5"]]]
+    )  # minus the slope of gravity's torque
     damping = np.array([[ARM["kt"] * ARM["ke"] / ARM["Ra"], 0.0], [0.0, 0.0]])
     inverse = np.linalg.inv(mass)
     plant = linearised(pendubot("base", drive="voltage"), ARM, UP)
-    np.testing.assert_allclose(plant.A, np.block([[np.zeros((2, 2)), np.eye(2)], [inverse @ falling, -inverse @ damping]]), atol=1e-10)
+    np.testing.assert_allclose(
+        plant.A, np.block([[np.zeros((2, 2)), np.eye(2)], [inverse @ falling, -inverse @ damping]]), atol=1e-10
+    )
     np.testing.assert_allclose(plant.B[:, 0], [0.0, 0.0, *(inverse @ [ARM["kt"] / ARM["Ra"], 0.0])], rtol=1e-12)
     np.testing.assert_allclose(plant.C, np.eye(2, 4), atol=0)
-    assert (plant.states, plant.inputs, plant.outputs) == (("theta1", "theta2", "omega1", "omega2"), ("V",), ("theta1", "theta2"))
+    assert (plant.states, plant.inputs, plant.outputs) == (
+        ("theta1", "theta2", "omega1", "omega2"),
+        ("V",),
+        ("theta1", "theta2"),
+    )
     assert plant.units["omega2"] == "rad/s"
     np.testing.assert_allclose(plant.y0, [np.pi / 2, 0.0])
 
@@ -48,13 +56,19 @@ def test_sampling_is_the_matrix_exponential():
 
 
 def tank():
-    return equations("h' = q - k*sqrt(h)", inputs=["q"], states=["h"], outputs=["h"], parameters={"k": None}, name="tank")
+    return equations(
+        "h' = q - k*sqrt(h)", inputs=["q"], states=["h"], outputs=["h"], parameters={"k": None}, name="tank"
+    )
 
 
 def test_an_output_that_reads_the_input():
-    lead = equations("z' = u - a*z\ny = 2*u - a*z", inputs=["u"], states=["z"], outputs=["y"], parameters={"a": None}, name="lead")
+    lead = equations(
+        "z' = u - a*z\ny = 2*u - a*z", inputs=["u"], states=["z"], outputs=["y"], parameters={"a": None}, name="lead"
+    )
     plant = linearised(lead, {"a": 3.0}, {"z": 1.0}, {"u": 3.0})
-    np.testing.assert_allclose([plant.A[0, 0], plant.B[0, 0], plant.C[0, 0], plant.D[0, 0], plant.y0[0]], [-3.0, 1.0, -3.0, 2.0, 3.0])
+    np.testing.assert_allclose(
+        [plant.A[0, 0], plant.B[0, 0], plant.C[0, 0], plant.D[0, 0], plant.y0[0]], [-3.0, 1.0, -3.0, 2.0, 3.0]
+    )
 
 
 @pytest.mark.parametrize(
@@ -67,7 +81,10 @@ def test_an_output_that_reads_the_input():
         (lambda: equilibrium(tank(), {"k": 1.0}, {"h": 4.0}, {"q": 1.0}, fixed=["h", "q"]), "stays at -1"),
         (lambda: equilibrium(tank(), {"k": 1.0}, {"h": 4.0}, fixed=["z"]), "no state or input 'z'"),
         (lambda: discretised(linearised(tank(), {"k": 1.0}, {"h": 4.0}, {"q": 2.0}), 0.0), "period = 0.0"),
-        (lambda: discretised(discretised(linearised(tank(), {"k": 1.0}, {"h": 4.0}, {"q": 2.0}), 1.0), 1.0), "discrete already"),
+        (
+            lambda: discretised(discretised(linearised(tank(), {"k": 1.0}, {"h": 4.0}, {"q": 2.0}), 1.0), 1.0),
+            "discrete already",
+        ),
     ],
 )
 def test_bad_input_is_named(call, words):
@@ -76,6 +93,8 @@ def test_bad_input_is_named(call, words):
 
 
 def test_dry_friction_is_refused():
-    block = equations("v' = F - friction(v, 1.0, 1.0)", inputs=["F"], states=["v"], outputs=["v"], parameters={}, name="block")
+    block = equations(
+        "v' = F - friction(v, 1.0, 1.0)", inputs=["F"], states=["v"], outputs=["v"], parameters={}, name="block"
+    )
     with pytest.raises(SimulationError, match="dry friction"):
         linearised(block, {})

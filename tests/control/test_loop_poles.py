@@ -50,13 +50,17 @@ def test_the_factor_at_which_a_pole_leaves_the_unit_circle_is_the_gain_margin(kp
 
 def test_poles_of_a_lag_under_a_pi_are_the_roots_of_its_polynomial():
     """Without dead time and filter: (z - 1)(z - a) + b (Kp (z - 1) + Ki h / 2 (z + 1)) in z, times the factor."""
-    loop = OneLoop(LAG, "z", "u", {}, {"K": np.array([2.0]), "tau": np.array([10.0]), "L": np.array([0.0]), "c": np.array([1.0])})
+    loop = OneLoop(
+        LAG, "z", "u", {}, {"K": np.array([2.0]), "tau": np.array([10.0]), "L": np.array([0.0]), "c": np.array([1.0])}
+    )
     rest = loop.at_rest(5.0, (-10.0, 0.0, 10.0))
     kp, ki, a = 1.5, 0.2, np.exp(-0.05)
     b = 2.0 * (1.0 - a)
     found = loop_poles(loop, rest, pid_of(loop, rest), Gains(kp, ki, 0.0, 1.0, 0.0, 0.0), 5.0, 0.5)
     for factor, poles in zip(FACTORS, found, strict=True):
-        truth = np.roots(np.polyadd(np.polymul([1.0, -1.0], [1.0, -a]), factor * b * np.array([kp + 0.25 * ki, 0.25 * ki - kp])))
+        truth = np.roots(
+            np.polyadd(np.polymul([1.0, -1.0], [1.0, -a]), factor * b * np.array([kp + 0.25 * ki, 0.25 * ki - kp]))
+        )
         moving = poles[np.abs(poles) > 1e-9]  # the last error and the idle derivative have poles at 0
         np.testing.assert_allclose(np.sort_complex(moving), np.sort_complex(truth), atol=1e-9)
 
@@ -73,7 +77,9 @@ def test_poles_of_a_cascade_are_those_of_the_loop_written_out(which):
 
 def test_a_servo_is_stable_at_its_own_gain_and_not_at_ten_times_it():
     """Inputs on their way through the dead time are states of plant and servo alike."""
-    loop = OneLoop(LAG, "z", "u", {}, {"K": np.array([2.0]), "tau": np.array([10.0]), "L": np.array([2.2]), "c": np.array([1.0])})
+    loop = OneLoop(
+        LAG, "z", "u", {}, {"K": np.array([2.0]), "tau": np.array([10.0]), "L": np.array([2.2]), "c": np.array([1.0])}
+    )
     rest = loop.at_rest(5.0, (-10.0, 0.0, 10.0))
     form = lqi_form(plant_of(rest, LQI), reduced(rest, 0.25), LQI)
     size = largest(loop_poles(loop, rest, form, form.made(form.space.cube(np.array([0.3, 3.0, 0.3, 1.0]))), 5.0, 0.5))

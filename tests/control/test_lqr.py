@@ -56,7 +56,9 @@ def test_the_loop_equals_one_written_out():
     design = lqr(plant, PERIOD, {"q": 1.0}, {"u": 0.1}, estimator=estimator, limits=(-0.15, 0.15))
     loop = design.close(straight(), sensor=Sensor(quantum=2e-3), actuator=Actuator(-0.15, 0.15))
     wanted = {"q": np.where(np.arange(n) < 70, 0.05, -0.02), "u": -0.01}
-    ours = loop.simulate(design.parameters, STICK, wanted, x0={"q": 0.1}, noise={"q": 1e-3 * np.random.default_rng(4).normal(size=n)})
+    ours = loop.simulate(
+        design.parameters, STICK, wanted, x0={"q": 0.1}, noise={"q": 1e-3 * np.random.default_rng(4).normal(size=n)}
+    )
     noise = 1e-3 * np.random.default_rng(4).normal(size=n)
     sampled, gain, k = discretised(plant, PERIOD), np.asarray(estimator.gain), np.asarray(design.parameters.gain)
     x, guess, seen = np.array([0.1, 0.0]), np.array([2e-3 * np.round((0.1 + noise[0]) / 2e-3), 0.0]), []
@@ -101,7 +103,10 @@ def test_a_filter_estimates_as_well_as_it_says():
         (lambda: lqr(linearised(stick(("q", "w")), STICK | {"b": 0.0}), PERIOD, 1.0, 1.0), "No regulator exists"),
         (lambda: kalman_observer(upright(), PERIOD, 0.0, 1.0), "process = 0"),
         (lambda: kalman_observer(upright(), PERIOD, 1.0, {"q": 0.0}), "measurement = "),
-        (lambda: kalman_observer(linearised(stick(("w",)), STICK | {"a": 0.0}), PERIOD, 1.0, 1.0), "No steady Kalman filter"),
+        (
+            lambda: kalman_observer(linearised(stick(("w",)), STICK | {"a": 0.0}), PERIOD, 1.0, 1.0),
+            "No steady Kalman filter",
+        ),
     ],
 )
 def test_bad_input_is_named(call, words):

@@ -1,4 +1,5 @@
-"""Model-predictive control against the regulator where no limit acts, and against OSQP on the same problem not condensed."""
+"""Model-predictive control against the regulator where no limit acts, and against OSQP on the same problem not
+condensed."""
 
 import numpy as np
 import osqp
@@ -72,11 +73,15 @@ def first_command(design, model, start, plant=STICK, samples=1):
     return np.asarray(seen.command["u"])
 
 
-@pytest.mark.parametrize(("start", "most_speed"), [((0.05, 0.1), None), ((0.09, 0.3), None), ((-0.14, 0.0), 0.25), ((0.13, -0.4), 0.3)])
+@pytest.mark.parametrize(
+    ("start", "most_speed"), [((0.05, 0.1), None), ((0.09, 0.3), None), ((-0.14, 0.0), 0.25), ((0.13, -0.4), 0.3)]
+)
 def test_the_plan_is_that_of_osqp(start, most_speed):
     plant = upright(BOTH)
     limits = None if most_speed is None else {"w": (-most_speed, most_speed)}
-    design = mpc(plant, PERIOD, Q, R, limits=(-0.8, 0.5), horizon=12, hold=2, state_limits=limits, softness=50.0, steps=4000)
+    design = mpc(
+        plant, PERIOD, Q, R, limits=(-0.8, 0.5), horizon=12, hold=2, state_limits=limits, softness=50.0, steps=4000
+    )
     theirs = planned(discretised(plant, 2 * PERIOD), np.array(start), 12, (-0.8, 0.5), most_speed, 50.0)
     ours = first_command(design, stick(BOTH), dict(zip(BOTH, start, strict=True)))
     np.testing.assert_allclose(ours[0], theirs[0, 0], atol=2e-6)
@@ -88,7 +93,9 @@ def test_where_no_limit_acts_it_is_the_regulator():
     q, r = {"q": 2.0, "s": 1.0}, {"F": 1.0, "G": 0.5}
     start = {"q": 0.3, "s": -0.2}
     both = [
-        design.close(carts(), stepper="rk4", substeps=2).simulate(design.parameters, CARTS, {"s": 0.1}, samples=120, x0=start)
+        design.close(carts(), stepper="rk4", substeps=2).simulate(
+            design.parameters, CARTS, {"s": 0.1}, samples=120, x0=start
+        )
         for design in (
             lqr(plant, PERIOD, q, r, estimator=estimator),
             mpc(plant, PERIOD, q, r, estimator=estimator, limits=(-100.0, 100.0), horizon=7, steps=3),

@@ -26,7 +26,14 @@ def plant(gain=2.0, t1=1.5, t2=0.7):
     a, b = np.array([[-1 / t1, 0.0], [1 / t2, -1 / t2]]), np.array([[gain / t1], [0.0]])
     rest = {"states": ("a", "b"), "inputs": ("u",), "outputs": ("z",), "units": {}}
     return LinearPlant(
-        a, b, np.array([[0.0, 1.0]]), np.zeros((1, 1)), x0=np.array([2.0, 2.0]), u0=np.array([1.0]), y0=np.array([2.0]), **rest
+        a,
+        b,
+        np.array([[0.0, 1.0]]),
+        np.zeros((1, 1)),
+        x0=np.array([2.0, 2.0]),
+        u0=np.array([1.0]),
+        y0=np.array([2.0]),
+        **rest,
     )
 
 
@@ -50,7 +57,8 @@ def test_dead_time_as_states(late, longest):
 
 @pytest.mark.parametrize("level", [2.3, 3.5, 5.9, 0.2])
 def test_the_first_move_is_that_of_bounded_least_squares(level):
-    """From rest at 2 the plan is the least of a sum of squares over bounded moves, not condensed about a regulator; scipy solves it."""
+    """From rest at 2 the plan is the least of a sum of squares over bounded moves, not condensed about a regulator;
+    scipy solves it."""
     design = designed(late=0.83)
     state = design.controller.init(jnp.asarray(2.0), design.parameters)
     move = float(design.controller.update(state, jnp.asarray(2.0), jnp.asarray(level), design.parameters)[1]["u"])
@@ -85,7 +93,9 @@ def test_no_offset_with_another_gain_dead_time_and_load():
 def test_designs_of_one_longest_delay_share_a_loop():
     one, other = designed(late=0.1), designed(late=0.99, R=2.0)
     assert one.controller is other.controller
-    shapes = [[np.shape(v) for v in (d.parameters.F, d.parameters.free, d.parameters.task.project)] for d in (one, other)]
+    shapes = [
+        [np.shape(v) for v in (d.parameters.F, d.parameters.free, d.parameters.task.project)] for d in (one, other)
+    ]
     assert shapes[0] == shapes[1]
 
 

@@ -13,7 +13,17 @@ from plantfit.models.library.pendubot import pendubot
 
 import jax
 
-ARM = {"m1": 0.21, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077, "kt": 0.0724, "ke": 0.0724, "Ra": 2.983}
+ARM = {
+    "m1": 0.21,
+    "m2": 0.1,
+    "lc1": 0.12,
+    "lc2": 0.15,
+    "I1": 0.00053,
+    "I2": 0.00077,
+    "kt": 0.0724,
+    "ke": 0.0724,
+    "Ra": 2.983,
+}
 
 
 def test_the_ideal_loop_has_the_poles_asked_for():
@@ -31,7 +41,9 @@ def test_the_ideal_loop_has_the_poles_asked_for():
 def test_the_loop_equals_one_written_out():
     design = pid_per_output(upright(), PERIOD, [-6.0, -5.0, -1.0], integral="q", filter_time=0.03, limits=(-0.045, 0.3))
     gains, x, n = design.parameters["q"], np.array([0.06, 0.0]), 120
-    ours = design.close(straight(), stepper="rk4").simulate(design.parameters, STICK, {"q": 0.02}, samples=n, x0={"q": 0.06})
+    ours = design.close(straight(), stepper="rk4").simulate(
+        design.parameters, STICK, {"q": 0.02}, samples=n, x0={"q": 0.06}
+    )
     integral = slope = last = clamped = 0.0
     before, seen = x[0], []
     for k in range(n):
@@ -65,7 +77,9 @@ def test_parts_beyond_the_limits_may_cancel():
     plant = linearised(pendubot(drive="voltage"), ARM, {"theta1": np.pi / 2})
     design = pid_per_output(plant, 1e-3, [-13.0, -11.0, -7.0, -6.0], filter_time=2e-3, limits=(-24.0, 24.0))
     start = {"theta1": np.pi / 2 + 0.5, "theta2": -0.5}
-    seen = design.close(pendubot(drive="voltage"), stepper="rk4", substeps=1).simulate(design.parameters, ARM, {}, samples=3, x0=start)
+    seen = design.close(pendubot(drive="voltage"), stepper="rk4", substeps=1).simulate(
+        design.parameters, ARM, {}, samples=3, x0=start
+    )
     parts = [abs(design.parameters[name].Kp) * 0.5 for name in ("theta1", "theta2")]
     assert min(parts) > 24.0
     assert abs(float(seen.command["V"][0])) < 15.0
@@ -104,7 +118,9 @@ class PidsProgram(ArrayProgram):
         function = getattr(self.library, f"{self.name}_update")
         function.restype = self.real
         arrays = [None if a is None else np.ascontiguousarray(a, self.kind) for a in (measurement, reference)]
-        return function(self.state, *(None if a is None else a.ctypes.data_as(ctypes.POINTER(self.real)) for a in arrays))
+        return function(
+            self.state, *(None if a is None else a.ctypes.data_as(ctypes.POINTER(self.real)) for a in arrays)
+        )
 
 
 @pytest.mark.parametrize("number", ["double", "float"])
@@ -113,7 +129,8 @@ def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, number, gi
     """Two outputs of the pendubot, one with an integral, limits that bind, with a reference and about the point."""
     plant = linearised(pendubot(drive="voltage"), ARM, {"theta1": np.pi / 2})
     design = pid_per_output(
-        plant, 1e-3, [-12.0, -9.0 + 3.0j, -9.0 - 3.0j, -5.0, -0.7], integral="theta2", filter_time=5e-3, limits=(-14.0, 9.0)
+        plant, 1e-3, [-12.0, -9.0 + 3.0j, -9.0 - 3.0j, -5.0, -0.7], integral="theta2", filter_time=5e-3,
+        limits=(-14.0, 9.0)
     )  # fmt: skip
     rng, n = np.random.default_rng(2), 10_000 if number == "double" else 400
     k = np.arange(n)

@@ -21,7 +21,14 @@ def leaning(q: float, measured=BOTH):
 
 def test_memberships_are_triangles_that_add_up_to_one():
     centres = jnp.array([-1.0, 0.0, 3.0])
-    table = {-5.0: [1, 0, 0], -1.0: [1, 0, 0], -0.25: [0.25, 0.75, 0], 0.0: [0, 1, 0], 2.0: [0, 1 / 3, 2 / 3], 9.0: [0, 0, 1]}
+    table = {
+        -5.0: [1, 0, 0],
+        -1.0: [1, 0, 0],
+        -0.25: [0.25, 0.75, 0],
+        0.0: [0, 1, 0],
+        2.0: [0, 1 / 3, 2 / 3],
+        9.0: [0, 0, 1],
+    }
     for value, shares in table.items():
         np.testing.assert_allclose(memberships(value, centres), shares, atol=1e-15)
 
@@ -32,7 +39,10 @@ def test_one_rule_is_the_regulator():
     weights = ({"q": 1.0}, {"u": 0.2})
     one = takagi_sugeno([plant], PERIOD, *weights, premise="q", hold=0, estimators=[estimator], limits=(-1.0, 1.0))
     same = lqr(plant, PERIOD, *weights, estimator=estimator, limits=(-1.0, 1.0))
-    runs = [d.close(stick()).simulate(d.parameters, STICK, {"q": 0.05}, samples=100, x0={"q": 0.2}).u["u"] for d in (one, same)]
+    runs = [
+        d.close(stick()).simulate(d.parameters, STICK, {"q": 0.05}, samples=100, x0={"q": 0.2}).u["u"]
+        for d in (one, same)
+    ]
     np.testing.assert_allclose(*runs, rtol=1e-9, atol=1e-12)
 
 
@@ -41,7 +51,9 @@ def test_between_rules_gains_are_blended():
     design = takagi_sugeno(plants, PERIOD, {"q": 1.0}, {"u": 0.2}, premise="q", hold=1)
     gains = [regulator(discretised(p, PERIOD), np.diag([1.0, 0.0]), np.array([[0.2]]))[0] for p in plants]
     assert gains[0][0, 0] < 0.9 * gains[1][0, 0]  # a stick that leans falls less
-    seen = design.close(stick(BOTH), stepper="rk4").simulate(design.parameters, STICK, {}, samples=150, x0={"q": 0.9, "w": 0.4})
+    seen = design.close(stick(BOTH), stepper="rk4").simulate(
+        design.parameters, STICK, {}, samples=150, x0={"q": 0.9, "w": 0.4}
+    )
     q, w = np.asarray(seen.states["q"]), np.asarray(seen.states["w"])
     share = np.clip(np.abs(q) / 1.2, 0.0, 1.0)
     mixed = share[:, None] * gains[0][0] + (1.0 - share)[:, None] * gains[1][0]
@@ -66,9 +78,18 @@ def test_blended_filters_know_the_plant_away_from_the_held_point():
         (lambda: takagi_sugeno([], PERIOD, 1.0, 1.0, premise="q", hold=0), "0 operating points"),
         (lambda: takagi_sugeno([upright(BOTH)], PERIOD, 1.0, 1.0, premise="q", hold=1), "hold = 1"),
         (lambda: takagi_sugeno([upright(BOTH)], PERIOD, 1.0, 1.0, premise="u", hold=0), "'u' is not measured"),
-        (lambda: takagi_sugeno([leaning(0.1), leaning(0.3, ("q",))], PERIOD, 1.0, 1.0, premise="q", hold=0), "linearise one model"),
-        (lambda: takagi_sugeno([leaning(0.3), leaning(0.1)], PERIOD, 1.0, 1.0, premise="q", hold=0), "increasing order"),
-        (lambda: takagi_sugeno([leaning(0.1), leaning(0.3)], PERIOD, 1.0, 1.0, premise="q", hold=0, estimators=[]), "0 estimators"),
+        (
+            lambda: takagi_sugeno([leaning(0.1), leaning(0.3, ("q",))], PERIOD, 1.0, 1.0, premise="q", hold=0),
+            "linearise one model",
+        ),
+        (
+            lambda: takagi_sugeno([leaning(0.3), leaning(0.1)], PERIOD, 1.0, 1.0, premise="q", hold=0),
+            "increasing order",
+        ),
+        (
+            lambda: takagi_sugeno([leaning(0.1), leaning(0.3)], PERIOD, 1.0, 1.0, premise="q", hold=0, estimators=[]),
+            "0 estimators",
+        ),
     ],
 )
 def test_bad_input_is_named(call, words):

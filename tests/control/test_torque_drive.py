@@ -40,7 +40,9 @@ def test_a_voltage_gives_the_torque_that_was_asked_for(gear):
     reference = {"theta1": np.pi / 2 + 0.05, "tau1": 0.03}
     (after, torque), command = plain.controller.update((x, jnp.array([0.1])), measured, reference, plain.parameters)
     (driven, given), volts = drive.controller.update((x, jnp.array([0.1])), measured, reference, drive.parameters)
-    corrected = plain.parameters.estimator.corrected(x, jnp.array([measured["theta1"], measured["theta2"]]), jnp.array([0.1]))
+    corrected = plain.parameters.estimator.corrected(
+        x, jnp.array([measured["theta1"], measured["theta2"]]), jnp.array([0.1])
+    )
     current = (volts["V"] - gear * MOTOR["Kb"] * corrected[2]) / MOTOR["Rm"]
     assert float(gear * MOTOR["Kt"] * current) == pytest.approx(float(command["tau1"]), rel=1e-12)
     np.testing.assert_allclose(driven, after, atol=1e-12)
@@ -54,7 +56,9 @@ def test_the_filter_is_told_what_the_clipped_voltage_gives():
     (_, given), volts = drive.controller.update((x, jnp.zeros(1)), measured, {}, drive.parameters)
     speed = drive.parameters.feedback.estimator.corrected(x, jnp.array([np.pi / 2 + 0.5, -0.5]), jnp.zeros(1))[2]
     assert abs(float(volts["V"])) == 0.5
-    assert float(given[0]) == pytest.approx(MOTOR["Kt"] * (float(volts["V"]) - MOTOR["Kb"] * float(speed)) / MOTOR["Rm"])
+    assert float(given[0]) == pytest.approx(
+        MOTOR["Kt"] * (float(volts["V"]) - MOTOR["Kb"] * float(speed)) / MOTOR["Rm"]
+    )
 
 
 def test_what_does_not_fit_is_refused():

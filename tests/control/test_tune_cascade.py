@@ -1,4 +1,5 @@
-"""Cascades: responses by what the controller does, stability against poles of the closed loop, windup, C, the search, what is refused."""
+"""Cascades: responses by what the controller does, stability against poles of the closed loop, windup, C, the
+search, what is refused."""
 
 from dataclasses import replace
 
@@ -25,11 +26,13 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
 CHAIN = equations(
-    "v' = (K*u - v)/t1\nw' = (v - w)/t2\ny' = (w - y)/t3\nz = y\nm = v", inputs={"u": "V"}, states={"v": "K", "w": "K", "y": "K"},
+    "v' = (K*u - v)/t1\nw' = (v - w)/t2\ny' = (w - y)/t3\nz = y\nm = v", inputs={"u": "V"},
+    states={"v": "K", "w": "K", "y": "K"},
     outputs={"z": "K", "m": "K"}, parameters=["K", "t1", "t2", "t3"], name="chain",
 )  # fmt: skip
 DRIVE = equations(
-    "w' = (K*u - w)/t1\nq' = w\nz = q\nm = w", inputs={"u": "V"}, states={"w": "rad/s", "q": "rad"}, outputs={"z": "rad", "m": "rad/s"},
+    "w' = (K*u - w)/t1\nq' = w\nz = q\nm = w", inputs={"u": "V"}, states={"w": "rad/s", "q": "rad"},
+    outputs={"z": "rad", "m": "rad/s"},
     parameters=["K", "t1"], name="drive",
 )  # fmt: skip
 WISHES = Wishes(5.0, 2.0, 0.5, 0.5, -10.0, 10.0, controller="cascade", noise=0.005, inner_noise=0.01)
@@ -41,7 +44,9 @@ def family(n, seed):
     """The best fit, then n draws of 10 % each."""
     rng = np.random.default_rng(seed)
     values = {"K": 2.0, "t1": 5.0, "t2": 10.0, "t3": 10.0}
-    return OneLoop(CHAIN, "z", "u", {}, {k: v * np.r_[1.0, np.exp(0.1 * rng.normal(size=n))] for k, v in values.items()}, "m")
+    return OneLoop(
+        CHAIN, "z", "u", {}, {k: v * np.r_[1.0, np.exp(0.1 * rng.normal(size=n))] for k, v in values.items()}, "m"
+    )
 
 
 def drive():
@@ -94,7 +99,9 @@ def test_stability_is_that_of_the_poles_of_the_closed_loop(which):
     h = np.stack([sampled_response(rest, 0.5, w), sampled_response(loop.of_inner(rest), 0.5, w)], axis=1)
     rng, both = np.random.default_rng(4), [0, 0]
     for _ in range(150):
-        k, ti, kd, p, ti2 = np.exp(rng.uniform(np.log([0.03, 3.0, 0.01, 0.1, 0.5]), np.log([20.0, 100.0, 30.0, 10.0, 30.0])))
+        k, ti, kd, p, ti2 = np.exp(
+            rng.uniform(np.log([0.03, 3.0, 0.01, 0.1, 0.5]), np.log([20.0, 100.0, 30.0, 10.0, 30.0]))
+        )
         gains = Cascade(Gains(k, k / ti, kd, 1.0, 0.0, 0.5), Gains(p, p / ti2))
         sizes = np.abs(closed_poles(rest, gains, 0.5))
         if abs(np.max(sizes) - 1.0) < 2e-3:
@@ -107,7 +114,8 @@ def test_stability_is_that_of_the_poles_of_the_closed_loop(which):
 
 
 def test_the_gain_margin_of_an_outer_loop_that_needs_its_gain_is_the_factor_above_one():
-    """k (z - 0.95)^2/(z - 1)^3 outside, nothing inside: below a gain and above another it is unstable, and a pole tells the latter."""
+    """k (z - 0.95)^2/(z - 1)^3 outside, nothing inside: below a gain and above another it is unstable, and a pole
+    tells the latter."""
     w = np.geomspace(1e-4, np.pi, 4000)
     z, numerator, denominator = np.exp(1j * w), 0.3 * np.r_[0.0, np.poly([0.95, 0.95])], np.poly([1.0, 1.0, 1.0])
     loop = np.polyval(numerator, z) / np.polyval(denominator, z)
@@ -135,7 +143,8 @@ def test_it_begins_at_rest_and_the_inner_set_point_stays_within_its_ends():
 
 
 def test_it_does_not_wind_up_while_the_input_is_at_its_limit():
-    """After a long time at a limit the outer integral is what it was, so that the output leaves the set point's side at once."""
+    """After a long time at a limit the outer integral is what it was, so that the output leaves the set point's side
+    at once."""
     law = cascade(0.5, "clamping", "y", "v")
     given = (GAINS, 0.0, Limits(-2.0, 2.0, 0.0), Ends(-np.inf, np.inf))
     state = law.init({"y": jnp.asarray(0.0), "v": jnp.asarray(0.0)}, given)
@@ -164,7 +173,8 @@ def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, anti_windu
     tracked = 4.0 if follow else None
     program = CascadeProgram(
         cascade_to_c(
-            gains, tmp_path, period=0.5, lower=-1.0, upper=3.0, inner_lower=0.0, inner_upper=4.0, anti_windup=anti_windup,
+            gains, tmp_path, period=0.5, lower=-1.0, upper=3.0, inner_lower=0.0, inner_upper=4.0,
+            anti_windup=anti_windup,
             tracking_time=tracked, name="both",
         )
     )  # fmt: skip
@@ -180,7 +190,10 @@ class CascadeProgram(PidProgram):
 
     def __init__(self, files):
         super().__init__(files, "double")
-        self._init.argtypes, self._update.argtypes = (*self._init.argtypes, self.kind), (*self._update.argtypes, self.kind)
+        self._init.argtypes, self._update.argtypes = (
+            (*self._init.argtypes, self.kind),
+            (*self._update.argtypes, self.kind),
+        )
 
     def begin(self, outer, inner, command):
         self._init(self.state, outer, inner, command)
@@ -192,7 +205,8 @@ class CascadeProgram(PidProgram):
 def test_what_cannot_be_is_said(tmp_path):
     with pytest.raises(SimulationError, match=r"A cascade measures two outputs; name the inner one"):
         tuned_loop(replace(family(3, 1), inner=None), replace(family(3, 2), inner=None), WISHES)
-    still = equations("y' = (u - y)/t1\ns' = -s/t1\nz = y\nm = s", inputs=["u"], states=["y", "s"], outputs=["z", "m"], parameters=["t1"],
+    still = equations("y' = (u - y)/t1\ns' = -s/t1\nz = y\nm = s", inputs=["u"], states=["y", "s"], outputs=["z", "m"],
+                      parameters=["t1"],
                       name="still")  # fmt: skip
     apart = OneLoop(still, "z", "u", {}, {"t1": np.array([5.0, 5.1])}, "m")
     with pytest.raises(SimulationError, match=r"u does not move the inner output m at the set point"):

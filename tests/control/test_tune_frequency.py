@@ -5,7 +5,14 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, LinearPlant, with_dead_time
-from plantfit.control.tune.frequency import continuous_response, frequencies, margins, margins_in_search, pid_response, sampled_response
+from plantfit.control.tune.frequency import (
+    continuous_response,
+    frequencies,
+    margins,
+    margins_in_search,
+    pid_response,
+    sampled_response,
+)
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.plant_checks import sign_of
 from plantfit.control.tune.reduction import gain_of, integrators, open_poles, reduced, step_response
@@ -13,12 +20,21 @@ from plantfit.control.tune.rules import rule_gains
 from plantfit.control.tune.told import _phase
 from plantfit.models.text.equations import equations
 
-LAG = equations("y' = (K*delay(u, L) - y)/tau\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "tau", "L"], name="lag")
+LAG = equations(
+    "y' = (K*delay(u, L) - y)/tau\nz = y",
+    inputs=["u"],
+    states=["y"],
+    outputs=["z"],
+    parameters=["K", "tau", "L"],
+    name="lag",
+)
 TWO = equations(
     "a' = (K*delay(u, L) - a)/t1\nb' = (a - b)/t2\nz = b", inputs=["u"], states=["a", "b"], outputs=["z"],
     parameters=["K", "t1", "t2", "L"], name="two",
 )  # fmt: skip
-TANK = equations("y' = K*delay(u, L)\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "L"], name="tank")
+TANK = equations(
+    "y' = K*delay(u, L)\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "L"], name="tank"
+)
 
 
 def rest_of(model, level=1.0, **parameters):
@@ -53,7 +69,8 @@ def test_the_sampled_response_is_that_of_the_plant_with_delay_states(dead):
 
 
 def closed_poles(rest, gains, period, dead):
-    """Poles of the sampled loop: plant with delay states, integrator and filtered derivative, put together in state space."""
+    """Poles of the sampled loop: plant with delay states, integrator and filtered derivative, put together in state
+    space."""
     n = rest.A.shape[-1]
     plain = LinearPlant(
         rest.A[0], rest.B[0].sum(0)[:, None], rest.C[0][None, :], np.zeros((1, 1)), tuple("ab"[:n]), ("u",), ("z",),
@@ -100,15 +117,24 @@ def test_stability_by_encirclements_is_that_of_the_poles_of_the_closed_loop(mode
 def test_the_phase_of_a_loop_with_a_long_dead_time_has_no_jumps(dead):
     """A lag under a PI every second: its phase is that without dead time less w L, 68,000 degrees at 400 samples."""
     w, gains = frequencies(1.0, 50.0 + dead, 1200), Gains(0.2, 0.004)
-    late, plain = (pid_response(gains, 1.0, w)[None] * sampled_response(rest_of(LAG, K=1.0, tau=50.0, L=v), 1.0, w) for v in (dead, 0.0))
+    late, plain = (
+        pid_response(gains, 1.0, w)[None] * sampled_response(rest_of(LAG, K=1.0, tau=50.0, L=v), 1.0, w)
+        for v in (dead, 0.0)
+    )
     truth = np.degrees(np.unwrap(np.angle(plain[0])) - w * dead)
     np.testing.assert_allclose(_phase(late, w, np.array([dead]))[0], truth, atol=1e-6)
 
 
 def test_plants_that_the_data_leave_unstable_are_counted_by_poles_of_their_own():
-    """x' = a x + u behind a lag: a PI holds it whatever the sign of a, whose best fit is below 0; poles of the loops tell which."""
+    """x' = a x + u behind a lag: a PI holds it whatever the sign of a, whose best fit is below 0; poles of the loops
+    tell which."""
     drift = equations(
-        "x' = a*x + u\nv' = (x - v)/b\nz = v", inputs=["u"], states=["x", "v"], outputs=["z"], parameters=["a", "b"], name="d"
+        "x' = a*x + u\nv' = (x - v)/b\nz = v",
+        inputs=["u"],
+        states=["x", "v"],
+        outputs=["z"],
+        parameters=["a", "b"],
+        name="d",
     )
     rates = np.array([-0.1, 0.1, 0.3, 0.0, -1e-6, 1e-6, -1e-4, 1e-4, 0.01])
     rest, period, kinds = rest_of(drift, a=rates, b=np.full(9, 0.3)), 0.1, []
@@ -126,7 +152,8 @@ def test_plants_that_the_data_leave_unstable_are_counted_by_poles_of_their_own()
 
 @pytest.mark.parametrize("kp", [0.5, 1.0, 2.0])
 def test_a_lag_without_dead_time_has_its_gain_margin_at_half_the_sampling_frequency(kp):
-    """kp (1 - a)/(z - a), a = e^-1, reaches the negative axis at z = -1 alone and crosses it nowhere: (1 + a)/(kp (1 - a)), 1.08 for 2."""
+    """kp (1 - a)/(z - a), a = e^-1, reaches the negative axis at z = -1 alone and crosses it nowhere: (1 + a)/(kp (1
+    - a)), 1.08 for 2."""
     rest, a = rest_of(LAG, K=1.0, tau=1.0, L=0.0), np.exp(-1.0)
     w = frequencies(1.0, 1.0, 1200)
     loop = pid_response(Gains(kp), 1.0, w)[None, :] * sampled_response(rest, 1.0, w)
@@ -146,7 +173,9 @@ def test_simc_has_the_margins_that_its_paper_states(model, parameters, gm, pm, m
     isa = rule_gains("SIMC", reduced(rest), derivative=False)
     assert isa is not None
     w = frequencies(period, 6.0, 6000)
-    found = margins(pid_response(isa.gains(), period, w)[None, :] * sampled_response(rest, period, w), w, 1 + integrators(rest))
+    found = margins(
+        pid_response(isa.gains(), period, w)[None, :] * sampled_response(rest, period, w), w, 1 + integrators(rest)
+    )
     assert (found.gain[0], found.phase[0], found.ms[0]) == pytest.approx((gm, pm, ms), rel=6e-3)
     assert found.stable[0]
 
@@ -155,7 +184,9 @@ def test_the_half_rule_gives_the_examples_of_its_paper():
     """Skogestad 2003, example E5: 1/((s+1)(0.2s+1)(0.04s+1)(0.008s+1))."""
     text = "\n".join(f"x{k}' = ({'u' if k == 0 else f'x{k - 1}'} - x{k})/t{k}" for k in range(4)) + "\nz = x3"
     states = [f"x{k}" for k in range(4)]
-    chain = equations(text, inputs=["u"], states=states, outputs=["z"], parameters=[f"t{k}" for k in range(4)], name="chain")
+    chain = equations(
+        text, inputs=["u"], states=states, outputs=["z"], parameters=[f"t{k}" for k in range(4)], name="chain"
+    )
     found = reduced(rest_of(chain, t0=1.0, t1=0.2, t2=0.04, t3=0.008))
     assert found.first_order == pytest.approx((1.0, 1.1, 0.148), rel=1e-6)
     assert found.second_order == pytest.approx((1.0, 1.0, 0.22, 0.028), rel=1e-6)
@@ -185,9 +216,11 @@ def test_amigo_on_its_own_model():
 
 
 def test_a_state_that_reaches_no_measured_output_does_not_hinder_its_loop():
-    """The angle of a motor grows while its speed is held: a loop of the speed rests, and has the matrices of the speed alone."""
+    """The angle of a motor grows while its speed is held: a loop of the speed rests, and has the matrices of the
+    speed alone."""
     model = equations(
-        "i' = (u - R*i - k*w)/L\nw' = (k*i - d*w)/J\nq' = w\nz = w\ny = q", inputs=["u"], states=["i", "w", "q"], outputs=["z", "y"],
+        "i' = (u - R*i - k*w)/L\nw' = (k*i - d*w)/J\nq' = w\nz = w\ny = q", inputs=["u"], states=["i", "w", "q"],
+        outputs=["z", "y"],
         parameters=["R", "L", "k", "d", "J"], name="motor",
     )  # fmt: skip
     p = {n: np.array([v, 1.1 * v]) for n, v in {"R": 1.0, "L": 0.1, "k": 0.2, "d": 0.01, "J": 0.02}.items()}

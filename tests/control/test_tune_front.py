@@ -1,4 +1,5 @@
-"""Figures, limits and fronts of tuned loops: margins of the search against those of the verdict, ITAE by a sum, points that trade."""
+"""Figures, limits and fronts of tuned loops: margins of the search against those of the verdict, ITAE by a sum,
+points that trade."""
 
 from dataclasses import replace
 
@@ -56,7 +57,8 @@ def test_what_cannot_be_asked_for_is_one_sentence():
     for change, message in (
         ({"minimise": {}}, "weighs nothing"), ({"minimise": {"iae": 0.0}}, "weighs nothing"),
         ({"minimise": {"iae": -1.0}}, "weighs nothing"),
-        ({"gain_margin": 0.9}, r"gain_margin = 0.9 cannot be asked for; give 1 or more"), ({"settling": 0.0}, "settling = 0 cannot"),
+        ({"gain_margin": 0.9}, r"gain_margin = 0.9 cannot be asked for; give 1 or more"),
+        ({"settling": 0.0}, "settling = 0 cannot"),
         ({"phase_margin": 190.0}, "give 0 up to 180"), ({"travel": -1.0}, "travel = -1 cannot"),
     ):  # fmt: skip
         with pytest.raises(SimulationError, match=message):
@@ -86,7 +88,9 @@ def told():
 @pytest.fixture(scope="module")
 def line(told):
     figures = ("load_iae", "travel")
-    return tuned_loop(family(20, 1), family(40, 2), NOISY, budget=150, seed=3, front=figures, points=5, pick=1, progress=told.append)
+    return tuned_loop(
+        family(20, 1), family(40, 2), NOISY, budget=150, seed=3, front=figures, points=5, pick=1, progress=told.append
+    )
 
 
 def test_every_part_is_told_as_it_begins_and_searches_are_counted_to_the_last(line, told):
@@ -127,15 +131,21 @@ def test_a_pick_that_there_is_not_is_said():
     front = Front(("load_iae", "travel"), np.eye(3), np.eye(3))
     assert _picked(front, 3, np.zeros(3))[0] is not None
     for pick in (0, 4):
-        with pytest.raises(SpecError, match=rf"The front has 3 points, and pick = {pick} is none of them; give 1 to 3."):
+        with pytest.raises(
+            SpecError, match=rf"The front has 3 points, and pick = {pick} is none of them; give 1 to 3."
+        ):
             _picked(front, pick, np.zeros(3))
 
 
 @pytest.mark.slow
 def test_limits_that_are_asked_for_besides_are_kept_and_another_weight_moves_the_answer():
     plain = tuned_loop(family(40, 1), family(80, 2), NOISY, budget=250, seed=3)
-    wide = tuned_loop(family(40, 1), family(80, 2), replace(NOISY, gain_margin=6.0, phase_margin=65.0), budget=250, seed=3)
-    calm = tuned_loop(family(40, 1), family(80, 2), replace(NOISY, minimise={"iae": 1.0, "travel": 3.0}), budget=250, seed=3)
+    wide = tuned_loop(
+        family(40, 1), family(80, 2), replace(NOISY, gain_margin=6.0, phase_margin=65.0), budget=250, seed=3
+    )
+    calm = tuned_loop(
+        family(40, 1), family(80, 2), replace(NOISY, minimise={"iae": 1.0, "travel": 3.0}), budget=250, seed=3
+    )
     assert plain.best.margins.gain < 5.5
     assert wide.best.margins.gain >= 6.0
     assert wide.best.margins.phase >= 65.0

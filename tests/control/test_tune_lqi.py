@@ -1,4 +1,5 @@
-"""LQ servos with dead time: gains by a full Riccati equation, responses by sums of what the controller does, loops, C, the search."""
+"""LQ servos with dead time: gains by a full Riccati equation, responses by sums of what the controller does, loops,
+C, the search."""
 
 from dataclasses import replace
 
@@ -40,7 +41,9 @@ SECOND = equations(
 
 
 def rest_of(model, **parameters):
-    return OneLoop(model, "z", "u", {}, {n: np.array([v]) for n, v in parameters.items()}).at_rest(5.0, (-10.0, 0.0, 10.0))
+    return OneLoop(model, "z", "u", {}, {n: np.array([v]) for n, v in parameters.items()}).at_rest(
+        5.0, (-10.0, 0.0, 10.0)
+    )
 
 
 def plant_of(rest, wishes=ASKED):
@@ -94,7 +97,8 @@ def test_the_gains_are_those_of_all_delay_states_at_once(which):
 
 @pytest.mark.parametrize("which", ["no dead time", "two ways"])
 def test_response_and_poles_are_those_of_what_the_controller_does(which):
-    """The z-transform of its answer to an impulse, on a circle where it converges; its poles by exact derivatives of its update."""
+    """The z-transform of its answer to an impulse, on a circle where it converges; its poles by exact derivatives of
+    its update."""
     given = plant_of(RESTS[which]()).servo(0.3, 10.0, 2.0, 3.0)
     loop, h = servo(0.5), 0.5
     state = loop.init(jnp.asarray(5.0), (given, given.u0))
@@ -139,7 +143,9 @@ def test_the_output_comes_to_the_set_point_on_a_plant_of_another_gain_under_a_lo
     for _ in range(400):
         state, command = update(state, 5.0 + level, 5.5, (given, 3.0))
         past = [float(command) - 2.0, *past[:-1]]
-        level = a * level + 1.3 * float(b @ np.array(past[: len(b)])) + 0.3 * float(np.sum(b))  # 30 % more gain, a load of 0.3
+        level = (
+            a * level + 1.3 * float(b @ np.array(past[: len(b)])) + 0.3 * float(np.sum(b))
+        )  # 30 % more gain, a load of 0.3
     assert 5.0 + level == pytest.approx(5.5, abs=1e-6)
 
 
@@ -150,7 +156,8 @@ def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, which):
     r = 5 + 0.4 * (np.arange(10_000) // 700 % 2)
     y = r + 0.3 * np.sin(np.arange(10_000) / 37.0) + rng.normal(0, 0.1, 10_000)
     loop = servo(0.5, lower=1.8, upper=3.0)
-    _, truth = jax.lax.scan(lambda s, v: loop.update(s, v[0], v[1], (given, 2.0)), loop.init(jnp.asarray(y[0]), (given, 2.0)),
+    _, truth = jax.lax.scan(lambda s, v: loop.update(s, v[0], v[1], (given, 2.0)),
+                            loop.init(jnp.asarray(y[0]), (given, 2.0)),
                             (jnp.asarray(y), jnp.asarray(r)))  # fmt: skip
     program = ServoProgram(servo_to_c(given, tmp_path, period=0.5, lower=1.8, upper=3.0, name="level"))
     program.begin(y[0], 2.0)
@@ -178,7 +185,10 @@ def test_it_is_searched_and_judged_as_a_pid_is_and_stands_beside_one(design):
     assert design.best.share >= 0.9
     assert design.best.share > design.rows[1].share + 0.1
     told = [v.sentence for v in verdict(design, {})]
-    assert f"{100 * design.best.share:.0f} % have an overshoot under 10 % and an Ms under 1.6; tuned on the best fit alone: " in told[0]
+    assert (
+        f"{100 * design.best.share:.0f} % have an overshoot under 10 % and an Ms under 1.6; tuned on the best fit "
+        f"alone: " in told[0]
+    )
     assert any(sentence.startswith("A PID tuned on the same plants: ") for sentence in told)
     first, pid = table(design)[0], table(design)[2]
     assert isinstance(first, ServoLoop)
@@ -204,7 +214,9 @@ def test_its_loops_are_those_of_a_plain_simulation(design):
         state, command = update(state, y, w.set_point, (s, u0))
         past.append(float(command))
         for j in range(fine):
-            drive = past[int(np.floor((k + (j + 0.5) / fine) - p["L"] / 0.5)) + 400] + (w.load if k >= design.course.begin else 0.0)
+            drive = past[int(np.floor((k + (j + 0.5) / fine) - p["L"] / 0.5)) + 400] + (
+                w.load if k >= design.course.begin else 0.0
+            )
             goal = p["c"] + p["K"] * drive
             y = goal + (y - goal) * decay
 
@@ -244,10 +256,19 @@ def test_too_many_samples_of_dead_time_are_said():
 
 
 def test_a_plant_that_rests_far_from_zero_is_judged_by_the_commands_that_it_gets():
-    """At rest at 24 % and the set point: the loop, which counts from rest, sees no command; a limit of 10 % is 14 % below it."""
+    """At rest at 24 % and the set point: the loop, which counts from rest, sees no command; a limit of 10 % is 14 %
+    below it."""
     plant = {"A": np.diag([0.9, 1.0]), "B": np.array([[0.1], [0.0]]), "C": np.array([1.0, 0.0]), "D": 0.0}
     s = Servo(
-        **plant, gain=np.array([0.5, 0.5]), K=np.array([1.0, 1.0]), P=np.zeros(0), f=1.0, share=1.0, rest=np.ones(2), u0=24.0, y0=40.0
+        **plant,
+        gain=np.array([0.5, 0.5]),
+        K=np.array([1.0, 1.0]),
+        P=np.zeros(0),
+        f=1.0,
+        share=1.0,
+        rest=np.ones(2),
+        u0=24.0,
+        y0=40.0,
     )
     loop = from_rest(servo(1.0, lower=10.0, upper=80.0))
     begin = loop.init(jnp.asarray(40.0), (s, 24.0))

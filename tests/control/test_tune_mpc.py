@@ -1,4 +1,5 @@
-"""Predictive servos: plans by OSQP on the same problem not condensed, loops with limits beside LQI, C, and what is refused."""
+"""Predictive servos: plans by OSQP on the same problem not condensed, loops with limits beside LQI, C, and what is
+refused."""
 
 import json
 from dataclasses import replace
@@ -44,7 +45,8 @@ def shaped(which, **more):
 
 @pytest.mark.parametrize("which", ["lag", "no dead time", "two ways"])
 def test_the_first_command_is_that_of_osqp_over_all_inputs(which):
-    """All inputs of the horizon unknown, outputs by running the plant with its past inputs; the cost to go after the last one."""
+    """All inputs of the horizon unknown, outputs by running the plant with its past inputs; the cost to go after the
+    last one."""
     shape = shaped(which, prediction=5.0)
     plant, moves = shape.plant, int(np.sum(shape.lengths))
     assert np.all(shape.lengths == 1)
@@ -83,19 +85,30 @@ def test_the_first_command_is_that_of_osqp_over_all_inputs(which):
     change = eye - np.eye(moves, k=-1)
     begin = np.r_[last, np.zeros(moves - 1)]
     soft = SOFTNESS / plant.step**2
-    # cost / 2 as the condensed one, shifted so that it has no linear term: OSQP takes the gradient by the centre of the quadratic
+    # cost / 2 as the condensed one, shifted so that it has no linear term: OSQP takes the gradient by the centre of the
+    # quadratic
     centre = -np.linalg.solve(hessian, gradient)
     whole = sp.block_diag([0.5 * hessian, soft * np.eye(moves)])
     none = np.zeros((moves, moves))
     constraints = np.block([[eye, none], [change, none], [rows, eye]])
     high = np.r_[np.full(moves, shape.high[0]) - centre, np.full(moves, shape.high[1]) + begin - change @ centre,
                  np.full(moves, shape.high[2]) - y0 - rows @ centre]  # fmt: skip
-    low = np.r_[np.full(moves, shape.low[0]) - centre, np.full(moves, shape.low[1]) + begin - change @ centre, np.full(moves, -1e9)]
+    low = np.r_[
+        np.full(moves, shape.low[0]) - centre,
+        np.full(moves, shape.low[1]) + begin - change @ centre,
+        np.full(moves, -1e9),
+    ]
     theirs = by_osqp(whole.toarray(), constraints, low, high)[:moves] + centre
     loop = servo_mpc(moves, True, steps=6000)
     s = given.servo
     # the filter is to leave the state as it is, and the set point to be there
-    state = (jnp.append(x, load), jnp.asarray(past), jnp.asarray(level), jnp.asarray(last), Split(*(jnp.zeros(3 * moves),) * 2))
+    state = (
+        jnp.append(x, load),
+        jnp.asarray(past),
+        jnp.asarray(level),
+        jnp.asarray(last),
+        Split(*(jnp.zeros(3 * moves),) * 2),
+    )
     seen = float(s.C @ np.append(x, load) + (s.D * past[0] if p else 0.0))
     ours = float(loop.update(state, s.y0 + seen, s.y0 + level, (given, s.u0))[1] - s.u0)
     assert ours == pytest.approx(theirs[0], abs=2e-5)
@@ -182,7 +195,9 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
     for k in range(8):
         state, command = update(state, 5.0 + 0.1 * np.sin(k), 5.2, (given, 0.0))
         assert running.update(5.0 + 0.1 * np.sin(k), 5.2) == pytest.approx(float(command), rel=1e-12)
-    del record["controllers"][0]["set_point_share"]  # as older files are, in which the share of the plants stood in its place
+    del record["controllers"][0][
+        "set_point_share"
+    ]  # as older files are, in which the share of the plants stood in its place
     (tmp_path / "x-tune.json").write_text(json.dumps(record, allow_nan=False))
     with pytest.raises(SimulationError, match=r"x-tune\.json was written before plantfit kept how fast the set point"):
         read_tuned(tmp_path / "x-tune.json")
@@ -190,12 +205,15 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
 
 def scores(plant, wishes, weights, lags=None):
     """`LoopScores` of the MPC and of the LQI of the same weights on a plant."""
-    start, rest = (plant.at_rest(level, (-10.0, 0.0, 10.0)) for level in (wishes.set_point - wishes.step, wishes.set_point))
+    start, rest = (
+        plant.at_rest(level, (-10.0, 0.0, 10.0)) for level in (wishes.set_point - wishes.step, wishes.set_point)
+    )
     small = reduced(rest, 0.5 * wishes.period)
     servo_plant = ServoPlant.of(rest, small, wishes)
     lqi = lqi_form(servo_plant, small, wishes)
     mpc = mpc_form(servo_plant, small, wishes, lqi.starts)
-    course = StepAndLoad(wishes.set_point - wishes.step, wishes.set_point, wishes.load, 60.0, wishes.period, wishes.output_lower,
+    course = StepAndLoad(wishes.set_point - wishes.step, wishes.set_point, wishes.load, 60.0, wishes.period,
+                         wishes.output_lower,
                          wishes.output_upper)  # fmt: skip
     found = []
     for form in (mpc, lqi):
@@ -208,7 +226,9 @@ def scores(plant, wishes, weights, lags=None):
 
 def test_with_limits_of_the_input_it_is_at_least_as_good_as_lqi_without_windup():
     """A step that takes nearly all of the input, for half of its time at the limit."""
-    plant = OneLoop(LAG, "z", "u", {}, {"K": np.array([2.0]), "tau": np.array([10.0]), "L": np.array([2.0]), "c": np.array([1.0])})
+    plant = OneLoop(
+        LAG, "z", "u", {}, {"K": np.array([2.0]), "tau": np.array([10.0]), "L": np.array([2.0]), "c": np.array([1.0])}
+    )
     wishes = Wishes(5.0, 4.0, 0.15, 0.5, 0.0, 2.3, controller="mpc")
     mpc, lqi = scores(plant, wishes, (0.01, 10.0, 0.3, 0.5))
     assert mpc["iae"] <= lqi["iae"] * 1.001
@@ -219,8 +239,12 @@ def test_with_limits_of_the_input_it_is_at_least_as_good_as_lqi_without_windup()
 def test_it_keeps_a_limit_of_the_output_that_lqi_does_not():
     """A lightly damped plant: an LQ servo overshoots by more than the limit leaves, the plan does not."""
     text = "q' = v\nv' = w*w*(K*delay(u, L) - q) - 2*d*w*v\nz = q"
-    spring = equations(text, inputs=["u"], states=["q", "v"], outputs=["z"], parameters=["K", "w", "d", "L"], name="spring")
-    plant = OneLoop(spring, "z", "u", {}, {"K": np.array([1.0]), "w": np.array([1.0]), "d": np.array([0.15]), "L": np.array([0.4])})
+    spring = equations(
+        text, inputs=["u"], states=["q", "v"], outputs=["z"], parameters=["K", "w", "d", "L"], name="spring"
+    )
+    plant = OneLoop(
+        spring, "z", "u", {}, {"K": np.array([1.0]), "w": np.array([1.0]), "d": np.array([0.15]), "L": np.array([0.4])}
+    )
     wishes = Wishes(5.0, 2.0, -0.2, 0.2, 0.0, 8.0, controller="mpc", output_upper=5.02)
     mpc, lqi = scores(plant, wishes, (1.0, 30.0, 0.1, 0.3))
     assert lqi["outside"] > 2 * wishes.tolerated
@@ -261,10 +285,15 @@ def test_what_cannot_be_asked_for_is_said_in_a_sentence():
     assert "rate = 0 lets the input never move" in refused(rate=0.0)
     assert "A prediction is what an MPC plans for" in refused(prediction=20.0, controller="lqi")
     plants = family(20, 1)
-    for more, sentence in (({"upper": 1.9}, "they cannot hold that set point"), ({"load": 3.0}, "Against a load of 3 V")):
+    for more, sentence in (
+        ({"upper": 1.9}, "they cannot hold that set point"),
+        ({"load": 3.0}, "Against a load of 3 V"),
+    ):
         with pytest.raises(SimulationError, match=sentence):
             tuned_loop(plants, plants, replace(MPC, lower=0.0, **more))
-    law = equations("y' = K*u + 0.2*y\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K"], name="unstable")
+    law = equations(
+        "y' = K*u + 0.2*y\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K"], name="unstable"
+    )
     unstable = OneLoop(law, "z", "u", {}, {"K": np.ones(4)})
     with pytest.raises(SimulationError, match="The plant is unstable at z = 5"):
         tuned_loop(unstable, unstable, replace(MPC, lower=-5.0, upper=5.0, output_upper=9.0))

@@ -1,4 +1,5 @@
-"""PIDs tuned over families of plants of known distribution, against plain numpy loops and fresh draws; and what must be refused."""
+"""PIDs tuned over families of plants of known distribution, against plain numpy loops and fresh draws; and what must
+be refused."""
 
 from dataclasses import replace
 
@@ -31,7 +32,13 @@ def family(n, seed, sign=1.0, spread=1.0):
     def drawn(value, s):
         return np.r_[value, value * np.exp(spread * s * rng.normal(size=n))]
 
-    return OneLoop(LAG, "z", "u", {}, {"K": sign * drawn(2.0, 0.1), "tau": drawn(10.0, 0.1), "L": drawn(2.0, 0.2), "c": np.ones(n + 1)})
+    return OneLoop(
+        LAG,
+        "z",
+        "u",
+        {},
+        {"K": sign * drawn(2.0, 0.1), "tau": drawn(10.0, 0.1), "L": drawn(2.0, 0.2), "c": np.ones(n + 1)},
+    )
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +47,8 @@ def design():
 
 
 def simulated(design, gains, i, fine=50):
-    """The loop of plant i in plain numpy: PID of control.pid, dead time by a list of past inputs, exact lag over fine steps."""
+    """The loop of plant i in plain numpy: PID of control.pid, dead time by a list of past inputs, exact lag over
+    fine steps."""
     p = {n: float(v[i]) for n, v in design.family.plants.items()}
     w, h = design.wishes, design.wishes.period
     start, n = w.set_point - w.step, design.course.samples
@@ -73,7 +81,9 @@ def test_scores_and_responses_are_those_of_a_plain_simulation(design):
     half = design.course.begin
     for i in (0, 3, 17):
         y = simulated(design, design.best.gains, i)
-        np.testing.assert_allclose(seen["y"][i], y, atol=0.02)  # the list of past inputs rounds the dead time to a hundredth of a second
+        np.testing.assert_allclose(
+            seen["y"][i], y, atol=0.02
+        )  # the list of past inputs rounds the dead time to a hundredth of a second
         scores = design.judged.scores
         assert scores.overshoot[0, i] == pytest.approx(100 * max(0.0, np.max(y[:half]) - 5.0) / 2.0, abs=1.0)
         assert scores.iae[0, i] == pytest.approx(0.5 * np.sum(np.abs(5.0 - y[:half])) / 2.0, rel=0.02)
@@ -88,8 +98,8 @@ def test_more_of_the_plants_keep_the_wishes_than_with_the_best_fits_own_tuning(d
     told = verdict(design, {n: v for n, v in design.family.plants.items() if np.ptp(v)})
     assert told[0].level == "good"
     assert (
-        f"{100 * design.best.share:.0f} % have an overshoot under 10 % and an Ms under 1.6; tuned on the best fit alone: "
-        in told[0].sentence
+        f"{100 * design.best.share:.0f} % have an overshoot under 10 % and an Ms under 1.6; tuned on the best fit "
+        f"alone: " in told[0].sentence
     )
 
 
@@ -102,9 +112,17 @@ def test_the_promised_share_holds_on_a_thousand_fresh_plants(design):
     for row in design.rows[:2]:
         found = judged_on(judge, row.form, [row.gains], h, w, WISHES, 1)
         # 0.03 and the sampling of a share by 150 plants, three standard deviations
-        assert float(np.mean(found.kept)) == pytest.approx(row.share, abs=0.03 + 3 * np.sqrt(row.share * (1 - row.share) / 150))
+        assert float(np.mean(found.kept)) == pytest.approx(
+            row.share, abs=0.03 + 3 * np.sqrt(row.share * (1 - row.share) / 150)
+        )
     assert (
-        float(np.mean(judged_on(judge, design.best.form, [design.best.gains], sampled_response(rests[1], 0.5, w), w, WISHES, 1).kept))
+        float(
+            np.mean(
+                judged_on(
+                    judge, design.best.form, [design.best.gains], sampled_response(rests[1], 0.5, w), w, WISHES, 1
+                ).kept
+            )
+        )
         > 0.92
     )
 
@@ -135,7 +153,11 @@ def test_data_that_are_too_poor_are_told_with_the_parameter_to_blame():
 
 def test_plants_of_the_other_sign_are_counted_and_told(design):
     mixed = OneLoop(
-        LAG, "z", "u", {}, {"K": np.array([2.0, -2.0, 1.0, 3.0]), "tau": np.full(4, 10.0), "L": np.full(4, 2.0), "c": np.ones(4)}
+        LAG,
+        "z",
+        "u",
+        {},
+        {"K": np.array([2.0, -2.0, 1.0, 3.0]), "tau": np.full(4, 10.0), "L": np.full(4, 2.0), "c": np.ones(4)},
     )
     sign, wrong = sign_of(mixed.at_rest(5.0, (-10.0, 0.0, 10.0)))
     assert sign == 1
@@ -147,11 +169,17 @@ def test_plants_of_the_other_sign_are_counted_and_told(design):
 
 def test_an_integrating_plant_is_tuned():
     tank = equations(
-        "y' = K*delay(u, L) + leak\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["K", "L", "leak"], name="tank"
+        "y' = K*delay(u, L) + leak\nz = y",
+        inputs=["u"],
+        states=["y"],
+        outputs=["z"],
+        parameters=["K", "L", "leak"],
+        name="tank",
     )
     n = 12
     rng = np.random.default_rng(2)
-    plants = {"K": 0.1 * np.r_[1, np.exp(0.1 * rng.normal(size=n))], "L": 2 * np.r_[1, np.exp(0.1 * rng.normal(size=n))],
+    plants = {"K": 0.1 * np.r_[1, np.exp(0.1 * rng.normal(size=n))],
+              "L": 2 * np.r_[1, np.exp(0.1 * rng.normal(size=n))],
               "leak": np.full(n + 1, -0.05)}  # fmt: skip
     loop = OneLoop(tank, "z", "u", {}, plants)
     found = tuned_loop(loop, loop, Wishes(2.0, 1.0, 0.2, 0.5, -5.0, 5.0, ms=1.8, overshoot=30.0), budget=80)
@@ -178,17 +206,37 @@ def test_what_cannot_be_tuned_is_said():
     assert "z at 48 K takes u = 23.5 V, beyond its limits -10 to 10 V" in said
     assert "They hold about -19 to 21 K" in said
     assert "is unstable at z = 5 K: a pole at +0.1 1/s" in refused(LAG, plain | {"tau": -10.0}, WISHES)
-    assert "shorter than four times the dead time" in refused(LAG, plain, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, horizon=5.0))
+    assert "shorter than four times the dead time" in refused(
+        LAG, plain, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, horizon=5.0)
+    )
     assert "No constant u holds z" in refused(LAG, plain | {"K": 0.0}, WISHES)
     assert "Against a load of 9 V" in refused(LAG, plain, Wishes(5.0, 2.0, 9.0, 0.5, -5.0, 10.0))
-    drift = equations("y' = K*u + d - y\nd' = 0*u\nz = y", inputs=["u"], states=["y", "d"], outputs=["z"], parameters=["K"], name="drift")
+    drift = equations(
+        "y' = K*u + d - y\nd' = 0*u\nz = y",
+        inputs=["u"],
+        states=["y", "d"],
+        outputs=["z"],
+        parameters=["K"],
+        name="drift",
+    )
     assert "u does not reach 'd', which keeps any value that it has" in refused(drift, {"K": 1.0}, WISHES)
-    grows = equations("y' = K*u + d - y\nd' = d\nz = y", inputs=["u"], states=["y", "d"], outputs=["z"], parameters=["K"], name="grows")
+    grows = equations(
+        "y' = K*u + d - y\nd' = d\nz = y",
+        inputs=["u"],
+        states=["y", "d"],
+        outputs=["z"],
+        parameters=["K"],
+        name="grows",
+    )
     assert "is unstable at z = 5: a pole at +1 1/s" in refused(grows, {"K": 1.0}, WISHES).replace("z = 5 :", "z = 5:")
     static = equations("z = k*u", inputs=["u"], outputs=["z"], parameters=["k"], name="gain")
     assert "is static" in refused(static, {"k": 1.0}, WISHES)
-    assert "samples of 0.001 s; give a longer period" in refused(LAG, plain, Wishes(5.0, 2.0, 0.2, 0.001, -10.0, 10.0, horizon=500.0))
-    double = equations("v' = K*u\ny' = v\nz = y", inputs=["u"], states=["v", "y"], outputs=["z"], parameters=["K"], name="cart")
+    assert "samples of 0.001 s; give a longer period" in refused(
+        LAG, plain, Wishes(5.0, 2.0, 0.2, 0.001, -10.0, 10.0, horizon=500.0)
+    )
+    double = equations(
+        "v' = K*u\ny' = v\nz = y", inputs=["u"], states=["v", "y"], outputs=["z"], parameters=["K"], name="cart"
+    )
     assert "2 integrators" in refused(double, {"K": 1.0}, WISHES)
     assert "share = 1 cannot be promised" in refused(LAG, plain, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, share=1.0))
 
@@ -206,8 +254,12 @@ def test_plants_may_be_weighed_by_their_mean_or_the_worst_of_them():
     """The mean is faster in the mean, the worst case faster on the slowest of the plants that were searched on."""
     found = {}
     for over in ("expected", "worst"):
-        found[over] = tuned_loop(family(60, 1), family(60, 1), replace(WISHES, over=over, ms=3.0, overshoot=80.0), budget=300, seed=3)
-    costs = {k: np.asarray(d.judged.scores.iae[0]) + np.asarray(d.judged.scores.load_iae[0]) / 0.36 for k, d in found.items()}
+        found[over] = tuned_loop(
+            family(60, 1), family(60, 1), replace(WISHES, over=over, ms=3.0, overshoot=80.0), budget=300, seed=3
+        )
+    costs = {
+        k: np.asarray(d.judged.scores.iae[0]) + np.asarray(d.judged.scores.load_iae[0]) / 0.36 for k, d in found.items()
+    }
     assert np.mean(costs["expected"]) < np.mean(costs["worst"])
     assert np.max(costs["worst"]) < np.max(costs["expected"])
 

@@ -25,7 +25,12 @@ import jax
 import jax.numpy as jnp
 
 LEVELS = np.array([1.0, 3.0, 6.0])
-GAINS = Gains(*(np.array(v) for v in ([2.0, 5.0, 9.0], [0.2, 0.6, 1.5], [0.5, 1.0, 2.0], [0.6, 0.8, 1.0], [0.0] * 3, [0.3, 0.4, 0.5])))
+GAINS = Gains(
+    *(
+        np.array(v)
+        for v in ([2.0, 5.0, 9.0], [0.2, 0.6, 1.5], [0.5, 1.0, 2.0], [0.6, 0.8, 1.0], [0.0] * 3, [0.3, 0.4, 0.5])
+    )
+)
 # a heater with radiation: gain and lag fall as the temperature grows
 RADIATING = equations(
     "y' = (K*delay(u, L) - y - s*y^4)/tau\nz = y", inputs={"u": "V"}, states={"y": "K"}, outputs={"z": "K"},
@@ -51,7 +56,11 @@ def signals(n=3000):
 
 
 def commands(law, given, y, r):
-    _, u = jax.lax.scan(lambda s, k: law.update(s, k[0], k[1], given), law.init(jnp.asarray(y[0]), given), (jnp.asarray(y), jnp.asarray(r)))
+    _, u = jax.lax.scan(
+        lambda s, k: law.update(s, k[0], k[1], given),
+        law.init(jnp.asarray(y[0]), given),
+        (jnp.asarray(y), jnp.asarray(r)),
+    )
     return np.asarray(u)
 
 
@@ -74,8 +83,12 @@ def test_gains_lie_on_straight_lines_and_stay_beyond_the_ends():
 
 
 def test_at_rest_nothing_moves_whatever_the_gains_do_between_levels():
-    """The measurement creeps along with the reference: of errors of zero no gain makes a command, but for the weight of the set point."""
-    law, given = scheduled_pid(0.5, "clamping"), (Schedule(LEVELS, GAINS._replace(b=np.ones(3))), 1.0, Limits(-50.0, 50.0, 0.0))
+    """The measurement creeps along with the reference: of errors of zero no gain makes a command, but for the weight
+    of the set point."""
+    law, given = (
+        scheduled_pid(0.5, "clamping"),
+        (Schedule(LEVELS, GAINS._replace(b=np.ones(3))), 1.0, Limits(-50.0, 50.0, 0.0)),
+    )
     y = np.linspace(1.0, 6.0, 500)
     found = commands(law, given, y, y)
     rate = (y[1] - y[0]) / 0.5
@@ -88,7 +101,13 @@ def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, anti_windu
     schedule, follow = Schedule(LEVELS, GAINS), 0.1 if anti_windup == "back-calculation" else 0.0
     given = (schedule, 1.0, Limits(-6.0, 9.0, follow))
     truth = commands(scheduled_pid(0.5, anti_windup), given, y, r) + 1.0
-    settings = {"period": 0.5, "lower": -6.0, "upper": 9.0, "anti_windup": anti_windup, "tracking_time": 5.0 if follow else None}
+    settings = {
+        "period": 0.5,
+        "lower": -6.0,
+        "upper": 9.0,
+        "anti_windup": anti_windup,
+        "tracking_time": 5.0 if follow else None,
+    }
     program = ServoProgram(scheduled_to_c(schedule, tmp_path, name="levels", **settings))
     program.begin(y[0], 1.0)
     told = np.array([program.update(a, b) for a, b in zip(y, r, strict=True)])
@@ -129,7 +148,9 @@ def test_one_pid_cannot_do_what_gains_over_the_level_do(found):
     assert first.overshoot == pytest.approx(design.rows[0].scores.overshoot)
     assert np.all(report.across.overshoot < 30.0)
     told = [s.sentence for s in schedule_told(report, design, "z")]
-    assert told[0].startswith("These are the plants that keep the wishes at each of 3 levels; with one PID, that of z = ")
+    assert told[0].startswith(
+        "These are the plants that keep the wishes at each of 3 levels; with one PID, that of z = "
+    )
     assert "gains nothing" not in told[0]
 
 

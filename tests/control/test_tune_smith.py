@@ -1,4 +1,5 @@
-"""Smith predictors: the principle itself, responses by what the controller does, C, the file, the search, and what is refused."""
+"""Smith predictors: the principle itself, responses by what the controller does, C, the file, the search, and what
+is refused."""
 
 from dataclasses import replace
 
@@ -32,7 +33,8 @@ PLANTS = ["lag", "second", "two ways late"]
 
 def two_ways_late():
     model = equations(
-        "a' = (K*delay(u, L) - a)/t1\nb' = (a + 0.3*delay(u, M) - b)/t2\nz = b", inputs=["u"], states=["a", "b"], outputs=["z"],
+        "a' = (K*delay(u, L) - a)/t1\nb' = (a + 0.3*delay(u, M) - b)/t2\nz = b", inputs=["u"], states=["a", "b"],
+        outputs=["z"],
         parameters=["K", "t1", "t2", "L", "M"], name="two ways late",
     )  # fmt: skip
     return rest_of(model, K=2.0, t1=4.0, t2=3.0, L=1.7, M=3.1)
@@ -100,7 +102,10 @@ def test_an_unstable_inner_loop_is_counted():
 @pytest.mark.parametrize("filtered", [1.0, 0.1])
 def test_the_set_point_is_met_on_a_plant_of_another_gain_and_dead_time_under_a_load(filtered):
     s, ahead = predictor("lag", GAINS._replace(Kp=1.0, Ki=0.1, Kd=0.0), filtered)
-    law, update = smith(0.5, ahead, "clamping"), jax.jit(lambda c, y: smith(0.5, ahead, "clamping").update(c, y, s.y0 + 0.5, given(s)))
+    law, update = (
+        smith(0.5, ahead, "clamping"),
+        jax.jit(lambda c, y: smith(0.5, ahead, "clamping").update(c, y, s.y0 + 0.5, given(s))),
+    )
     state, x, past = law.init(jnp.asarray(s.y0), given(s)), np.zeros(len(s.A)), [0.0] * (ahead + 2)
     y = s.y0
     for _ in range(600):
@@ -132,12 +137,20 @@ def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, which, ant
     def commands(lower, upper):
         held = (s, 2.0, Limits(lower, upper, follow))
         found = jax.lax.scan(
-            lambda c, v: law.update(c, v[0], v[1], held), law.init(jnp.asarray(y[0]), held), (jnp.asarray(y), jnp.asarray(r))
+            lambda c, v: law.update(c, v[0], v[1], held),
+            law.init(jnp.asarray(y[0]), held),
+            (jnp.asarray(y), jnp.asarray(r)),
         )
         return np.asarray(found[1]) + 2.0
 
     lower, upper = np.round(np.quantile(commands(-1e9, 1e9), (0.2, 0.8)), 3)
-    settings = {"period": 0.5, "lower": lower, "upper": upper, "anti_windup": anti_windup, "tracking_time": 4.0 if follow else None}
+    settings = {
+        "period": 0.5,
+        "lower": lower,
+        "upper": upper,
+        "anti_windup": anti_windup,
+        "tracking_time": 4.0 if follow else None,
+    }
     program = ServoProgram(smith_to_c(s, tmp_path, ahead=ahead, name="level", **settings))
     program.begin(y[0], 2.0)
     told = np.array([program.update(a, b) for a, b in zip(y, r, strict=True)])
@@ -153,11 +166,15 @@ def test_a_plant_with_an_integrator_or_without_dead_time_is_refused():
     wishes = replace(ASKED, set_point=2.0, step=1.0)
     rest = loop.at_rest(2.0, (-5.0, 0.0, 5.0))
     small = reduced(rest, 0.25)
-    with pytest.raises(SimulationError, match=r"has an integrator, and a Smith predictor never removes a load.*'lqi' or 'mpc'"):
+    with pytest.raises(
+        SimulationError, match=r"has an integrator, and a Smith predictor never removes a load.*'lqi' or 'mpc'"
+    ):
         smith_form(ServoPlant.of(rest, small, wishes), small, 1, wishes, None)
     rest = rest_of(LAG, K=2.0, tau=10.0, L=0.2, c=1.0)
     small = reduced(rest, 0.25)
-    with pytest.raises(SimulationError, match=r"dead time is shorter than a sample of 0.5 s.*'pid', or a shorter period"):
+    with pytest.raises(
+        SimulationError, match=r"dead time is shorter than a sample of 0.5 s.*'pid', or a shorter period"
+    ):
         smith_form(ServoPlant.of(rest, small, ASKED), small, 1, ASKED, None)
 
 
@@ -165,7 +182,8 @@ def test_a_plant_with_an_integrator_or_without_dead_time_is_refused():
 def design():
     """Dead time longer than the lag, known to 4 %."""
     late, fresh = (
-        replace(f, plants={**f.plants, "L": 6.0 * f.plants["L"]}) for f in (family(40, 1, spread=0.2), family(80, 2, spread=0.2))
+        replace(f, plants={**f.plants, "L": 6.0 * f.plants["L"]})
+        for f in (family(40, 1, spread=0.2), family(80, 2, spread=0.2))
     )
     return tuned_loop(late, fresh, ASKED, budget=150, seed=3)
 
@@ -199,6 +217,8 @@ def test_its_loops_are_those_of_a_plain_simulation(design):
         state, command = update(state, y, w.set_point, held)
         past.append(float(command) + u0)
         for j in range(fine):
-            drive = past[int(np.floor((k + (j + 0.5) / fine) - p["L"] / 0.5)) + 400] + (w.load if k >= design.course.begin else 0.0)
+            drive = past[int(np.floor((k + (j + 0.5) / fine) - p["L"] / 0.5)) + 400] + (
+                w.load if k >= design.course.begin else 0.0
+            )
             goal = p["c"] + p["K"] * drive
             y = goal + (y - goal) * decay

@@ -52,7 +52,8 @@ def test_given_draws_stand_behind_the_best_fit():
 
 @pytest.mark.parametrize(("output", "given", "units"), [
     ("rad/s", "V", ("V/(rad/s)", "V/rad", "V/(rad/s^2)")), ("degC", "%", ("%/degC", "%/degC/s", "%*s/degC")),
-    ("K", "1", ("1/K", "1/K/s", "s/K")), ("1", "1", ("1", "1/s", "s")), (None, "V", ("1", "1/s", "s")), ("m/s", "m/s", ("1", "1/s", "s")),
+    ("K", "1", ("1/K", "1/K/s", "s/K")), ("1", "1", ("1", "1/s", "s")), (None, "V", ("1", "1/s", "s")),
+    ("m/s", "m/s", ("1", "1/s", "s")),
     ("N*m", "A", ("A/(N*m)", "A/(N*m)/s", "A*s/(N*m)")),
 ])  # fmt: skip
 def test_gains_have_the_units_of_input_over_output(output, given, units):

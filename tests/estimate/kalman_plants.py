@@ -52,7 +52,8 @@ def motor_record(seed, n=400, h=1e-3, t=None, process=PROCESS, measurement=MEASU
 
 
 def numpy_filter(recording, p=TRUTH, process=PROCESS, measurement=MEASUREMENT):
-    """Means, covariances and log-likelihood by the textbook recursion in covariance form; NaN outputs are left out row by row."""
+    """Means, covariances and log-likelihood by the textbook recursion in covariance form; NaN outputs are left out
+    row by row."""
     y, v, t = np.stack([recording["i"], recording["w"]], axis=1), recording["V"], recording.t
     m, c, total = np.zeros(2), np.diag(np.square(list(INITIAL.values()))), 0.0
     means, covariances = [], []
@@ -89,7 +90,8 @@ TANK_NOISE = Noise({"level": 0.02}, {"level": 0.05}, {"level": 0.1})
 
 
 def tank_record(seed, n=300, h=0.5, fine=50):
-    """A recording of a tank under random inflow, by Euler-Maruyama in `fine` steps a sample, and its true level (n,)."""
+    """A recording of a tank under random inflow, by Euler-Maruyama in `fine` steps a sample, and its true level
+    (n,)."""
     rng = np.random.default_rng(seed)
     flow = rng.uniform(0.2, 0.9, n // 15 + 1).repeat(15)[:n]
     level = np.empty(n)
@@ -99,4 +101,6 @@ def tank_record(seed, n=300, h=0.5, fine=50):
         for push in rng.standard_normal(fine) * 0.02 * np.sqrt(h / fine):
             x = max(x + h / fine * (flow[k] - 0.5 * np.sqrt(x)) / 2.0 + push, 1e-3)
         level[k + 1] = x
-    return from_arrays(period=h, signals={"flow": (flow, "m^3/s"), "level": (level + 0.05 * rng.standard_normal(n), "m")}), level
+    return from_arrays(
+        period=h, signals={"flow": (flow, "m^3/s"), "level": (level + 0.05 * rng.standard_normal(n), "m")}
+    ), level

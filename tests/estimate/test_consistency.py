@@ -30,7 +30,10 @@ def test_nis_of_the_true_filter_fails_in_5_of_100(runs):
 
 def test_nees_of_the_true_filter_is_chi_squared_at_every_time(runs):
     values = np.array([nees(run, truth) for run, truth in runs])
-    low, high = chi_squared_test(values[:, 0], np.full(RUNS, 2)).low, chi_squared_test(values[:, 0], np.full(RUNS, 2)).high
+    low, high = (
+        chi_squared_test(values[:, 0], np.full(RUNS, 2)).low,
+        chi_squared_test(values[:, 0], np.full(RUNS, 2)).high,
+    )
     inside = (values.mean(axis=0) > low) & (values.mean(axis=0) < high)
     assert np.mean(inside) > 0.88
     assert nees_test([v[-1:] for v in values], 2).consistent
@@ -47,7 +50,9 @@ def test_wrong_noise_is_said_to_be_wrong(runs):
     assert verdict.p_value < 1e-6
     assert "too sure" in verdict.sentence
     record, x = plants.motor_record(900, 150)
-    noise = Noise({n: 3 * v for n, v in plants.PROCESS.items()}, {n: 3 * v for n, v in plants.MEASUREMENT.items()}, plants.INITIAL)
+    noise = Noise(
+        {n: 3 * v for n, v in plants.PROCESS.items()}, {n: 3 * v for n, v in plants.MEASUREMENT.items()}, plants.INITIAL
+    )
     careful = kalman_filter(Problem(plants.robot_motor(), record), noise, at=plants.TRUTH).run()
     verdict = nis_test(careful)
     assert "too careful" in verdict.sentence
@@ -64,6 +69,8 @@ def test_wrong_noise_is_said_to_be_wrong(runs):
 def test_joint_parameters_are_as_sure_as_they_should_be():
     """The errors of a tank's two constants at the end of 30 records are hardly larger than a joint filter says."""
     records = [plants.tank_record(300 + k, 120, fine=20)[0] for k in range(30)]
-    ready = ukf(Problem(plants.tank(), records[0], substeps=2), plants.TANK_NOISE, ["k", "area"], at={"k": 0.62, "area": 2.5})
+    ready = ukf(
+        Problem(plants.tank(), records[0], substeps=2), plants.TANK_NOISE, ["k", "area"], at={"k": 0.62, "area": 2.5}
+    )
     values = [nees(ready.run(record), plants.TANK)[-1:] for record in records]
     assert nees_test(values, 2).mean < 3.2

@@ -1,4 +1,5 @@
-"""Several methods on one study: against the exact likelihood, closed forms, truth behind simulated records, and what a user gets wrong."""
+"""Several methods on one study: against the exact likelihood, closed forms, truth behind simulated records, and what
+a user gets wrong."""
 
 import numpy as np
 import pytest
@@ -25,7 +26,9 @@ def test_the_likelihoods_answer_is_that_of_the_scalar_recursion(found):
         return lag.minus_log_likelihood(recording, *np.exp(log), initial=0.2)
 
     start = np.log([1.0, 1.0, 0.1, 0.1])
-    exact = minimize(cost, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000, "maxfev": 8000})
+    exact = minimize(
+        cost, start, method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12, "maxiter": 4000, "maxfev": 8000}
+    )
     assert found.likelihood.estimate.names == ("K", "tau", "process x", "measurement y")
     far = (found.likelihood.estimate.values - np.exp(exact.x)) / found.likelihood.estimate.standard_error
     assert np.all(np.abs(far) < 1e-3)
@@ -92,7 +95,9 @@ def test_process_noise_that_is_there_is_kept_in_every_record():
 def test_levels_that_are_too_small_are_told():
     """A filter that is told of a sensor ten times as good as it is has to be called too sure."""
     problem = lag.problem(lag.record(3))
-    wrong = pf.estimate_parameters(problem, process={"x": 0.001}, measurement={"y": "5 mK"}, methods=["ekf"], begin="answer")
+    wrong = pf.estimate_parameters(
+        problem, process={"x": 0.001}, measurement={"y": "5 mK"}, methods=["ekf"], begin="answer"
+    )
     assert wrong.likelihood is None
     assert [r["how"] for r in wrong.record["noise"]] == ["given", "given"]
     told = [v for v in wrong.record["verdict"] if v["level"] == "warning"]
@@ -108,7 +113,8 @@ def test_estimates_that_differ_are_told_and_those_that_do_not_are_not():
 
     pairs = agreement({"least squares": known(2.0), "maximum likelihood": known(2.1), "EKF": known(3.0)})
     assert {(p.second, p.first): p.differs for p in pairs} == {
-        ("least squares", "maximum likelihood"): False, ("least squares", "EKF"): True, ("maximum likelihood", "EKF"): True,
+        ("least squares", "maximum likelihood"): False, ("least squares", "EKF"): True,
+        ("maximum likelihood", "EKF"): True,
     }  # fmt: skip
     for p in pairs:  # two degrees of freedom: the tail is an exponential
         k = 3.0 if p.first == "EKF" else 2.1
@@ -138,7 +144,10 @@ def test_recordings_are_filtered_in_turn_and_the_unseen_part_is_not():
     assert np.all(runs.estimate.standard_error < first.estimate.standard_error)
     spoiled = recordings["b"]["y"].copy()
     spoiled[150:] = 1e6
-    cut = pf.Experiment(pf.from_arrays(period=lag.PERIOD, signals={"u": (recordings["b"]["u"], "V"), "y": (spoiled, "K")}), fit=(0.0, 7.5))
+    cut = pf.Experiment(
+        pf.from_arrays(period=lag.PERIOD, signals={"u": (recordings["b"]["u"], "V"), "y": (spoiled, "K")}),
+        fit=(0.0, 7.5),
+    )
     part = lag.problem({"b": cut})
     assert np.all(np.isfinite(ekf(part, noise, ["K", "tau"]).run(fitted=True).mean))
     assert len(ekf(part, noise, ["K"]).run(fitted=True).t) == 150
@@ -150,18 +159,26 @@ FRICTION = "v' = (F - friction(v, Fc, Fs))/m\ny = v"
 
 def friction_problem():
     model = pf.equations(
-        FRICTION, inputs=["F"], states=["v"], outputs=["y"], parameters={n: {"bounds": (0.1, 10)} for n in ("Fc", "Fs", "m")}
+        FRICTION,
+        inputs=["F"],
+        states=["v"],
+        outputs=["y"],
+        parameters={n: {"bounds": (0.1, 10)} for n in ("Fc", "Fs", "m")},
     )
     t = np.arange(50) * 0.1
     return pf.Problem(model, pf.from_arrays(t, signals={"F": np.sin(t), "y": np.zeros(50)}))
 
 
 def test_what_no_filter_works_on_is_refused_before_anything_is_fitted():
-    with pytest.raises(ModelError, match=r"dry friction, backlash or late states.*tanh\(v/width\).*`plantfit run` fits"):
+    with pytest.raises(
+        ModelError, match=r"dry friction, backlash or late states.*tanh\(v/width\).*`plantfit run` fits"
+    ):
         pf.estimate_parameters(friction_problem())
     static = pf.equations("y = a*u", inputs=["u"], outputs=["y"], parameters={"a": {"bounds": (0, 1)}})
     with pytest.raises(ModelError, match="has no states to filter"):
-        pf.estimate_parameters(pf.Problem(static, pf.from_arrays(period=1.0, signals={"u": np.arange(9.0), "y": np.arange(9.0)})))
+        pf.estimate_parameters(
+            pf.Problem(static, pf.from_arrays(period=1.0, signals={"u": np.arange(9.0), "y": np.arange(9.0)}))
+        )
     steady = pf.Experiment(lag.record(1, 30), steady=True)
     with pytest.raises(RecordingError, match="'run' is steady"):
         pf.estimate_parameters(lag.problem({"run": steady}))
@@ -195,7 +212,11 @@ def test_wishes_that_cannot_be_are_told(wishes, error, sentence):
 
 def test_the_linear_filter_is_for_linear_models():
     tank = pf.equations(
-        "x' = u - k*sqrt(x)\ny = x", inputs=["u"], states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 1)}}
+        "x' = u - k*sqrt(x)\ny = x",
+        inputs=["u"],
+        states={"x": {"initial": 1.0}},
+        outputs=["y"],
+        parameters={"k": {"bounds": (0.1, 1)}},
     )
     recording = pf.from_arrays(period=0.1, signals={"u": np.ones(30), "y": np.ones(30)})
     with pytest.raises(ModelError, match="not linear in its states and inputs"):
@@ -206,9 +227,12 @@ def test_levels_have_units_and_spreads_are_those_of_the_study():
     from plantfit.estimate.methods.levels import asked
     from plantfit.spec.tables import EstimateTable
 
-    problem = pf.Problem(lag.problem(lag.record(1, 30)).model, lag.record(1, 30), {"K": pf.Parameter((1.0, 5.0), "K/V")})
+    problem = pf.Problem(
+        lag.problem(lag.record(1, 30)).model, lag.record(1, 30), {"K": pf.Parameter((1.0, 5.0), "K/V")}
+    )
     table = EstimateTable.model_validate(
-        {"process": {"x": ["1 mK/s^0.5", "2 K/s^0.5"]}, "measurement": {"y": "20 mK"}, "prior": {"K": "500 mK/V", "tau": 0.2},
+        {"process": {"x": ["1 mK/s^0.5", "2 K/s^0.5"]}, "measurement": {"y": "20 mK"},
+         "prior": {"K": "500 mK/V", "tau": 0.2},
          "truth": {"tau": "500 ms"}}
     )  # fmt: skip
     told = asked(table, problem)
@@ -228,7 +252,9 @@ def test_what_moves_and_where_states_begin_is_seen():
         parameters={n: {"bounds": (0.1, 10.0)} for n in ("k", "d", "m", "x0")},
     )  # fmt: skip
     rng, t = np.random.default_rng(1), 0.05 * np.arange(200)
-    recording = pf.from_arrays(t, signals={"F": np.sin(3 * t), "y": 0.1 * rng.standard_normal(200), "s": rng.standard_normal(200)})
+    recording = pf.from_arrays(
+        t, signals={"F": np.sin(3 * t), "y": 0.1 * rng.standard_normal(200), "s": rng.standard_normal(200)}
+    )
     problem = pf.Problem(model, recording, substeps=2)
     scales = scales_at(problem, {"k": 2.0, "d": 1.0, "m": 1.0, "x0": 0.5})
     assert scales.kinematic == {"x": "v"}
@@ -267,7 +293,8 @@ def test_intervals_of_every_method_cover_the_truth():
             for m, e in p["estimates"].items():
                 inside[m, p["name"]] = inside.get((m, p["name"]), 0) + (e["low"] <= lag.TRUTH[p["name"]] <= e["high"])
     print({k: v / runs for k, v in inside.items()})
-    # least squares takes 15 independent stretches of process noise for sensor noise with memory, and knows too little of that
+    # least squares takes 15 independent stretches of process noise for sensor noise with memory, and knows too little
+    # of that
     least = {"least squares": 0.68, "maximum likelihood": 0.88, "EKF": 0.8, "UKF": 0.84}
     assert all(v / runs >= least[m] for (m, _), v in inside.items()), inside
 

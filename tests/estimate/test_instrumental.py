@@ -36,14 +36,18 @@ def test_without_whitening_values_are_the_closed_form_and_least_squares_its_spec
     np.testing.assert_allclose(
         instrumental_variables(x, y, clean, whiten=False).values, np.linalg.solve(clean.T @ x, clean.T @ y), rtol=1e-10
     )
-    np.testing.assert_allclose(instrumental_variables(x, y, x, whiten=False).values, np.linalg.lstsq(x, y)[0], rtol=1e-10)
+    np.testing.assert_allclose(
+        instrumental_variables(x, y, x, whiten=False).values, np.linalg.lstsq(x, y)[0], rtol=1e-10
+    )
 
 
 def test_the_covariance_of_white_errors_is_that_of_the_textbook():
     x, y, clean = drawn(2, n=4000)
     estimate = instrumental_variables(x, y, clean, whiten=False)
     r, a = y - x @ estimate.values, np.linalg.inv(clean.T @ x)
-    np.testing.assert_allclose(estimate.standard_error, np.sqrt(np.diag(a @ clean.T @ clean @ a.T) * np.mean(r**2)), rtol=0.08)
+    np.testing.assert_allclose(
+        estimate.standard_error, np.sqrt(np.diag(a @ clean.T @ clean @ a.T) * np.mean(r**2)), rtol=0.08
+    )
 
 
 def test_influences_are_what_leaving_a_sample_out_does():

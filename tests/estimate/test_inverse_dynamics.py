@@ -67,7 +67,8 @@ def test_what_is_missing_is_told_in_a_sentence():
         inverse(band=900.0).rows(record)
     short = Recording(record.t[:40], {n: Signal(s.values[:40], s.unit) for n, s in record.signals.items()}, "short")
     with pytest.raises(
-        RecordingError, match=r"Recording 'short' has 40 samples, which are too few: .* needs \d+ .*; use a longer recording"
+        RecordingError,
+        match=r"Recording 'short' has 40 samples, which are too few: .* needs \d+ .*; use a longer recording",
     ):
         inverse().rows(short)
     with pytest.raises(SimulationError, match=r"cannot be simulated at b1 = .* fell"):
@@ -79,7 +80,10 @@ def test_intervals_of_200_fresh_records_hold_the_truth_in_95_percent():
     found = fits(range(5000, 5200))
     held = np.mean([(f.estimate.low <= TRUTH) & (f.estimate.high >= TRUTH) for f in found], axis=0)
     assert np.all(held >= 0.91), held
-    scatter, told = np.std([f.estimate.values for f in found], axis=0), np.median([f.estimate.standard_error for f in found], axis=0)
+    scatter, told = (
+        np.std([f.estimate.values for f in found], axis=0),
+        np.median([f.estimate.standard_error for f in found], axis=0),
+    )
     assert np.all((told > 0.9 * scatter) & (told < 1.45 * scatter)), told / scatter
     plain = np.mean([(f.least_squares.low <= TRUTH) & (f.least_squares.high >= TRUTH) for f in found], axis=0)
     assert np.all(plain < 0.05), plain

@@ -69,7 +69,11 @@ def test_the_smoother_is_the_batch_solution(record, run):
             add([(k - 1, -f), (k, np.eye(2))], b * record["V"][k - 1], q)
         for j in range(2):
             if np.isfinite(y[k, j]):
-                add([(k, np.eye(2)[j : j + 1])], y[k, j : j + 1], np.array([[list(plants.MEASUREMENT.values())[j] ** 2]]))
+                add(
+                    [(k, np.eye(2)[j : j + 1])],
+                    y[k, j : j + 1],
+                    np.array([[list(plants.MEASUREMENT.values())[j] ** 2]]),
+                )
     a, c = np.vstack(rows), np.concatenate(right)
     solution = np.linalg.lstsq(a, c, rcond=None)[0].reshape(n, 2)
     covariance = np.linalg.inv(a.T @ a)
@@ -82,7 +86,10 @@ def test_the_smoother_is_the_batch_solution(record, run):
     band = after.track("w")
     assert np.all(band.low < band.value)
     assert band.unit == "rad/s"
-    assert np.all(np.diagonal(after.covariance, axis1=1, axis2=2) <= np.diagonal(run.covariance[:n], axis1=1, axis2=2) * (1 + 1e-9))
+    assert np.all(
+        np.diagonal(after.covariance, axis1=1, axis2=2)
+        <= np.diagonal(run.covariance[:n], axis1=1, axis2=2) * (1 + 1e-9)
+    )
 
 
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
@@ -156,7 +163,12 @@ def test_a_dead_time_is_filtered_at_the_edges_of_its_input():
     sparse[there] = w
     noise = Noise({"i": 1.0, "w": 300.0}, {"w": 2.0}, {"i": 0.1, "w": 10.0})
     values = {"Rm": 2.7, "Lm": 0.01, "Kb": 0.005, "Jm": 2e-7, "Cm": 1e-6}
-    late = Problem(dc_motor(tied=True, dead_time=True), from_arrays(t, signals={"V": v, "w": w}), {"Td": delay, "Tf": 0.0}, substeps=4)
+    late = Problem(
+        dc_motor(tied=True, dead_time=True),
+        from_arrays(t, signals={"V": v, "w": w}),
+        {"Td": delay, "Tf": 0.0},
+        substeps=4,
+    )
     plain = Problem(dc_motor(tied=True), from_arrays(fine, signals={"V": held, "w": sparse}), {"Tf": 0.0}, substeps=4)
     a, b = ekf(late, noise, at=values).run(), ekf(plain, noise, at=values).run()
     there = there & (fine <= t[-1])

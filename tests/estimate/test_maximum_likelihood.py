@@ -12,9 +12,15 @@ from plantfit.estimate.filters.likelihood import Innovations
 from plantfit.estimate.filters.maximum_likelihood import maximised
 
 FREE = Noise(
-    {n: (v / 12, v * 7) for n, v in plants.PROCESS.items()}, {n: (v / 7, v * 12) for n, v in plants.MEASUREMENT.items()}, plants.INITIAL
+    {n: (v / 12, v * 7) for n, v in plants.PROCESS.items()},
+    {n: (v / 7, v * 12) for n, v in plants.MEASUREMENT.items()},
+    plants.INITIAL,
 )
-ALL = plants.TRUTH | {f"process {n}": v for n, v in plants.PROCESS.items()} | {f"measurement {n}": v for n, v in plants.MEASUREMENT.items()}
+ALL = (
+    plants.TRUTH
+    | {f"process {n}": v for n, v in plants.PROCESS.items()}
+    | {f"measurement {n}": v for n, v in plants.MEASUREMENT.items()}
+)
 
 
 @pytest.fixture(scope="module")
@@ -43,7 +49,9 @@ def test_gradient_scores_and_hessian_are_exact(motor, likelihood):
     step = 1e-5 * np.eye(len(z))
     differences = np.array([(likelihood.value(z + e, records) - likelihood.value(z - e, records)) / 2e-5 for e in step])
     assert np.allclose(gradient, differences, rtol=1e-5, atol=1e-6 * np.max(np.abs(gradient)))
-    assert np.allclose(np.sum(likelihood.scores(z, records)[0], axis=0), gradient, rtol=1e-10, atol=1e-9 * np.max(np.abs(gradient)))
+    assert np.allclose(
+        np.sum(likelihood.scores(z, records)[0], axis=0), gradient, rtol=1e-10, atol=1e-9 * np.max(np.abs(gradient))
+    )
     slopes = [[likelihood.values_and_gradients(z + s * e, records)[1] for s in (1, -1)] for e in step]
     hessian = np.array([(np.asarray(a) - np.asarray(b)) / 2e-5 for a, b in slopes])
     assert np.allclose(likelihood.hessian(z, records), hessian, rtol=1e-4, atol=1e-6 * np.max(np.abs(hessian)))
@@ -88,7 +96,9 @@ def test_a_nonlinear_model_by_both_filters():
 
 
 def test_a_bound_and_a_flat_direction_are_named(motor):
-    held = Problem(plants.robot_motor(), motor.experiments["run"].recording, {"Ra": (3.5, 6.0), "La": 1.12e-2, "J": 2.27e-8})
+    held = Problem(
+        plants.robot_motor(), motor.experiments["run"].recording, {"Ra": (3.5, 6.0), "La": 1.12e-2, "J": 2.27e-8}
+    )
     found = maximum_likelihood(held, plants.NOISE, budget=90)
     assert found.at_bound == ("Ra",)
     assert found.estimate.named["Ra"] == pytest.approx(3.5)
@@ -110,10 +120,13 @@ def test_intervals_cover_the_truth_in_95_of_100(covariance):
         likelihood = likelihood or Innovations.of(problem, FREE, linearised)
         found = maximised(likelihood, likelihood.records(problem), FREE, covariance, budget=200)
         wrong = found.estimate.values - list(ALL.values())
-        far.append(wrong[: len(plants.TRUTH)] / found.estimate.standard_error[: len(plants.TRUTH)])  # noise on its bound has none
+        far.append(
+            wrong[: len(plants.TRUTH)] / found.estimate.standard_error[: len(plants.TRUTH)]
+        )  # noise on its bound has none
         inside += [found.interval[n][0] < v < found.interval[n][1] for n, v in ALL.items()]
     share = inside[: len(plants.TRUTH)] / runs
     assert np.all(np.abs(share - 0.95) <= 0.04), dict(zip(ALL, inside / runs, strict=True))
-    # how the current moves and is measured shows well; the noise of w is a fifth of what its process adds and may run to its bound
+    # how the current moves and is measured shows well; the noise of w is a fifth of what its process adds and may run
+    # to its bound
     assert np.all(inside[[5, 7]] / runs > 0.88)
     assert np.all(np.abs(np.mean(far, axis=0)) < 0.3)

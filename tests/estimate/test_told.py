@@ -3,11 +3,18 @@
 import pytest
 
 from plantfit.estimate.methods.told import verdict_of
-from plantfit.findings.results.estimated import EstimatedParameter, EstimateOfMethod, EstimatesByMethod, FilterOfEstimate, InnovationSize
+from plantfit.findings.results.estimated import (
+    EstimatedParameter,
+    EstimateOfMethod,
+    EstimatesByMethod,
+    FilterOfEstimate,
+    InnovationSize,
+)
 
 
 def record(memories, held, sentences=("The innovations are as large as the filter expects.",) * 2):
-    """Of EKF and UKF: correlations of neighbouring innovations, whether intervals hold the truth 2, and what is said of their size."""
+    """Of EKF and UKF: correlations of neighbouring innovations, whether intervals hold the truth 2, and what is said
+    of their size."""
     filters = [
         FilterOfEstimate(
             method=m, memory={"y": r}, log_likelihood=0.0,
@@ -21,7 +28,8 @@ def record(memories, held, sentences=("The innovations are as large as the filte
     }
     known = EstimatedParameter(name="K", unit=None, truth=2.0, estimates=estimates)
     return EstimatesByMethod(
-        name="lag", methods=["EKF", "UKF"], parameters=[known], noise=[], filters=filters, agreement=[], assumed=[], log_likelihood=None,
+        name="lag", methods=["EKF", "UKF"], parameters=[known], noise=[], filters=filters, agreement=[], assumed=[],
+        log_likelihood=None,
         agree=None,
     )  # fmt: skip
 
@@ -32,18 +40,26 @@ def said(*given):
 
 def test_what_is_the_same_of_both_is_said_once():
     told = said((0.4, 0.4), (True, True))
-    assert [s for s in told if "as large as" in s[1]] == [("good", "EKF, UKF: The innovations are as large as the filter expects.")]
+    assert [s for s in told if "as large as" in s[1]] == [
+        ("good", "EKF, UKF: The innovations are as large as the filter expects.")
+    ]
     (narrow,) = (s for level, s in told if level == "warning")
-    assert narrow.startswith("EKF, UKF: neighbouring innovations are correlated (0.40 of y): intervals of filters are too narrow")
+    assert narrow.startswith(
+        "EKF, UKF: neighbouring innovations are correlated (0.40 of y): intervals of filters are too narrow"
+    )
     assert ("info", "By each of EKF, UKF, 1 of 1 intervals hold the truth.") in told
 
 
 def test_what_differs_is_said_of_each():
-    told = said((0.02, -0.3), (True, False), ("The innovations are as large as the filter expects.", "They are twice as large."))
+    told = said(
+        (0.02, -0.3), (True, False), ("The innovations are as large as the filter expects.", "They are twice as large.")
+    )
     assert ("good", "EKF: The innovations are as large as the filter expects.") in told
     assert ("warning", "UKF: They are twice as large.") in told
     (wide,) = (s for _, s in told if "correlated" in s)
-    assert wide.startswith("UKF: neighbouring innovations are correlated (-0.30 of y): intervals of filters are too wide")
+    assert wide.startswith(
+        "UKF: neighbouring innovations are correlated (-0.30 of y): intervals of filters are too wide"
+    )
     assert ("info", "Of EKF, 1 of 1 intervals hold the truth.") in told
     assert ("info", "Of UKF, 0 of 1 intervals hold the truth, not K.") in told
 

@@ -1,4 +1,5 @@
-"""A study's filter on line: a healthy plant stays quiet at the stated rate, a changed one is named, and rows come as they are written."""
+"""A study's filter on line: a healthy plant stays quiet at the stated rate, a changed one is named, and rows come as
+they are written."""
 
 import threading
 import time
@@ -29,7 +30,8 @@ def fed(tracker, recording, pieces=1):
 
 
 def quiet_test(alpha, runs, looks, seed, drift=0.0):
-    """Share of runs in which scores drawn from their own law raise an alarm: d = 2, information of a real filter's size."""
+    """Share of runs in which scores drawn from their own law raise an alarm: d = 2, information of a real filter's
+    size."""
     rng, count = np.random.default_rng(seed), 0
     information = np.array([[30.0, 10.0], [10.0, 20.0]])
     root = np.linalg.cholesky(information)
@@ -163,10 +165,13 @@ def test_a_plant_with_a_dead_time_is_tracked_and_the_dead_time_watched(late):
     count = sum(bool(fed(late, lag.record(400 + s, 1000, lag.LATE, hold=(4, 15)[s % 2])).alarms) for s in range(10))
     assert count <= 1
     first = late.rows[0]["t"]
-    assert first - late.length * lag.PERIOD == pytest.approx(0.3, abs=0.051)  # what came before is not known for one dead time
+    assert first - late.length * lag.PERIOD == pytest.approx(
+        0.3, abs=0.051
+    )  # what came before is not known for one dead time
     assert "L" not in late.rows[0]
     assert 0.6 < np.mean([row["nis"] for row in late.rows]) < 1.5
-    # a step of the input five samples late is like a slower plant to a filter whose process noise forgets within a few samples
+    # a step of the input five samples late is like a slower plant to a filter whose process noise forgets within a few
+    # samples
     for name, change, told in (("L", 0.25, {"tau", "L"}), ("K", 0.6, {"K"})):
         then = lag.LATE | {name: lag.LATE[name] + change}
         alarms = [fed(late, lag.record(600 + s, 2000, then, after=500, before=lag.LATE)).alarms for s in range(3)]
@@ -234,7 +239,9 @@ def test_rows_without_an_input_hold_it_and_missing_outputs_are_skipped(tracker):
     fed(tracker, pf.Recording(recording.t, {"u": recording.signals["u"], "y": pf.Signal(y, "K")}, "gap"))
     skipped = tracker.rows[-1]
     for name in ("x", "K", "tau", "K_sd"):
-        assert left[name] == pytest.approx(skipped[name], rel=1e-4)  # one step of five periods, or five with tangents of their own
+        assert left[name] == pytest.approx(
+            skipped[name], rel=1e-4
+        )  # one step of five periods, or five with tangents of their own
 
 
 # -- a file that grows ------------------------------------------------------------------------------
@@ -320,7 +327,8 @@ def test_a_file_is_followed_while_it_is_written(tmp_path, tracker):
 
 
 def test_the_file_of_a_running_recorder_is_followed_over_gaps(tmp_path, tracker):
-    """What `plantfit record` writes: OUT.part with a log above the header, empty rows where samples were lost, a new name at the end."""
+    """What `plantfit record` writes: OUT.part with a log above the header, empty rows where samples were lost, a new
+    name at the end."""
     from plantfit.cli.commands.bench.track import _source
     from plantfit.rig.board.part_file import PartFile, part_of
 

@@ -8,8 +8,11 @@ TRUTH = {"K": 2.0, "tau": 0.5}
 PROCESS, MEASUREMENT, PERIOD = 0.3, 0.05, 0.05
 
 
-def record(seed, n=300, truth=TRUTH, process=PROCESS, measurement=MEASUREMENT, after=None, name="run", hold=15, before=None):
-    """u and y; `truth` holds from sample `after` on, `before` (default TRUTH) until then. A dead time L delays u. The state begins at 0."""
+def record(
+    seed, n=300, truth=TRUTH, process=PROCESS, measurement=MEASUREMENT, after=None, name="run", hold=15, before=None
+):
+    """u and y; `truth` holds from sample `after` on, `before` (default TRUTH) until then. A dead time L delays u.
+    The state begins at 0."""
     rng = np.random.default_rng(seed)
     u = rng.uniform(0.0, 1.0, n // hold + 1).repeat(hold)[:n]
     x = np.zeros(n)
@@ -21,7 +24,9 @@ def record(seed, n=300, truth=TRUTH, process=PROCESS, measurement=MEASUREMENT, a
         old, new = (u[max(k - int(whole) - back, 0)] for back in (1, 0))
         edge = np.exp(-PERIOD * (1 - share) / p["tau"])  # what is left of the part before the edge of the late input
         x[k + 1] = f * x[k] + p["K"] * ((edge - f) * old + (1 - edge) * new) + q * rng.standard_normal()
-    return from_arrays(period=PERIOD, signals={"u": (u, "V"), "y": (x + measurement * rng.standard_normal(n), "K")}, name=name)
+    return from_arrays(
+        period=PERIOD, signals={"u": (u, "V"), "y": (x + measurement * rng.standard_normal(n), "K")}, name=name
+    )
 
 
 LATE = TRUTH | {"L": 0.33}  # 6.6 samples

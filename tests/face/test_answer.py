@@ -133,7 +133,10 @@ def test_a_model_that_begins_at_the_first_measured_value_needs_one():
     problem = pf.Problem(model, pf.from_arrays({"t": t, "u": u, "y": y + 1e-3 * np.sin(t)}))
     answer = pf.fit(problem, "least_squares", budget=300)
     nothing = np.full(len(t), np.nan)
-    with pytest.raises(RecordingError, match="'monday' has no value of 'y', and the model 'first_order' begins at the first measured one"):
+    with pytest.raises(
+        RecordingError,
+        match="'monday' has no value of 'y', and the model 'first_order' begins at the first measured one",
+    ):
         answer.predict(pf.from_arrays({"t": t, "u": u}, name="monday"))
     begun = answer.predict(pf.from_arrays({"t": t, "u": u, "y": np.r_[0.7, nothing[1:]]}))["y"]
     free = answer.predict(pf.from_arrays({"t": t, "u": u, "y": np.r_[0.0, nothing[1:]]}))["y"]
@@ -143,11 +146,15 @@ def test_a_model_that_begins_at_the_first_measured_value_needs_one():
 def test_a_value_per_recording_is_asked_for():
     t = np.arange(0.0, 120.0, 2.0)
     problem = pf.Problem(
-        heater_model(), {"one": heated(t), "two": heated(t, 60.0)}, {"T0": pf.Parameter((0.0, 50.0), "degC", per_recording=True)}
+        heater_model(),
+        {"one": heated(t), "two": heated(t, 60.0)},
+        {"T0": pf.Parameter((0.0, 50.0), "degC", per_recording=True)},
     )
     answer = pf.fit(problem, "least_squares", budget=300)
     new = pf.from_arrays({"t": t, "u": 0 * t}, name="new")
-    with pytest.raises(SpaceError, match=r"'T0' has a value for each of the recordings \['one', 'two'\] and none for 'new'"):
+    with pytest.raises(
+        SpaceError, match=r"'T0' has a value for each of the recordings \['one', 'two'\] and none for 'new'"
+    ):
         answer.predict(new)
     np.testing.assert_allclose(answer.predict(new, values={"T0": 18.0})["T"], 18.0, atol=1e-9)
 
@@ -155,9 +162,21 @@ def test_a_value_per_recording_is_asked_for():
 @pytest.mark.parametrize(
     ("given", "error", "says"),
     [
-        (lambda t: pf.from_arrays({"t": t, "T": 0 * t}, name="new"), RecordingError, "'new' has no signal 'u', which the model needs"),
-        (lambda t: pf.from_arrays({"t": t, "u": (t, "s")}, name="new"), UnitError, "'u' is in 's', which cannot be converted to"),
-        (lambda t: pf.from_arrays({"t": t, "u": np.where(t > 9, np.nan, 1.0)}), PlantfitError, "'u' is missing at sample 10"),
+        (
+            lambda t: pf.from_arrays({"t": t, "T": 0 * t}, name="new"),
+            RecordingError,
+            "'new' has no signal 'u', which the model needs",
+        ),
+        (
+            lambda t: pf.from_arrays({"t": t, "u": (t, "s")}, name="new"),
+            UnitError,
+            "'u' is in 's', which cannot be converted to",
+        ),
+        (
+            lambda t: pf.from_arrays({"t": t, "u": np.where(t > 9, np.nan, 1.0)}),
+            PlantfitError,
+            "'u' is missing at sample 10",
+        ),
         (lambda t: "benhc", RecordingError, "no recording 'benhc'"),
         (lambda t: {"u": t}, RecordingError, "dict is no recording to predict over"),
     ],
@@ -230,7 +249,10 @@ def test_repr_waits_for_nothing_and_fits_on_a_screen(heater):
     assert f"K = {heater.values['K']:.6g} degC/W" in text
     names = [f"c{k}" for k in range(60)]
     model = pf.equations(
-        "y = " + " + ".join(f"{n}*u" for n in names), inputs=["u"], outputs=["y"], parameters={n: {"bounds": (0, 1)} for n in names}
+        "y = " + " + ".join(f"{n}*u" for n in names),
+        inputs=["u"],
+        outputs=["y"],
+        parameters={n: {"bounds": (0, 1)} for n in names},
     )
     problem = pf.Problem(model, pf.from_arrays({"u": np.ones(9), "y": np.ones(9)}, period=1.0))
     run = RunResult("random", 0, 0, np.full(60, 0.5), 1.0, 1.0, 0.0, pf.Status.budget, np.ones(1), np.ones(1))
@@ -287,7 +309,9 @@ def test_functions_that_are_local_are_named():
         return {"y": p["a"] * u["u"]}
 
     local = pf.Model("mine", {}, {"u": None}, {"y": None}, (pf.Declared("a", bounds=(0, 1)),), output)
-    with pytest.raises(ModelError, match="Model 'mine' cannot be pickled, because its output is or holds a function that is local"):
+    with pytest.raises(
+        ModelError, match="Model 'mine' cannot be pickled, because its output is or holds a function that is local"
+    ):
         pickle.dumps(local)
     changed = dataclasses.replace(pf.models.make("dc_motor"), name="other")  # not what the call of dc_motor makes
     with pytest.raises(ModelError, match="Model 'other' cannot be pickled"):

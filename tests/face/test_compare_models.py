@@ -22,7 +22,8 @@ def plant_record(seed, late=0):
 
 def answer(name, equations, record, **parameters):
     model = pf.equations(
-        equations, name=name, inputs={"u": "V"}, states={"x": {"unit": "rad/s", "initial": 0.0}}, outputs={"y": "rad/s"},
+        equations, name=name, inputs={"u": "V"}, states={"x": {"unit": "rad/s", "initial": 0.0}},
+        outputs={"y": "rad/s"},
         parameters={k: {"bounds": b, "unit": unit} for k, (b, unit) in parameters.items()},
     )  # fmt: skip
     return pf.fit(pf.Problem(model, record, split=0.6), budget=600)

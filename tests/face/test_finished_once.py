@@ -1,4 +1,5 @@
-"""What finishing found is kept in the store: used to the last bit where nothing has changed, and found anew where anything has."""
+"""What finishing found is kept in the store: used to the last bit where nothing has changed, and found anew where
+anything has."""
 
 import json
 import os
@@ -51,7 +52,8 @@ seed = 3
 
 
 def write_growth(folder):
-    """Growth from little to its end between two samples, so that steps are a mesh; two outputs whose scales the fit estimates."""
+    """Growth from little to its end between two samples, so that steps are a mesh; two outputs whose scales the fit
+    estimates."""
     noise = 0.01 * np.random.default_rng(2).normal(size=(2, len(T)))
     y = 1.0 / (1.0 + (1e4 - 1.0) * np.exp(-3.0 * T))
     rows = ["t,y,w", *(f"{a:g},{b:.6f},{c:.6f}" for a, b, c in zip(T, y + noise[0], y**2 + noise[1], strict=True))]
@@ -63,7 +65,14 @@ def write_growth(folder):
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("growth")
     write_growth(place)
-    words = ["run", "growth.toml", "--store", "lab.db", "--out", "growth.html"]  # in a process with strings of other hashes
+    words = [
+        "run",
+        "growth.toml",
+        "--store",
+        "lab.db",
+        "--out",
+        "growth.html",
+    ]  # in a process with strings of other hashes
     code = f"import sys; sys.argv = ['plantfit', *{words!r}]; from plantfit.cli.start import run; run()"
     done = subprocess.run([sys.executable, "-c", code], cwd=place, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -116,14 +125,17 @@ def test_a_study_that_is_opened_again_has_the_same_bits_and_is_not_finished_agai
 
 
 def test_a_study_from_python_is_kept_and_given_to_commands(folder, finished, tmp_path):
-    fitted = pf.fit(pf.load(folder / "growth.toml").problem, "least_squares", runs=2, budget=400, seed=3, store=tmp_path / "s.db")
+    fitted = pf.fit(
+        pf.load(folder / "growth.toml").problem, "least_squares", runs=2, budget=400, seed=3, store=tmp_path / "s.db"
+    )
     assert finished == [2]
     opened = pf.open_study(1, tmp_path / "s.db")
     fitted.findings["reproduction"]["command"] = opened.command  # the store does not keep what a program called itself
     alike(fitted, opened)
     code = (
         "import sys; from plantfit import stages; stages.finish = None\n"
-        f"sys.argv = ['plantfit', 'export', 'growth.toml', '--store', {str(tmp_path / 's.db')!r}, '--to', 'python', '--out', "
+        f"sys.argv = ['plantfit', 'export', 'growth.toml', '--store', {str(tmp_path / 's.db')!r}, '--to', 'python', "
+        f"'--out', "
         f"{str(tmp_path)!r}]\nfrom plantfit.cli.start import run; run()"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
@@ -156,9 +168,12 @@ def test_more_runs_are_finished_anew(folder, finished, tmp_path):
     study, store = pf.load(folder / "growth.toml"), pf.Store.open(tmp_path / "s.db")
     prepared = stages.prepare(study.problem)
     plan = pf.Plan("growth", ("least_squares",), 2, 400, 3, chunk=1)
-    number = begin(plan, prepared.objective, store, spec_text=study.text, spec_path=str(study.path), coordinates=("r", "k"),
+    number = begin(plan, prepared.objective, store, spec_text=study.text, spec_path=str(study.path),
+                   coordinates=("r", "k"),
                    to_physical=prepared.to_physical)  # fmt: skip
-    runner.resume(store, number, prepared.objective, to_physical=prepared.to_physical, stop=lambda: store.counts(number)[2] > 0)
+    runner.resume(
+        store, number, prepared.objective, to_physical=prepared.to_physical, stop=lambda: store.counts(number)[2] > 0
+    )
     assert store.counts(number)[2] == 1
     pf.open_study(number, store)
     pf.open_study(number, store)
@@ -168,7 +183,9 @@ def test_more_runs_are_finished_anew(folder, finished, tmp_path):
     assert finished == [1, 2]
 
 
-@pytest.mark.parametrize("damage", ["substr(content, 1, length(content) - 1)", "'text'", "7", "x''", "x'00' || substr(content, 2)"])
+@pytest.mark.parametrize(
+    "damage", ["substr(content, 1, length(content) - 1)", "'text'", "7", "x''", "x'00' || substr(content, 2)"]
+)
 def test_a_damaged_record_is_found_anew_and_mended(folder, anew, finished, damage):
     with sqlite3.connect(folder / "lab.db") as connection:
         assert connection.execute(f"UPDATE finish SET content = {damage}").rowcount == 1
@@ -185,7 +202,9 @@ def test_older_and_read_only_stores_are_opened_and_finished(folder, anew, finish
         target.execute("DROP TABLE finish")
     before, real = place.read_bytes(), os.access
     with monkeypatch.context() as patch:
-        patch.setattr(os, "access", lambda path, mode: real(path, mode) and not (mode == os.W_OK and str(path) == str(tmp_path)))
+        patch.setattr(
+            os, "access", lambda path, mode: real(path, mode) and not (mode == os.W_OK and str(path) == str(tmp_path))
+        )
         assert ends(pf.open_study(1, place)) == ends(anew)
         pf.open_study(1, place)
     assert finished == [2, 2]
@@ -207,7 +226,8 @@ def test_a_deleted_study_leaves_nothing(folder, tmp_path):
 def test_code_of_other_packages_is_never_taken_for_the_same(finished, tmp_path):
     model = Model(
         name="own", states={"x": None}, inputs={}, outputs={"x": None}, parameters=(Declared("k", None, (0.1, 1.0)),),
-        derivative=lambda x, u, p: {"x": -p["k"] * x["x"]}, initial_state=lambda p, u, y: {"x": 1.0}, output=lambda x, u, p: {"x": x["x"]},
+        derivative=lambda x, u, p: {"x": -p["k"] * x["x"]}, initial_state=lambda p, u, y: {"x": 1.0}, output=lambda x,
+        u, p: {"x": x["x"]},
     )  # fmt: skip
     t = np.arange(10.0)
     problem = pf.Problem(model, pf.from_arrays({"t": t, "x": np.exp(-0.3 * t)}, name="run"), name="own")
@@ -227,8 +247,12 @@ def test_strengths_and_who_chose_a_scale_come_back():
     u = np.linspace(0.0, 3.0, 12)
     record = pf.from_arrays({"u": u, "y": (np.sin(u), "V"), "z": (0.1 * u, "V")}, period=1.0, name="r")
     problem = Problem(model, record, {"f": Parameter((-2.0, 2.0), "V", smooth="reml")}, scales={"z": 2.0})
-    final = problem.with_smoothing({("f", "u"): 1.0 / 3.0}).with_scales({"y": 0.1 + 0.2}, ScaleSource("residuals", 3, False))
-    runs = [RunResult("m", k, 1, np.zeros(4), np.inf, 7.0, 0.1, Status.budget, np.ones(1), np.ones(1)) for k in range(2)]
+    final = problem.with_smoothing({("f", "u"): 1.0 / 3.0}).with_scales(
+        {"y": 0.1 + 0.2}, ScaleSource("residuals", 3, False)
+    )
+    runs = [
+        RunResult("m", k, 1, np.zeros(4), np.inf, 7.0, 0.1, Status.budget, np.ones(1), np.ones(1)) for k in range(2)
+    ]
     costs = (-0.0, np.nan)
     found = [replace(r, x=np.full(4, 0.1 * r.run), cost=costs[r.run], extra={"ended": "cut"}) for r in runs]
     read = finish_of_bytes(finish_bytes("key", final, found), "key", problem, runs)
@@ -236,7 +260,11 @@ def test_strengths_and_who_chose_a_scale_come_back():
     again, results = read
     assert again.smoothing is not None
     assert final.smoothing is not None
-    assert (again.scales, again.scale_sources, again.smoothing.strengths) == (final.scales, final.scale_sources, final.smoothing.strengths)
+    assert (again.scales, again.scale_sources, again.smoothing.strengths) == (
+        final.scales,
+        final.scale_sources,
+        final.smoothing.strengths,
+    )
     assert [(r.x.tobytes(), np.float64(r.cost).tobytes(), r.extra) for r in results] == [
         (r.x.tobytes(), np.float64(r.cost).tobytes(), r.extra) for r in found
     ]

@@ -35,7 +35,9 @@ def test_options_of_both_are_those_that_can_be_given():
         assert one.make(**{o.name: o.default for o in one.options}).parameters == one.make().parameters
 
 
-@pytest.mark.parametrize(("room", "near", "error"), [(pf.methods, "cmes", SearchError), (pf.models, "dc_moter", ModelError)])
+@pytest.mark.parametrize(
+    ("room", "near", "error"), [(pf.methods, "cmes", SearchError), (pf.models, "dc_moter", ModelError)]
+)
 def test_unknown_names_and_options_are_told(room, near, error):
     for asked in (lambda: room.make(near), lambda: room.describe(near)):
         with pytest.raises(error, match=f"no (method|model) '{near}'.*Did you mean"):
@@ -102,7 +104,12 @@ def _definitions(value, path, seen):
         made = inspect.isclass(value) and text is not None and text.startswith(f"{value.__name__}(")  # by dataclass
         yield path, "" if made else text
         for name, member in vars(value).items() if inspect.isclass(value) else ():
-            inner = getattr(member, "fget", None) or getattr(member, "func", None) or getattr(member, "__func__", None) or member
+            inner = (
+                getattr(member, "fget", None)
+                or getattr(member, "func", None)
+                or getattr(member, "__func__", None)
+                or member
+            )
             if not name.startswith("_") and inspect.isfunction(inner):
                 yield f"{path}.{name}", inner.__doc__
 

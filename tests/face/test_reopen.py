@@ -17,7 +17,8 @@ PLAN = {"method": "least_squares", "runs": 2, "budget": 400, "seed": 3}
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """A store with the heater, fitted from Python (1) and by the command (2), and a bench that was written in Python (3)."""
+    """A store with the heater, fitted from Python (1) and by the command (2), and a bench that was written in Python
+    (3)."""
     place = tmp_path_factory.mktemp("stored")
     write_study(place)
     return place
@@ -32,7 +33,9 @@ def fitted(folder):
 def run(folder, fitted):
     """What `plantfit run --json` said about the same study."""
     words = ["run", "heater.toml", "--store", "lab.db", "--json", "--out", "heater.html"]
-    told = subprocess.run([sys.executable, "-m", "plantfit.cli.start", *words], cwd=folder, capture_output=True, text=True)
+    told = subprocess.run(
+        [sys.executable, "-m", "plantfit.cli.start", *words], cwd=folder, capture_output=True, text=True
+    )
     if not told.stdout:
         code = f"import sys; sys.argv = ['plantfit', *{words!r}]; from plantfit.cli.start import run; run()"
         told = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
@@ -130,7 +133,13 @@ def test_recordings_that_changed_or_went_are_told(folder, run, tmp_path):
 def test_a_study_without_a_finished_run_has_no_answer(tmp_path):
     problem = pf.Problem(heater_model(), heated(np.arange(0.0, 60.0, 2.0)), name="early", substeps=1)
     store = pf.Store.open(tmp_path / "s.db")
-    begin(pf.Plan("early"), pf.objective_of(problem), store, coordinates=problem.space.names, to_physical=problem.space.physical)
+    begin(
+        pf.Plan("early"),
+        pf.objective_of(problem),
+        store,
+        coordinates=problem.space.names,
+        to_physical=problem.space.physical,
+    )
     with pytest.raises(StoreError, match=r"Study 1 in .*s\.db has no finished run yet; go on with `plantfit resume 1`"):
         pf.open_study("early", store, problem=problem)
 

@@ -1,7 +1,7 @@
 """Feed broken inputs to every layer and count what comes of them:  python tests/fuzz/fuzz.py --minutes 5 --seed 1
 
-A find is an exception that is not one of plantfit's, a sentence that is none, more than 10 s of CPU, or 2 GB of memory more than before.
-Each is written to `fuzz-finds/` with its traceback; it becomes a regression test in test_fuzz.py.
+A find is an exception that is not one of plantfit's, a sentence that is none, more than 10 s of CPU, or 2 GB of memory
+more than before. Each is written to `fuzz-finds/` with its traceback; it becomes a regression test in test_fuzz.py.
 """
 
 import argparse
@@ -28,8 +28,10 @@ from plantfit.errors import PlantfitError
 SECONDS, BYTES = 10.0, 2 * 2**30
 # words of Python and its libraries about code, which tell a user nothing about a file
 CODE = re.compile(
-    r"ufunc|<class '|object at 0x|NoneType|unsupported operand|has no attribute|not subscriptable|indices must be|required positional arg"
-    r"|object (is not|cannot)|a real number, not|not supported between|could not be broadcast|\bbool\(\)|loop with signature"
+    r"ufunc|<class '|object at 0x|NoneType|unsupported operand|has no attribute|not subscriptable|indices must "
+    r"be|required positional arg"
+    r"|object (is not|cannot)|a real number, not|not supported between|could not be broadcast|\bbool\(\)|loop with "
+    r"signature"
 )
 
 
@@ -119,7 +121,9 @@ def main() -> int:
     given = parser.parse_args()
     minutes = 5.0 if given.minutes is None and given.inputs is None else given.minutes
     print(f"seed {given.seed}", flush=True)
-    counts, finds = fuzz(given.seed, given.inputs, None if minutes is None else 60 * minutes, tuple(given.layers.split(",")))
+    counts, finds = fuzz(
+        given.seed, given.inputs, None if minutes is None else 60 * minutes, tuple(given.layers.split(","))
+    )
     for layer in LAYERS:
         own = {outcome: counts[layer, outcome] for outcome in ("read", "refused", "find")}
         if any(own.values()):

@@ -1,9 +1,11 @@
-"""Feed broken files to the command line and count what comes of them:  python tests/fuzz/fuzz_cli.py --inputs 2000 --seed 1
+"""Feed broken files to the command line and count what comes of them:  python tests/fuzz/fuzz_cli.py --inputs 2000
+--seed 1
 
-Each input goes to one call of `plantfit` in a process of its own, forked from one that has imported everything. A find is an ending by a
-signal, the exit code of an error inside plantfit, a traceback, more than 20 lines of errors, more than 10 s of CPU, or 2 GB of memory.
-What is accepted may take 90 s of CPU: XLA and LLVM compile a model that was never seen, which the undamaged files need too.
-Inputs are drawn in another process: polars that has run does not survive a fork.
+Each input goes to one call of `plantfit` in a process of its own, forked from one that has imported everything. A find
+is an ending by a signal, the exit code of an error inside plantfit, a traceback, more than 20 lines of errors, more
+than 10 s of CPU, or 2 GB of memory. What is accepted may take 90 s of CPU: XLA and LLVM compile a model that was never
+seen, which the undamaged files need too. Inputs are drawn in another process: polars that has run does not survive a
+fork.
 """
 
 import argparse
@@ -59,7 +61,9 @@ def placed(layer: str, content: bytes, good: bytes, folder: Path) -> list[str]:
         (folder / "good.csv").write_bytes(good)
     if layer == "equations":
         before, _, rest = STUDY.partition(b'equations = """\n')
-        (folder / "study.toml").write_bytes(before + b'equations = """\n' + content + b'"""\n' + rest.partition(b'"""\n')[2])
+        (folder / "study.toml").write_bytes(
+            before + b'equations = """\n' + content + b'"""\n' + rest.partition(b'"""\n')[2]
+        )
     return [word.format(file.name) for word in COMMANDS[layer]]
 
 
@@ -119,7 +123,8 @@ def judged(status: int, said: str, seconds: float, peak: int) -> str | None:
 
 
 def preload() -> None:
-    """Import every room, and what they import on first use, so that calls need not; nothing of it is run before the fork."""
+    """Import every room, and what they import on first use, so that calls need not; nothing of it is run before the
+    fork."""
     import plantfit
 
     for module in pkgutil.walk_packages(plantfit.__path__, "plantfit."):

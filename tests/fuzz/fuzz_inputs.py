@@ -1,5 +1,5 @@
-"""Broken inputs by layer: a good file of each kind, its bytes mutated or what it holds exchanged (fuzz_shapes.py) by a seeded generator,
-and what reads it."""
+"""Broken inputs by layer: a good file of each kind, its bytes mutated or what it holds exchanged (fuzz_shapes.py) by
+a seeded generator, and what reads it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,9 +11,12 @@ import fuzz_shapes as shapes
 import numpy as np
 
 WORDS = [
-    b"nan", b"inf", b"-0", b"1e999", b"9" * 400, b"9" * 5000, b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\\ud800", b'"', b"'", b'"""',
-    b"[" * 900, b"(" * 70, b"{" * 50, b"]]", b"\n", b"\r", b",", b";", b"\t", b"=", b"1,5", b"../x", b"null", b"true", b"-1", b"2147483648",
-    b"18446744073709551616", "\u00dcn\u00efcode".encode(), b"delay(u, u)", b"x'' = ", b"**", b"[[1]]", b"1979-05-27", b"K", b"u", b"x",
+    b"nan", b"inf", b"-0", b"1e999", b"9" * 400, b"9" * 5000, b"\x00", b"\xff\xfe", b"\xef\xbb\xbf", b"\\ud800", b'"',
+    b"'", b'"""',
+    b"[" * 900, b"(" * 70, b"{" * 50, b"]]", b"\n", b"\r", b",", b";", b"\t", b"=", b"1,5", b"../x", b"null", b"true",
+    b"-1", b"2147483648",
+    b"18446744073709551616", "\u00dcn\u00efcode".encode(), b"delay(u, u)", b"x'' = ", b"**", b"[[1]]", b"1979-05-27",
+    b"K", b"u", b"x",
     b"if", b"lambda", b"__import__('os')",
 ]  # fmt: skip
 
@@ -225,7 +228,7 @@ draws = 20
 [control]
 output = "y"
 input = "F"
-"""
+"""  # noqa: E501
 EQUATIONS = b"""x1' = x2
 x2' = (K*delay(u, L) - c*x2 - k(x1)*x1 + 0.1*sin(3*t)) / m
 y = x1 + max(0, x2)*exp(-x1^2) - sqrt(abs(x1))
@@ -246,7 +249,13 @@ def _equations(path: Path) -> object:
     parameters = {name: {"bounds": (0.1, 2.0)} for name in ("K", "c", "m", "L", "k")}
     tables = {"k": {"over": "x1", "nodes": [-1.0, 0.0, 1.0]}}
     return equations(
-        text, inputs={"u": None}, states={"x1": {}, "x2": {}}, outputs={"y": None}, parameters=parameters, tables=tables, check=False
+        text,
+        inputs={"u": None},
+        states={"x1": {}, "x2": {}},
+        outputs={"y": None},
+        parameters=parameters,
+        tables=tables,
+        check=False,
     )
 
 
@@ -256,11 +265,18 @@ def _run_store(path: Path) -> None:
     from plantfit.study import Plan, Store
 
     store = Store.open(path)
-    study = store.add(Plan("gearmotor", ("pso",), runs=2, budget=20), spec_text=STUDY.decode(), coordinates=("K", "L"), probe=b"\0" * 64)
+    study = store.add(
+        Plan("gearmotor", ("pso",), runs=2, budget=20),
+        spec_text=STUDY.decode(),
+        coordinates=("K", "L"),
+        probe=b"\0" * 64,
+    )
     while (claim := store.claim(study, "me")) is not None:
         history = np.array([1.0, 20.0])
         results = [
-            RunResult("pso", run, 1, np.array([0.5, 0.25]), 0.1, 20.0, 0.1, Status.budget, history, history[::-1], 0, {})
+            RunResult(
+                "pso", run, 1, np.array([0.5, 0.25]), 0.1, 20.0, 0.1, Status.budget, history, history[::-1], 0, {}
+            )
             for run in range(claim.task.first, claim.task.first + claim.task.count)
         ]
         store.finish(claim, results, [{"K": 1.0, "L": 2.0}] * len(results))
@@ -278,7 +294,9 @@ def _open_store(path: Path) -> object:
     for left in path.parent.glob("*.db-*"):
         left.unlink()
     store = Store.open(path, create=False, busy_timeout=0.1)
-    return [(s.name, store.plan(s.id), store.runs(s.id), store.whole(s.id), store.counts(s.id)) for s in store.studies()]
+    return [
+        (s.name, store.plan(s.id), store.runs(s.id), store.whole(s.id), store.counts(s.id)) for s in store.studies()
+    ]
 
 
 def _export(kind: str) -> bytes:
@@ -325,7 +343,10 @@ def _listen(path: Path) -> object:
     from plantfit.rig.board.protocol import Hello, Lines, Sample, encode
 
     lines, hello, data = Lines(), Hello(), path.read_bytes()
-    framed = [encode(line.split(b"*")[0].decode("ascii", "replace").encode("ascii", "replace").decode()) for line in data.split(b"\n")]
+    framed = [
+        encode(line.split(b"*")[0].decode("ascii", "replace").encode("ascii", "replace").decode())
+        for line in data.split(b"\n")
+    ]
     for chunk in (data, b"".join(framed)):  # as it came, and with right checksums
         for at in range(0, len(chunk), 37):
             for fields in lines.feed(chunk[at : at + 37]):

@@ -1,5 +1,6 @@
-"""Inputs that a parser lets through and that are wrong inside: trees with other values, tables with other cells, archives with right
-checksums around wrong content. Each function is one of a seeded generator alone; `shaped` has one for each layer."""
+"""Inputs that a parser lets through and that are wrong inside: trees with other values, tables with other cells,
+archives with right checksums around wrong content. Each function is one of a seeded generator alone; `shaped` has
+one for each layer."""
 
 import io
 import json
@@ -17,21 +18,31 @@ import numpy as np
 Draw = np.random.Generator
 
 VALUES: list[Any] = [
-    True, False, 0, 1, -1, 2, 3, 0.5, -0.0, 1e-320, 1e300, -1e300, float("nan"), float("inf"), float("-inf"), 2**31, 2**63, -(2**63) - 1,
-    10**400, "", " ", "x", "u", "y", "K", "t", "nan", "-1", "\0", "\ud800", "../x", "/", "%s{0}", "x" * 5000, "1 furlong/fortnight",
-    "degC", "m**1e9", "1e999 m", "s^-1/2", "x' = -x", "9" * 400, [], {}, [[]], [[1]], [1, 2], [2, 1], [0, 0], [float("nan"), 1],
-    ["a", "a"], [1e300, 1e308], [1] * 300, {"a": 1}, {"": {}}, {"x": {"unit": 1}}, {"from": 0, "to": 1, "count": 10**9}, {"u": [1, 0]},
+    True, False, 0, 1, -1, 2, 3, 0.5, -0.0, 1e-320, 1e300, -1e300, float("nan"), float("inf"), float("-inf"), 2**31,
+    2**63, -(2**63) - 1,
+    10**400, "", " ", "x", "u", "y", "K", "t", "nan", "-1", "\0", "\ud800", "../x", "/", "%s{0}", "x" * 5000,
+    "1 furlong/fortnight",
+    "degC", "m**1e9", "1e999 m", "s^-1/2", "x' = -x", "9" * 400, [], {}, [[]], [[1]], [1, 2], [2, 1], [0, 0],
+    [float("nan"), 1],
+    ["a", "a"], [1e300, 1e308], [1] * 300, {"a": 1}, {"": {}}, {"x": {"unit": 1}}, {"from": 0, "to": 1, "count": 10**9},
+    {"u": [1, 0]},
     "auto", "pso", "log", "linear", "previous", "clock", "true",
 ]  # fmt: skip
 KEYS = [
-    "name", "scales", "standard_errors", "diagnose", "balance", "file", "time", "time_unit", "period", "signals", "units", "sheet", "sort",
-    "split", "fit", "validate", "skip", "before", "initial_time", "steady", "shared_errors", "unmeasured", "clean", "step", "kind",
+    "name", "scales", "standard_errors", "diagnose", "balance", "file", "time", "time_unit", "period", "signals",
+    "units", "sheet", "sort",
+    "split", "fit", "validate", "skip", "before", "initial_time", "steady", "shared_errors", "unmeasured", "clean",
+    "step", "kind",
     "options",
-    "equations", "inputs", "outputs", "states", "initial", "constants", "hold", "clock_shift", "extensions", "check_units", "tables",
+    "equations", "inputs", "outputs", "states", "initial", "constants", "hold", "clock_shift", "extensions",
+    "check_units", "tables",
     "over",
-    "nodes", "unit", "bounds", "value", "scale", "limits", "typical", "start", "smooth", "tied", "per_recording", "sentence", "of", "limit",
-    "standard", "expanded", "k", "repeats", "shape", "span", "degrees_of_freedom", "recordings", "draws", "propagation", "stepper",
-    "substeps", "methods", "runs", "budget", "seed", "settings", "shooting", "population", "control", "output", "input", "simulation",
+    "nodes", "unit", "bounds", "value", "scale", "limits", "typical", "start", "smooth", "tied", "per_recording",
+    "sentence", "of", "limit",
+    "standard", "expanded", "k", "repeats", "shape", "span", "degrees_of_freedom", "recordings", "draws", "propagation",
+    "stepper",
+    "substeps", "methods", "runs", "budget", "seed", "settings", "shooting", "population", "control", "output", "input",
+    "simulation",
     "search", "uncertainty", "parameters", "model", "recording", "", "\0", "x" * 300, "u", "y", "x", "K", "tau",
 ]  # fmt: skip
 
@@ -77,7 +88,19 @@ def _near(value: Any, rng: Draw) -> Any:
         if not abs(value) < 1e150:
             return -value
         return one(
-            rng, [-value, 0, value * 1e3, value * 1e-3, value * 1e9, value + 1, int(value), value * 1e-9, value * 1e150, float(value)]
+            rng,
+            [
+                -value,
+                0,
+                value * 1e3,
+                value * 1e-3,
+                value * 1e9,
+                value + 1,
+                int(value),
+                value * 1e-9,
+                value * 1e150,
+                float(value),
+            ],
         )
     if isinstance(value, str):
         at = int(rng.integers(len(value) + 1))
@@ -121,9 +144,11 @@ def texts_of_json(text: bytes, rng: Draw) -> bytes:
 
 
 CELLS = [
-    "", " ", "nan", "NaN", "inf", "-inf", "NA", "null", "1e400", "-0", "1,5", "1.5.2", "0x10", "1_000", "9" * 400, "٣", "½", "1e5", "+-1",
+    "", " ", "nan", "NaN", "inf", "-inf", "NA", "null", "1e400", "-0", "1,5", "1.5.2", "0x10", "1_000", "9" * 400, "٣",
+    "½", "1e5", "+-1",
     "TRUE",
-    "2020-02-30", "2020-01-01 00:00:00", "12:00", "\0", '"', "'", "#", ";", "\ufeff", "\u2028", "=1+1", "u [V]", "1 V", "\u22121", "1e-400",
+    "2020-02-30", "2020-01-01 00:00:00", "12:00", "\0", '"', "'", "#", ";", "\ufeff", "\u2028", "=1+1", "u [V]", "1 V",
+    "\u22121", "1e-400",
     "\udcff",
 ]  # fmt: skip
 
@@ -148,7 +173,9 @@ def cells(text: bytes, rng: Draw) -> bytes:
         elif kind == 6:
             rows[:] = rows[: int(rng.integers(1, 4))]
         elif kind == 7:
-            rows[0][column] = one(rng, ["", "t", "time [ms]", "u [V]", "[]", "x [furlong]", "a" * 5000, "u [V] [A]", "t [s", "%"])
+            rows[0][column] = one(
+                rng, ["", "t", "time [ms]", "u [V]", "[]", "x [furlong]", "a" * 5000, "u [V] [A]", "t [s", "%"]
+            )
         else:
             for r in rows:
                 r[column:column] = [r[column]]
@@ -166,12 +193,16 @@ def columns(rng: Draw, good: Any) -> Any:
 
     n, frame = good.height, good
     others = [
-        pl.Series([None] * n), pl.Series([[1.0, 2.0]] * n), pl.Series([{"a": 1}] * n), pl.Series(["x"] * n), pl.Series([b"\xff"] * n),
+        pl.Series([None] * n), pl.Series([[1.0, 2.0]] * n), pl.Series([{"a": 1}] * n), pl.Series(["x"] * n),
+        pl.Series([b"\xff"] * n),
         pl.Series(np.arange(n), dtype=pl.UInt64) + (2**63), pl.Series([True] * n), pl.Series([float("nan")] * n),
-        pl.Series([float("inf")] * n), pl.Series(["1,5"] * n), pl.Series(np.arange(n)).cast(pl.Datetime("us")).dt.replace_time_zone("UTC"),
-        pl.Series(np.arange(n)).cast(pl.Date), pl.Series(np.arange(n)).cast(pl.Duration("ms")), pl.Series(np.arange(n)).cast(pl.Time),
+        pl.Series([float("inf")] * n), pl.Series(["1,5"] * n),
+        pl.Series(np.arange(n)).cast(pl.Datetime("us")).dt.replace_time_zone("UTC"),
+        pl.Series(np.arange(n)).cast(pl.Date), pl.Series(np.arange(n)).cast(pl.Duration("ms")),
+        pl.Series(np.arange(n)).cast(pl.Time),
         pl.Series(["a", "b"] * (n // 2) + ["a"] * (n % 2)).cast(pl.Categorical), pl.Series(np.arange(n)[::-1].copy()),
-        pl.Series(np.zeros(n)), pl.Series(np.full(n, 1e308)), pl.Series(np.full(n, -1e308)), pl.Series(np.arange(n)).cast(pl.Decimal(38,
+        pl.Series(np.zeros(n)), pl.Series(np.full(n, 1e308)), pl.Series(np.full(n, -1e308)),
+        pl.Series(np.arange(n)).cast(pl.Decimal(38,
         5)),
         pl.Series(np.where(np.arange(n) % 2, 1e308, -1e308)), pl.Series([[]] * n, dtype=pl.List(pl.Float64)),
         pl.Series(["2020-01-01"] * n), pl.Series(np.arange(n)).cast(pl.Int8),
@@ -223,7 +254,8 @@ def sheets(rng: Draw, good: Any) -> bytes:
     sheet: Any = book.active
     rows = [list(good.columns), *map(list, good.rows())]
     odd = [
-        "=1/0", "=A1", "#N/A", "", None, True, dt.datetime(2020, 1, 1), dt.time(12), dt.timedelta(days=-1), 1e308, -1e308, 10**14,
+        "=1/0", "=A1", "#N/A", "", None, True, dt.datetime(2020, 1, 1), dt.time(12), dt.timedelta(days=-1), 1e308,
+        -1e308, 10**14,
         "x" * 5000,
         "1,5", "u [V]", dt.date(1900, 1, 1), "nan",
     ]  # fmt: skip
@@ -259,7 +291,9 @@ def rezipped(archive: bytes, rng: Draw, chance: float, changed: Callable[[bytes,
     with zipfile.ZipFile(io.BytesIO(archive)) as old, zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as new:
         hit = one(rng, old.namelist()) if rng.random() < chance else None
         for name in old.namelist():
-            content = re.sub(rb"(<dcterms:(?:created|modified)[^>]*>)[^<]*", rb"\g<1>2020-01-01T00:00:00Z", old.read(name))
+            content = re.sub(
+                rb"(<dcterms:(?:created|modified)[^>]*>)[^<]*", rb"\g<1>2020-01-01T00:00:00Z", old.read(name)
+            )
             if name == hit:
                 if rng.random() < 0.1:
                     continue
@@ -274,9 +308,12 @@ def _array_file(content: bytes, rng: Draw) -> bytes:
 
     head, _, data = content[10:].partition(b"\n")
     for _ in range(int(rng.integers(1, 3))):
-        old, new = one(rng, [(b"'<f8'", b"'%s'" % one(rng, [b"<i8", b">f8", b"|O", b"<U9", b"<c16", b"|b1", b"<M8[s]", b"<f2", b"|V8",
+        old, new = one(rng, [(b"'<f8'", b"'%s'" % one(rng,
+                                                      [b"<i8", b">f8", b"|O", b"<U9", b"<c16", b"|b1", b"<M8[s]",
+                                                       b"<f2", b"|V8",
         b"x"])),
-                             (b"(40,)", one(rng, [b"()", b"(0,)", b"(-1,)", b"(40, 1)", b"(2, 20)", b"(10000000000000,)", b"(41,)",
+                             (b"(40,)", one(rng, [b"()", b"(0,)", b"(-1,)", b"(40, 1)", b"(2, 20)",
+                                                  b"(10000000000000,)", b"(41,)",
                              b"('a',)"])),
                              (b"False", one(rng, [b"True", b"None", b"1"]))])  # fmt: skip
         head = head.replace(old, new)
@@ -299,9 +336,12 @@ def matrices(rng: Draw) -> bytes:
     n = 40
     held: dict[str, Any] = {"t": np.arange(n) * 0.1, "y": np.ones(n)}
     odd = [
-        np.ones((n, 2)), np.ones((2, n, 2)), np.array([]), np.float64(3.0), "text", np.array(["a"] * n, object), csc_array(np.eye(n)),
-        np.ones(n) * 1j, {"a": 1.0}, {"t": np.arange(n), "y": np.ones(n)}, np.ones(n, bool), np.ones(n, np.int8), np.full(n, np.nan),
-        np.full(n, np.inf), np.arange(n)[::-1], np.array([("a", 1.0)], dtype=[("n", object), ("v", float)]), np.full(n, 2**63, np.uint64),
+        np.ones((n, 2)), np.ones((2, n, 2)), np.array([]), np.float64(3.0), "text", np.array(["a"] * n, object),
+        csc_array(np.eye(n)),
+        np.ones(n) * 1j, {"a": 1.0}, {"t": np.arange(n), "y": np.ones(n)}, np.ones(n, bool), np.ones(n, np.int8),
+        np.full(n, np.nan),
+        np.full(n, np.inf), np.arange(n)[::-1], np.array([("a", 1.0)], dtype=[("n", object), ("v", float)]),
+        np.full(n, 2**63, np.uint64),
     ]  # fmt: skip
     for _ in range(int(rng.integers(1, 3))):
         held[one(rng, ["t", "y", "z", "s"])] = one(rng, odd)
@@ -313,8 +353,10 @@ def matrices(rng: Draw) -> bytes:
 
 
 ROW_VALUES: list[Any] = [
-    None, 0, 1, -1, 2**62, 0.5, 1e308, float("inf"), "", "x", "nan", "[]", "{}", "null", "[1]", '{"a": 1}', '"x"', "9" * 400, b"", b"\0",
-    b"\xff" * 8, b"\0" * 8000, "\0", "done", "open", "running", "interrupted", "pso", "[" * 2000, '{"name": 1e400}', '"\\ud800"',
+    None, 0, 1, -1, 2**62, 0.5, 1e308, float("inf"), "", "x", "nan", "[]", "{}", "null", "[1]", '{"a": 1}', '"x"',
+    "9" * 400, b"", b"\0",
+    b"\xff" * 8, b"\0" * 8000, "\0", "done", "open", "running", "interrupted", "pso", "[" * 2000, '{"name": 1e400}',
+    '"\\ud800"',
 ]  # fmt: skip
 
 
@@ -368,15 +410,20 @@ def _like(held: Any, rng: Draw) -> Any:
 
 TOKEN = re.compile(r"[A-Za-z_]\w*'*|\d+\.?\d*(?:e[+-]?\d+)?|\*\*|[<>=!]=|\S|\n")
 TOKENS = [
-    "x1", "x2", "x1'", "x2'", "u", "y", "K", "t", "k", "k(x1)", "k(x1, x2)", "k()", "pi", "e", "inf", "nan", "1e308", "1e-308", "0", "-1",
+    "x1", "x2", "x1'", "x2'", "u", "y", "K", "t", "k", "k(x1)", "k(x1, x2)", "k()", "pi", "e", "inf", "nan", "1e308",
+    "1e-308", "0", "-1",
     "2",
-    "0.5", "+", "-", "*", "/", "^", "**", "(", ")", ",", "=", "==", "<", ">", "<=", "!=", "and", "or", "not", "\n", ";", "#", "'", "''",
+    "0.5", "+", "-", "*", "/", "^", "**", "(", ")", ",", "=", "==", "<", ">", "<=", "!=", "and", "or", "not", "\n", ";",
+    "#", "'", "''",
     "when",
-    "falling", "rising", ":", "delay(x1, L)", "delay(u, -1)", "delay(delay(u, L), L)", "delay(u, x1)", "delay(u, 1e9)", "sin", "exp(",
+    "falling", "rising", ":", "delay(x1, L)", "delay(u, -1)", "delay(delay(u, L), L)", "delay(u, x1)", "delay(u, 1e9)",
+    "sin", "exp(",
     "log(",
-    "sqrt(", "max(", "min(", "abs(", "atan2(", "clip(", "where(", "if", "else", "sign(", "tanh(", "friction(x2, K, L)", "play(u, K)",
+    "sqrt(", "max(", "min(", "abs(", "atan2(", "clip(", "where(", "if", "else", "sign(", "tanh(", "friction(x2, K, L)",
+    "play(u, K)",
     "deadzone(",
-    "coulomb(", "ceil(", "floor(", "mod(", "%", "//", "1/0", "0^-1", "0^0", "x1^x1^x1^x1", "[", "]", "{", "}", ".", "@", "~", "|", "&",
+    "coulomb(", "ceil(", "floor(", "mod(", "%", "//", "1/0", "0^-1", "0^0", "x1^x1^x1^x1", "[", "]", "{", "}", ".", "@",
+    "~", "|", "&",
     "lambda",
     "\"", "\\", "\u00b2", "\u03b1", "\u2212", "der(x1)", "initial", "x3' = x3\n", "y = 1\n", "2x", "x1.real", "9" * 400,
 ]  # fmt: skip
@@ -384,9 +431,11 @@ TOKENS = [
 
 NUMBERS = ["0", "0.0", "1e308", "1e-308", "1e999", "3", "0.5", "9" * 400, "1e-400", "100000"]
 ALIKE = [
-    ["x1", "x2", "u", "K", "L", "c", "m", "t", "pi", "y", "k(x1)", "delay(u, L)", "delay(x1, L)", "delay(x2, 0.5)", *NUMBERS],
+    ["x1", "x2", "u", "K", "L", "c", "m", "t", "pi", "y", "k(x1)", "delay(u, L)", "delay(x1, L)", "delay(x2, 0.5)",
+     *NUMBERS],
     ["x1'", "x2'", "x1''", "y", "x1", "z", "u", "K'"], ["+", "-", "*", "/", "^", "**"],
-    ["sin", "exp", "sqrt", "abs", "max", "min", "tanh", "sign", "log", "floor", "mod", "atan2", "where", "delay", "k", "friction", "play",
+    ["sin", "exp", "sqrt", "abs", "max", "min", "tanh", "sign", "log", "floor", "mod", "atan2", "where", "delay", "k",
+     "friction", "play",
     "deadzone"],
     ["(", ")"], [",", "\n", ";"],
 ]  # fmt: skip
@@ -398,7 +447,9 @@ def tokens(text: bytes, rng: Draw) -> bytes:
     for _ in range(int(rng.integers(1, 5))):
         at, kind = int(rng.integers(len(found) + 1)), int(rng.integers(10))
         if kind >= 6 and at < len(found):  # one that may stand there
-            found[at] = one(rng, next((same for same in ALIKE if found[at] in same), NUMBERS if found[at][0].isdigit() else ["x2"]))
+            found[at] = one(
+                rng, next((same for same in ALIKE if found[at] in same), NUMBERS if found[at][0].isdigit() else ["x2"])
+            )
         elif kind <= 1:
             found[at : at + 1] = [one(rng, TOKENS)]
         elif kind == 2:
@@ -417,7 +468,8 @@ def tokens(text: bytes, rng: Draw) -> bytes:
 
 
 FIELDS = [
-    "", "0", "-1", "nan", "inf", "1e400", "9" * 50, "2147483648", "18446744073709551616", "0x10", "1.5", "x", "u", "w", "V", "furlong",
+    "", "0", "-1", "nan", "inf", "1e400", "9" * 50, "2147483648", "18446744073709551616", "0x10", "1.5", "x", "u", "w",
+    "V", "furlong",
     "\x7f",
     " ", "%", "65536", "-0", "1_0", "+1", "T", "H", "A", "C", "D",
 ]  # fmt: skip
@@ -436,7 +488,9 @@ def lines(rng: Draw) -> bytes:
         if kind <= 2:
             said[line][int(rng.integers(len(said[line])))] = one(rng, FIELDS)
         elif kind == 3:
-            said[line] = said[line][: int(rng.integers(1, len(said[line]) + 1))] + [one(rng, FIELDS)] * int(rng.integers(0, 3))
+            said[line] = said[line][: int(rng.integers(1, len(said[line]) + 1))] + [one(rng, FIELDS)] * int(
+                rng.integers(0, 3)
+            )
         elif kind == 4:
             said[line:line] = [list(said[line])] * int(rng.integers(1, 4))
         else:

@@ -1,4 +1,5 @@
-"""Broken inputs end in sentences: 500 with a seed of the day in the fast suite, many more in the slow one, and what was found before."""
+"""Broken inputs end in sentences: 500 with a seed of the day in the fast suite, many more in the slow one, and what
+was found before."""
 
 import os
 import subprocess
@@ -52,7 +53,8 @@ def test_many_matlab_files():
 
 @pytest.mark.parametrize("layer", SHAPED)
 def test_inputs_come_past_the_parser(layer, tmp_path):
-    """Else the rooms behind it are not tried: of files that are whole and wrong inside some are read and some refused."""
+    """Else the rooms behind it are not tried: of files that are whole and wrong inside some are read and some
+    refused."""
     inputs = [SHAPED[layer](np.random.default_rng([3, n])) for n in range(40)]
     assert inputs[:5] == [SHAPED[layer](np.random.default_rng([3, n])) for n in range(5)]
     assert {fed(layer, content, tmp_path)[0] for content in inputs} == {"read", "refused"}
@@ -89,14 +91,18 @@ CLI = Path(__file__).with_name("fuzz_cli.py")
 
 
 def through_the_cli(tmp_path, *words):
-    done = subprocess.run([sys.executable, str(CLI), *words], cwd=tmp_path, capture_output=True, text=True, timeout=7200)
+    done = subprocess.run(
+        [sys.executable, str(CLI), *words], cwd=tmp_path, capture_output=True, text=True, timeout=7200
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork, which this system lacks")
 def test_some_inputs_through_the_cli(tmp_path):
-    assert "24 calls, 0 finds" in through_the_cli(tmp_path, "--inputs", "24", "--seed", "1", "--layers", "csv,store,json")
+    assert "24 calls, 0 finds" in through_the_cli(
+        tmp_path, "--inputs", "24", "--seed", "1", "--layers", "csv,store,json"
+    )
 
 
 @pytest.mark.slow
@@ -111,8 +117,10 @@ def test_what_the_fuzzer_of_the_cli_finds():
     assert judged(0, "", 1.0, 2**20) is None
     assert judged(0, "", 60.0, 2**20) is None  # compiled what is good
     own = "plantfit: made.toml is not valid TOML.\n"
-    for found in ((-11, "", 1.0, 0), (70, sentence, 1.0, 0), (5, "Traceback", 1.0, 0), (5, "", 1.0, 0), (5, "x\n" * 30, 1.0, 0),
-                  (5, sentence, 20.0, 0), (0, "", 100.0, 0), (7, own, 1.0, 0), (0, "", 1.0, 2**32), (1, sentence, 1.0, 0)):  # fmt: skip
+    for found in ((-11, "", 1.0, 0), (70, sentence, 1.0, 0), (5, "Traceback", 1.0, 0), (5, "", 1.0, 0),
+                  (5, "x\n" * 30, 1.0, 0),
+                  (5, sentence, 20.0, 0), (0, "", 100.0, 0), (7, own, 1.0, 0), (0, "", 1.0, 2**32),
+                  (1, sentence, 1.0, 0)):  # fmt: skip
         assert judged(*found), found
 
 
@@ -138,7 +146,11 @@ def test_a_study_with_a_unit_that_has_no_size_is_refused(tmp_path):
 
 
 def test_a_board_with_numbers_beyond_all_bounds_is_refused():
-    for head in (("H", 1, "b", "1", 7, 1, "9" * 400, 64, 1), ("H", 1, "b", "1", 7, 1, 5, 64, 10**9), ("H", 1, "b", "1", 7, 1, 5, 64, 257)):
+    for head in (
+        ("H", 1, "b", "1", 7, 1, "9" * 400, 64, 1),
+        ("H", 1, "b", "1", 7, 1, 5, 64, 10**9),
+        ("H", 1, "b", "1", 7, 1, 5, 64, 257),
+    ):
         hello = Hello()
         with pytest.raises(BoardError):
             hello.take([str(field) for field in head], "port")

@@ -1,4 +1,5 @@
-"""An independent way from a list of linear parts to its response: a descriptor system in numbers, solved at one frequency at a time."""
+"""An independent way from a list of linear parts to its response: a descriptor system in numbers, solved at one
+frequency at a time."""
 
 import numpy as np
 
@@ -8,7 +9,8 @@ KINDS = {  # part: (does it set or store across, through, or resist), as numbers
 
 
 def pencil(parts, values):
-    """(E, A, B, nodes, branches) of E z' = A z + B u: z holds potentials of nodes, then currents of capacitors' and other branches.
+    """(E, A, B, nodes, branches) of E z' = A z + B u: z holds potentials of nodes, then currents of capacitors' and
+    other branches.
 
     parts: (name, kind, a, b); u: the sources in their order.
     """

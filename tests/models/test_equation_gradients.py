@@ -65,7 +65,9 @@ def test_values_outside_the_domain_are_not_hidden(text, value):
     np.testing.assert_equal(float(value_of(text)(0.0)), value)
 
 
-@pytest.mark.parametrize("model", [dc_motor(dead_time=True), drive(velocity_output=True, smooth_width=0.5)], ids=["dc_motor", "drive"])
+@pytest.mark.parametrize(
+    "model", [dc_motor(dead_time=True), drive(velocity_output=True, smooth_width=0.5)], ids=["dc_motor", "drive"]
+)
 def test_library_jacobian_equals_central_difference(model):
     draw = np.random.default_rng(1).uniform
     names = [p.name for p in model.parameters if p.name != "Td"]
@@ -73,10 +75,14 @@ def test_library_jacobian_equals_central_difference(model):
     u = {**{i: draw() for i in model.inputs}, **{d.channel: draw() for d in model.delays}}
 
     def rates(v):
-        found = derivative(model)(dict(zip(states, v, strict=False)), u, {**dict(zip(names, v[len(states) :], strict=True)), "Td": 0.1})
+        found = derivative(model)(
+            dict(zip(states, v, strict=False)), u, {**dict(zip(names, v[len(states) :], strict=True)), "Td": 0.1}
+        )
         return jax.numpy.stack([found[s] for s in states])
 
     at, h = draw(0.5, 1.5, len(states) + len(names)), 1e-6
     found = np.asarray(jax.jacfwd(rates)(at))
     for k, direction in enumerate(np.eye(len(at)) * h):
-        np.testing.assert_allclose(found[:, k], (rates(at + direction) - rates(at - direction)) / (2 * h), rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(
+            found[:, k], (rates(at + direction) - rates(at - direction)) / (2 * h), rtol=1e-6, atol=1e-7
+        )

@@ -5,7 +5,8 @@ import pytest
 from plantfit.errors import EquationError
 from plantfit.models import equations
 
-UNITS = {"a": "m", "b": "m", "c": "cm", "s": "s", "angle": "rad", "turned": "deg", "share": "%", "n": "", "w": "rad/s", "rpm": "rpm",
+UNITS = {"a": "m", "b": "m", "c": "cm", "s": "s", "angle": "rad", "turned": "deg", "share": "%", "n": "", "w": "rad/s",
+         "rpm": "rpm",
          "T": "degC", "T2": "K", "f": "Hz", "v": "m/s", "unknown": None}  # fmt: skip
 
 
@@ -13,18 +14,24 @@ def build(text, unit, **options):
     """A static model y = text with y in `unit`, reading only the names in the text."""
     names = [n for n in UNITS if n in set("".join(c if c.isalnum() else " " for c in text).split())]
     constants = {"one_m": "1 m", "two": "2 1", "half": 0.5}
-    return equations(f"y = {text}", inputs={n: UNITS[n] for n in names}, outputs={"y": unit}, constants=constants, **options)
+    return equations(
+        f"y = {text}", inputs={n: UNITS[n] for n in names}, outputs={"y": unit}, constants=constants, **options
+    )
 
 
 FITS = [
-    ("a + b - 2*a", "m"), ("a*b", "m^2"), ("a/s", "m/s"), ("a/s^2", "V*A*s/(kg*m)"), ("a^2 + b*b", "m^2"), ("sqrt(a*b)", "m"),
+    ("a + b - 2*a", "m"), ("a*b", "m^2"), ("a/s", "m/s"), ("a/s^2", "V*A*s/(kg*m)"), ("a^2 + b*b", "m^2"),
+    ("sqrt(a*b)", "m"),
     ("(a^2*b^2)^half", "m^2"), ("a^two", "m^2"), ("sin(angle)", "1"), ("exp(share)", ""), ("sin(w*t)", ""),
     ("exp(-t/s)", ""), ("a + one_m", "m"), ("a + 0", "m"), ("max(a, 0)", "m"), ("0", "m"), ("a if a > 0 else -b", "m"),
-    ("where(a > b, 0, a)", "m"), ("sign(a)*b", "m"), ("smooth_sign(a, one_m)", ""), ("atan2(a, b)", "rad"), ("clip(a, -b, one_m)", "m"),
-    ("step(a - b)", ""), ("n + 1", ""), ("angle + 1", "rad"), ("T - T2", "degC"), ("T + T2", "degC"), ("unknown + a", "m"),
+    ("where(a > b, 0, a)", "m"), ("sign(a)*b", "m"), ("smooth_sign(a, one_m)", ""), ("atan2(a, b)", "rad"),
+    ("clip(a, -b, one_m)", "m"),
+    ("step(a - b)", ""), ("n + 1", ""), ("angle + 1", "rad"), ("T - T2", "degC"), ("T + T2", "degC"),
+    ("unknown + a", "m"),
     ("unknown*a + s", "s"),
     ("sin(unknown)", ""), ("unknown^a^0", "m"), ("delay(a, 3)", "m"), ("1 if a > 0 and n or not s else 2", ""),
-    ("abs(a) + floor(b) + relu(a) + deadzone(a, -b, b)", "m"), ("f*s", "1"), ("n^n", ""), ("a^(1/3)*a^(2/3)", "m"), ("half*a", "V"),
+    ("abs(a) + floor(b) + relu(a) + deadzone(a, -b, b)", "m"), ("f*s", "1"), ("n^n", ""), ("a^(1/3)*a^(2/3)", "m"),
+    ("half*a", "V"),
 ]  # fmt: skip
 
 

@@ -34,7 +34,9 @@ EXPRESSIONS = {
     "1 if a < b and not b < c or a > 2.5 else 2": lambda a, b, c: np.where(((a < b) & ~(b < c)) | (a > 2.5), 1.0, 2.0),
     "smooth_sign(a - b, 0.3)": lambda a, b, c: np.tanh((a - b) / 0.3),
     "relu(a - b) + pos(b - a)": lambda a, b, c: np.abs(a - b),
-    "deadzone(a - b, -0.5, 0.25)": lambda a, b, c: np.where(a - b > 0.25, a - b - 0.25, np.where(a - b < -0.5, a - b + 0.5, 0.0)),
+    "deadzone(a - b, -0.5, 0.25)": lambda a, b, c: np.where(
+        a - b > 0.25, a - b - 0.25, np.where(a - b < -0.5, a - b + 0.5, 0.0)
+    ),
     "smooth_abs(a - b, 0.3)": lambda a, b, c: np.hypot(a - b, 0.3),
     "smooth_sat(a, 1, 2, c)": lambda a, b, c: 1 + c * np.log1p(np.exp((a - 1) / c)) - c * np.log1p(np.exp((a - 2) / c)),
     "smooth_deadzone(a - b, -0.5, 0.25, c)": lambda a, b, c: (
@@ -42,7 +44,9 @@ EXPRESSIONS = {
     ),
     "quantize(a, 0.7)": lambda a, b, c: 0.7 * np.round(a / 0.7),
     "coulomb(a - b, c, 0.2)": lambda a, b, c: c * np.tanh((a - b) / 0.2),
-    "stribeck(a - b, c, 2*c, 0.4, 0.2)": lambda a, b, c: c * (1 + np.exp(-(((a - b) / 0.4) ** 2))) * np.tanh((a - b) / 0.2),
+    "stribeck(a - b, c, 2*c, 0.4, 0.2)": lambda a, b, c: (
+        c * (1 + np.exp(-(((a - b) / 0.4) ** 2))) * np.tanh((a - b) / 0.2)
+    ),
     "step(a - b)": lambda a, b, c: np.where(a >= b, 1.0, 0.0),
     "(a > b) * c": lambda a, b, c: (a > b) * c,
     "2*pi*a + e": lambda a, b, c: 2 * np.pi * a + np.e,

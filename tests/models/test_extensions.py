@@ -1,4 +1,5 @@
-"""Additions to a model against plants simulated elsewhere (benchmarks/diagnosis.py: Runge-Kutta, no line shared with plantfit)."""
+"""Additions to a model against plants simulated elsewhere (benchmarks/diagnosis.py: Runge-Kutta, no line shared with
+plantfit)."""
 
 import pickle
 import sys
@@ -25,7 +26,8 @@ WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
 
 
 @pytest.mark.parametrize(
-    "kind", [*(k for k in KINDS if k not in ("change", "slow_drift")), "change k with x", "change b with t", "change m with t"]
+    "kind",
+    [*(k for k in KINDS if k not in ("change", "slow_drift")), "change k with x", "change b with t", "change m with t"],
 )
 def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     plant, fault = PLANTS["second"], kind
@@ -34,7 +36,9 @@ def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     signal, size = pair or WHERE.get(kind, "y"), plant.faults[fault]
     assert kind != "start" or signal == STARTED["second"]
     low = 0 if kind == "dead_time" else -100
-    text = place.read_text().replace("[parameters]", f'extensions = {{ {kind} = {{ "{signal}" = [{low}, 100] }} }}\n[parameters]\n')
+    text = place.read_text().replace(
+        "[parameters]", f'extensions = {{ {kind} = {{ "{signal}" = [{low}, 100] }} }}\n[parameters]\n'
+    )
     if kind in ("coulomb", "stribeck"):
         text += "creep_v = { value = 1e-3 }\n"
     text += "stribeck_speed_v = { value = 0.1 }\n" if kind == "stribeck" else ""
@@ -71,7 +75,10 @@ def test_derivatives_by_additions_are_exact(tmp_path):
     problem = load(place).problem
     z, h = np.full(problem.space.dimension, 0.37), 1e-6
     _, jacobian = problem.residuals_and_jacobian(z)
-    numeric = [(np.asarray(problem.residuals(z + h * e)) - np.asarray(problem.residuals(z - h * e))) / (2 * h) for e in np.eye(len(z))]
+    numeric = [
+        (np.asarray(problem.residuals(z + h * e)) - np.asarray(problem.residuals(z - h * e))) / (2 * h)
+        for e in np.eye(len(z))
+    ]
     assert np.allclose(jacobian, np.stack(numeric, axis=1), atol=1e-5 * np.abs(jacobian).max())
 
 
@@ -105,7 +112,10 @@ def test_what_cannot_be_added_is_said(given, said):
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ("dead_time = { force = [0, 1] }", "is a regression: 'dead_time' cannot be added to it. It takes offset, viscous, coulomb"),
+        (
+            "dead_time = { force = [0, 1] }",
+            "is a regression: 'dead_time' cannot be added to it. It takes offset, viscous, coulomb",
+        ),
         ("coulom = { force = [0, 1] }", "'coulom' cannot be added to it. Did you mean 'coulomb'"),
         ("offset = { fore = [0, 1] }", "'fore' is none of its outputs ['force']. Did you mean 'force'"),
         ("offset = { force = [1, 0] }", "offset of 'force' is [1, 0]; write the bounds of its parameter, as in [0, 1]"),
@@ -133,9 +143,12 @@ def test_a_regression_with_columns_more_predicts_their_sum(tmp_path):
         )
     )
     assert list(study.problem.space.names)[-4:] == [
-        "quadratic_force_with_velocity", "change_M_with_velocity", "stribeck_force_with_velocity", "stribeck_force_with_velocity_2",
+        "quadratic_force_with_velocity", "change_M_with_velocity", "stribeck_force_with_velocity",
+        "stribeck_force_with_velocity_2",
     ]  # fmt: skip
-    values = {"M": 2.0, "Fv": 3.0, "Fc": 0.5, "offset": 0.1} | dict(zip(study.problem.space.names[-4:], (0.3, 0.7, 1.1, 1.3), strict=True))
+    values = {"M": 2.0, "Fv": 3.0, "Fc": 0.5, "offset": 0.1} | dict(
+        zip(study.problem.space.names[-4:], (0.3, 0.7, 1.1, 1.3), strict=True)
+    )
     found = study.problem.predict(np.array([values[n] for n in study.problem.space.names]), "a")["force"]
     v, a = (study.problem.experiments["a"].recording[n] for n in ("velocity", "acceleration"))
     steps = sum(c * np.exp(-((v / s) ** 2)) * np.tanh(v / (0.1 * s)) for c, s in ((1.1, 2.0), (1.3, 3.0)))

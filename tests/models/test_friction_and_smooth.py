@@ -5,7 +5,17 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from plantfit.errors import EquationError
-from plantfit.models import coulomb, equations, lugre, quantize, smooth_abs, smooth_deadzone, smooth_sat, stribeck, viscous
+from plantfit.models import (
+    coulomb,
+    equations,
+    lugre,
+    quantize,
+    smooth_abs,
+    smooth_deadzone,
+    smooth_sat,
+    stribeck,
+    viscous,
+)
 
 import jax
 
@@ -27,7 +37,9 @@ LUGRE = (1e3, 30.0, 0.4, 1.0, 1.5, 0.01)
 @pytest.mark.parametrize("v", [-0.02, 0.004, 0.1])
 def test_lugre_slides_into_the_stribeck_curve(v):
     sigma0, _, sigma2, fc, fs, vs = LUGRE
-    z = solve_ivp(lambda t, z: [float(lugre(v, z[0], *LUGRE)[1])], (0, 5), [0.0], "LSODA", rtol=1e-9, atol=1e-12).y[0, -1]
+    z = solve_ivp(lambda t, z: [float(lugre(v, z[0], *LUGRE)[1])], (0, 5), [0.0], "LSODA", rtol=1e-9, atol=1e-12).y[
+        0, -1
+    ]
     level = np.sign(v) * (fc + (fs - fc) * np.exp(-((v / vs) ** 2)))
     assert sigma0 * z == pytest.approx(level, rel=1e-6)
     assert float(lugre(v, z, *LUGRE)[0]) == pytest.approx(level + sigma2 * v, rel=1e-6)
@@ -50,7 +62,8 @@ def test_rounded_forms_near_and_far_from_their_corners():
 
 
 @pytest.mark.parametrize(
-    "form", [lambda x: smooth_abs(x, 0.2), lambda x: smooth_sat(x, -1, 2, 0.2), lambda x: smooth_deadzone(x, -1, 2, 0.2)]
+    "form",
+    [lambda x: smooth_abs(x, 0.2), lambda x: smooth_sat(x, -1, 2, 0.2), lambda x: smooth_deadzone(x, -1, 2, 0.2)],
 )
 def test_rounded_forms_have_two_smooth_derivatives(form):
     h = 1e-5

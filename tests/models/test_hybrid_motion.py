@@ -5,7 +5,14 @@ import pytest
 
 from plantfit.models import Model, equations
 from plantfit.simulate.steps.steppers import rk4
-from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
+from plantfit.simulate.steps.switching import (
+    bind_backlash,
+    bind_event,
+    bind_friction,
+    with_backlash,
+    with_events,
+    with_friction,
+)
 from plantfit.simulate.steps.vector import vectorise
 
 import jax
@@ -35,7 +42,9 @@ def states(model: Model, x0, p, times, inputs=()):
 
 
 def test_a_ball_in_text_bounces_in_time():
-    ball = equations("h' = v; v' = -g; when falling(h): v = -c*v", states=["h", "v"], outputs=["h"], parameters=["g", "c"])
+    ball = equations(
+        "h' = v; v' = -g; when falling(h): v = -c*v", states=["h", "v"], outputs=["h"], parameters=["g", "c"]
+    )
     times, g, c = np.linspace(0.0, 1.0, 21), 9.81, 0.7
     h = jax.jit(lambda c: states(ball, (1.0, 0.0), {"g": g, "c": c}, times))(c)[0]
     first = np.sqrt(2.0 / g)
@@ -48,7 +57,9 @@ def test_a_ball_in_text_bounces_in_time():
     assert float(slope) == pytest.approx(g * first * (times[-1] - first), rel=1e-8)
 
 
-@pytest.mark.parametrize("text", ["v' = (-friction(v, R))/m", "f = friction(v, R); v' = -f/m", "v' = friction(v, R)/m*(-1)"])
+@pytest.mark.parametrize(
+    "text", ["v' = (-friction(v, R))/m", "f = friction(v, R); v' = -f/m", "v' = friction(v, R)/m*(-1)"]
+)
 def test_a_mass_in_text_slides_to_rest_and_stays(text):
     mass = equations(f"x' = v; {text}", states=["x", "v"], outputs=["x"], parameters=["R", "m"])
     times, m, v0, force = np.linspace(0.0, 2.0, 11), 2.0, 1.5, 3.0
@@ -63,7 +74,9 @@ def test_a_mass_in_text_slides_to_rest_and_stays(text):
 
 
 def test_a_play_in_text_is_the_play_operator():
-    model = equations("w' = a*u; z = play(2*w, gap); y = z", inputs=["u"], states=["w", "z"], outputs=["y"], parameters=["a", "gap"])
+    model = equations(
+        "w' = a*u; z = play(2*w, gap); y = z", inputs=["u"], states=["w", "z"], outputs=["y"], parameters=["a", "gap"]
+    )
     times = np.linspace(0.0, 6.0, 241)
     w, z = states(model, (0.0, 0.0), {"a": 1.0, "gap": 0.3}, times, [np.cos(times)])
     expected, last = [], 0.0

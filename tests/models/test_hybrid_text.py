@@ -1,4 +1,5 @@
-"""Events, friction, backlash and late states written as text: equal to the Python declaration, and the place of every mistake."""
+"""Events, friction, backlash and late states written as text: equal to the Python declaration, and the place of
+every mistake."""
 
 import numpy as np
 import pytest
@@ -50,7 +51,12 @@ def by_hand() -> Model:
             Event("fast", lambda x, u, p: x["v"] - u["F"] / p["b"], lambda x, u, p: {"x": x["x"] / 2}, "both"),
         ),
         frictions=(
-            Friction("v", lambda x, u, p: p["Fc"] + p["k"] * jnp.abs(x["x"]), lambda x, u, p: p["Fs"], lambda x, u, p: {"v": 1 / p["m"]}),
+            Friction(
+                "v",
+                lambda x, u, p: p["Fc"] + p["k"] * jnp.abs(x["x"]),
+                lambda x, u, p: p["Fs"],
+                lambda x, u, p: {"v": 1 / p["m"]},
+            ),
         ),
         backlashes=(Backlash("z", lambda x, u, p: x["x"] + 2 * x["v"] * p["tau"], lambda x, u, p: p["gap"]),),
     )
@@ -59,7 +65,11 @@ def by_hand() -> Model:
 def everything(model: Model) -> list[np.ndarray]:
     """All functions of a model at one point, as the simulation binds them."""
     vector = vectorise(model)
-    at = tuple(X[n] for n in vector.states), tuple(U[n] for n in vector.channels), tuple(VALUES[n] for n in vector.parameters)
+    at = (
+        tuple(X[n] for n in vector.states),
+        tuple(U[n] for n in vector.channels),
+        tuple(VALUES[n] for n in vector.parameters),
+    )
     events = [bind_event(e, vector) for e in model.events]
     found = [vector.rate(*at), vector.output(*at)]
     found += [value for e in events for value in (e.when(*at), e.then(*at), e.sign)]
@@ -164,11 +174,15 @@ PLACES = [
 
 @pytest.mark.parametrize(("text", "line", "column", "message"), PLACES)
 def test_place_and_message(text, line, column, message):
-    states = ["x", "v", "z"] if "play(" in text and text.split("\n")[-1].lstrip().startswith(("z", "when")) else ["x", "v"]
+    states = (
+        ["x", "v", "z"] if "play(" in text and text.split("\n")[-1].lstrip().startswith(("z", "when")) else ["x", "v"]
+    )
     output = "" if "y = " in text else "; y = x"
     with pytest.raises(EquationError) as caught:
         equations("x' = v\n" + text + output, inputs=["F"], states=states, outputs=["y"], parameters=["m", "R"])
-    assert (message in caught.value.reason, caught.value.line, caught.value.column) == (True, line, column), str(caught.value)
+    assert (message in caught.value.reason, caught.value.line, caught.value.column) == (True, line, column), str(
+        caught.value
+    )
 
 
 MISFITS = [
@@ -202,7 +216,10 @@ CONTRADICTIONS = [
     ({"events": (Event("e", lambda x, u, p: x["x"], lambda x, u, p: {}, "down"),)}, "has direction 'down'"),  # type: ignore[arg-type]
     ({"events": by_hand().events * 2}, "the event 'bounce' is declared twice"),
     ({"frictions": by_hand().frictions * 2}, "the friction 'v' is declared twice"),
-    ({"backlashes": (Backlash("q", lambda x, u, p: 0, lambda x, u, p: 0),)}, "backlash acts on 'q', which is not one of its states"),
+    (
+        {"backlashes": (Backlash("q", lambda x, u, p: 0, lambda x, u, p: 0),)},
+        "backlash acts on 'q', which is not one of its states",
+    ),
     ({"backlashes": (Backlash("v", lambda x, u, p: 0, lambda x, u, p: 0),)}, "'v' has friction and backlash"),
     ({"tables": (Table("k", ("x",), ((0.0, 1.0),)),)}, "nodes of shape (2,), but its parameter has shape ()"),
     ({"tables": (Table("q", ("x",), ((0.0, 1.0),)),)}, "the table 'q', which is not one of its parameters"),

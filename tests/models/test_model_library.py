@@ -32,13 +32,28 @@ ALL = [
     ("first_order", {"input_unit": "%", "output_unit": "degC"}),
     ("first_order", {"dead_time": False, "offset": False, "initial": "free"}),
     ("hammerstein_wiener", {}),
-    ("hammerstein_wiener", {"input_curve": "saturation", "order": 3, "form": "modal", "output_curve": "table", "dead_time": True}),
-    ("hammerstein_wiener", {"input_curve": "dead_zone", "order": 1, "degree": 3, "input_unit": "V", "output_unit": "rad/s"}),
-    ("hammerstein_wiener", {"input_curve": "table", "order": 3, "output_curve": "none", "input_unit": "%", "output_unit": "K"}),
+    (
+        "hammerstein_wiener",
+        {"input_curve": "saturation", "order": 3, "form": "modal", "output_curve": "table", "dead_time": True},
+    ),
+    (
+        "hammerstein_wiener",
+        {"input_curve": "dead_zone", "order": 1, "degree": 3, "input_unit": "V", "output_unit": "rad/s"},
+    ),
+    (
+        "hammerstein_wiener",
+        {"input_curve": "table", "order": 3, "output_curve": "none", "input_unit": "%", "output_unit": "K"},
+    ),
     ("pendubot", {}),
-    ("pendubot", {"drive": "voltage", "gear_ratio": 6.0, "friction": ("viscous", "coulomb", "load"), "initial": "free"}),
+    (
+        "pendubot",
+        {"drive": "voltage", "gear_ratio": 6.0, "friction": ("viscous", "coulomb", "load"), "initial": "free"},
+    ),
     ("pendubot", {"parameters": "base", "joints": (1, 2), "friction": ("stribeck", "offset"), "velocity_output": True}),
-    ("pendubot_regression", {"joints": (1, 2), "gear_ratio": 6.0, "friction": ("viscous", "coulomb", "stribeck", "load", "offset")}),
+    (
+        "pendubot_regression",
+        {"joints": (1, 2), "gear_ratio": 6.0, "friction": ("viscous", "coulomb", "stribeck", "load", "offset")},
+    ),
     ("second_order", {"initial": "free"}),
     ("second_order", {"dead_time": False}),
     ("steam_chamber", {}),
@@ -77,20 +92,27 @@ def test_every_declaration_is_usable(name, options):
 
 @pytest.mark.parametrize(("name", "options"), [entry for entry in ALL if not entry[0].endswith("_regression")])
 def test_every_parameter_and_state_has_an_effect(name, options):
-    """Shift each argument alone: at some point a derivative, output or initial state must change, and shapes must hold."""
+    """Shift each argument alone: at some point a derivative, output or initial state must change, and shapes must
+    hold."""
     model = make(name, **options)
     assert isinstance(model, Model)
     x, u = point(model)
     p, y = values(model), {o: 0.3 for o in model.outputs}
 
     def everything(x, u, p, y):
-        return [*derivative(model)(x, u, p).values(), *model.output(x, u, p).values(), *initial_state(model)(p, u, y).values()]
+        return [
+            *derivative(model)(x, u, p).values(),
+            *model.output(x, u, p).values(),
+            *initial_state(model)(p, u, y).values(),
+        ]
 
     assert set(derivative(model)(x, u, p)) == set(model.states) == set(initial_state(model)(p, u, y))
     assert set(model.output(x, u, p)) == set(model.outputs)
     points = [(*point(model, seed), values(model, seed + 1), y) for seed in range(32)]
     together = jax.tree.map(lambda *v: jax.numpy.stack(v), *points)
-    slopes = jax.jit(jax.vmap(jax.jacfwd(lambda tree: jax.numpy.stack([jax.numpy.asarray(v) for v in everything(*tree)]))))(together)
+    slopes = jax.jit(
+        jax.vmap(jax.jacfwd(lambda tree: jax.numpy.stack([jax.numpy.asarray(v) for v in everything(*tree)])))
+    )(together)
     delayed = {d.parameter for d in model.delays} | {d.input for d in model.delays}
     measured_unused = set(y) if options.get("initial") == "free" and name != "pendubot" else set()
     if name == "hammerstein_wiener":  # it starts at rest under the first input

@@ -14,7 +14,8 @@ P = {"Rm": 2.8, "Lm": 0.045, "Kb": 0.05, "Kt": 0.06, "Jm": 2e-3, "Cm": 1e-3, "Tf
 def flywheel():
     return equations(
         "w' = (tau - Cm*w)/Jm", inputs={"tau": "N*m"}, states={"w": "rad/s"}, outputs={"w": "rad/s"},
-        parameters={"Jm": {"unit": "kg*m^2", "bounds": (1e-4, 1.0)}, "Cm": {"unit": "N*m*s/rad", "bounds": (0.0, 1.0)}}, name="flywheel",
+        parameters={"Jm": {"unit": "kg*m^2", "bounds": (1e-4, 1.0)}, "Cm": {"unit": "N*m*s/rad", "bounds": (0.0, 1.0)}},
+        name="flywheel",
     )  # fmt: skip
 
 

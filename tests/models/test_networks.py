@@ -1,4 +1,5 @@
-"""Networks of parts: their equations against closed forms, an independent descriptor system and python-control, and mistakes."""
+"""Networks of parts: their equations against closed forms, an independent descriptor system and python-control, and
+mistakes."""
 
 import re
 
@@ -27,7 +28,9 @@ def evaluated(made, values, state, inputs):
     waiting = {left: right for left, right in lines}
     found = {}
     while waiting:
-        ready = {left: right for left, right in waiting.items() if not set(re.findall(r"[A-Za-z_]\w*", right)) - set(names)}
+        ready = {
+            left: right for left, right in waiting.items() if not set(re.findall(r"[A-Za-z_]\w*", right)) - set(names)
+        }
         assert ready, waiting
         for left, right in ready.items():
             found[left] = eval(right, {"__builtins__": {}}, names)
@@ -68,7 +71,8 @@ def written(parts, measured):
 
 
 def ill(parts, values):
-    """Whether the descriptor system has no solution, or fewer dynamic states than stores: one is then bound to others or to sources."""
+    """Whether the descriptor system has no solution, or fewer dynamic states than stores: one is then bound to
+    others or to sources."""
     e, a, *_ = pencil(parts, values)
     (sign, low), (_, high) = (np.linalg.slogdet(s * e - a) for s in (1e4, 1e5))
     if sign == 0 or low < -60:
@@ -131,14 +135,17 @@ def test_a_two_mass_drive_has_its_closed_form_and_the_poles_of_python_control():
 
 
 def test_a_gear_turns_inertias_by_its_square_and_a_motor_gives_the_power_that_it_takes():
-    text = "V source a 0\nR resistor a b\nK motor b 0 s\nG gear s l\nJ inertia l\nB rotary_damper l 0\nmeasure w(l), i(K), M(G), v(K)"
+    text = (
+        "V source a 0\nR resistor a b\nK motor b 0 s\nG gear s l\nJ inertia l\nB rotary_damper l 0\nmeasure w(l), "
+        "i(K), M(G), v(K)"
+    )
     v = {"R": 2.0, "K": 0.1, "G": 5.0, "J": 0.3, "B": 0.05}
     got = of_linear(network(text), v, s := 1.0 + 2j)[:, 0]
     k = v["K"] * v["G"]
     assert got[0] == pytest.approx(k / (v["R"] * (v["J"] * s + v["B"]) + k**2))
     current, torque, voltage = got[1:]
     assert voltage * current == pytest.approx(torque * got[0] * v["G"])
-    wheel = network("M torque s\nJ inertia s\nr wheel s c\nm mass c\nb damper c 0\nmeasure x(c)".replace("J inertia s\n", "")
+    wheel = network("M torque s\nr wheel s c\nm mass c\nb damper c 0\nmeasure x(c)"
                     .replace("M torque s", "M torque s\nd rotary_damper s 0"))  # fmt: skip
     v = {"d": 0.3, "r": 0.2, "m": 4.0, "b": 1.5}
     got = of_linear(wheel, v, s)[0, 0]
@@ -189,14 +196,17 @@ def test_units_of_all_parts_fit():
         RLC,
         TANKS,
         "q inflow t\nA tank t\nI pipe_inertia t s\nB tank s\nR pipe s out\nh0 level out\nmeasure h(t), q(I)",
-        "V source a 0\nR resistor a b\nL inductor b c\nE battery c d\nK motor d 0 s\nJ inertia s\nF rotary_friction s 0\n"
+        "V source a 0\nR resistor a b\nL inductor b c\nE battery c d\nK motor d 0 s\nJ inertia s\nF rotary_friction s "
+        "0\n"
         "M0 constant_torque s\nG gear s l\n"
-        "k torsion_spring l t\nD rotary_damper l t\nJ2 inertia t\nrad wheel t z\nks spring z y\ndd damper z y\nm mass y\n"
+        "k torsion_spring l t\nD rotary_damper l t\nJ2 inertia t\nrad wheel t z\nks spring z y\ndd damper z y\nm mass "
+        "y\n"
         "Fc friction y 0\nW constant_force y\nmeasure w(s), phi(t), x(y), i(K), M(G), F(Fc)",
         "F force a\nm mass a\nk spring a b\nd damper a b\nv0 velocity b\nmeasure x(a), v(a)",
         "W0 speed a\nk torsion_spring a b\nJ inertia b\nM torque b\nD rotary_damper b 0\nmeasure w(b)",
         "I0 current_source 0 a\nR resistor a 0\nC capacitor a 0\nmeasure voltage(a)",
-        "H heater p by u [V]\nQ0 heat_flow p\nC heat_capacity p\nR heat_resistance p m\nR3 heat_resistance m r\nTa temperature r\n"
+        "H heater p by u [V]\nQ0 heat_flow p\nC heat_capacity p\nR heat_resistance p m\nR3 heat_resistance m r\nTa "
+        "temperature r\n"
         "R4 heat_resistance p w\nTw surroundings w\nmeasure T(p), T(m), Q(R)",
     ]  # fmt: skip
     used = {line.split()[1] for text in texts for line in text.splitlines()}
@@ -212,7 +222,10 @@ def test_what_moves_nothing_that_is_measured_is_left_out_and_named():
 
 
 def test_states_start_where_they_are_measured_or_said():
-    text = "P heater p by u\nC1 heat_capacity p\nR1 heat_resistance p s\nC2 heat_capacity s\nR2 heat_resistance p r\nT0 surroundings r\n"
+    text = (
+        "P heater p by u\nC1 heat_capacity p\nR1 heat_resistance p s\nC2 heat_capacity s\nR2 heat_resistance p "
+        "r\nT0 surroundings r\n"
+    )
     made = network(text + "measure T(s)")
     assert {s: e["initial"] for s, e in made.states.items()} == {"T_C1": "T_C1_start", "T_C2": "T_s"}
     assert made.parameters["T_C1_start"]["unit"] == "degC"
@@ -224,7 +237,9 @@ def test_states_start_where_they_are_measured_or_said():
 
 
 def test_values_bounds_and_units_behind_the_nodes():
-    made = network("u source a 0\nR resistor a b 4.7 kohm\nC capacitor b 0  1..10 uF\nR2 resistor b 0\nmeasure v(b) as y")
+    made = network(
+        "u source a 0\nR resistor a b 4.7 kohm\nC capacitor b 0  1..10 uF\nR2 resistor b 0\nmeasure v(b) as y"
+    )
     assert made.parameters["R"]["value"] == pytest.approx(4700)
     assert made.parameters["C"]["bounds"] == pytest.approx((1e-6, 1e-5))
     assert made.parameters["R2"]["bounds"] == PARTS["resistor"].bounds
@@ -243,11 +258,31 @@ MISTAKES = {  # what is written, and what is said of it
     GOOD + "R1 resistor x y\nR2 resistor x y\nmeasure v(b)": ["x and y float", "join one of its parts to 0"],
     GOOD + "u2 source a 0\nmeasure v(b)": ["line 4", "u and u2 give one voltage twice", "shorted source"],
     GOOD + "C2 capacitor b 0\nmeasure v(b)": ["line 4", "C and C2 form a loop", "write C and C2 as one"],
-    "u source a 0\nR resistor a 0\nC capacitor a 0\nmeasure v(a)": ["u and C form a loop", "C is no free store", "a resistor"],
-    "u source a 0\nL1 inductor a b\nL2 inductor b 0\nmeasure i(L1)": ["voltage at node 'b'", "L1 and L2", "a resistor or a capacitor"],
-    "P pump 0 t\nA tank t\nV1 valve t s\nV2 valve s 0\nmeasure h(t)": ["level at node 's'", "V1 and V2", "a tank or a pipe"],
-    "P pump 0 t\nA tank t\nV1 valve t s\nR1 pipe s 0\nmeasure h(t)": ["V1", "level there need one another", "put tank at its node"],
-    "M torque a\nJ1 inertia a\nG gear a b\nJ2 inertia b\nmeasure w(a)": ["joined rigidly", "J1 and J2 are one store", "by a spring"],
+    "u source a 0\nR resistor a 0\nC capacitor a 0\nmeasure v(a)": [
+        "u and C form a loop",
+        "C is no free store",
+        "a resistor",
+    ],
+    "u source a 0\nL1 inductor a b\nL2 inductor b 0\nmeasure i(L1)": [
+        "voltage at node 'b'",
+        "L1 and L2",
+        "a resistor or a capacitor",
+    ],
+    "P pump 0 t\nA tank t\nV1 valve t s\nV2 valve s 0\nmeasure h(t)": [
+        "level at node 's'",
+        "V1 and V2",
+        "a tank or a pipe",
+    ],
+    "P pump 0 t\nA tank t\nV1 valve t s\nR1 pipe s 0\nmeasure h(t)": [
+        "V1",
+        "level there need one another",
+        "put tank at its node",
+    ],
+    "M torque a\nJ1 inertia a\nG gear a b\nJ2 inertia b\nmeasure w(a)": [
+        "joined rigidly",
+        "J1 and J2 are one store",
+        "by a spring",
+    ],
     GOOD + "C2 capacitor b d 10 uH\nR2 resistor d 0\nmeasure v(b)": ["line 4", "in F", "uH does not fit"],
     GOOD + "C2 capacitor b d 10\nR2 resistor d 0\nmeasure v(b)": ["line 4", "10 has no unit", "10 F"],
     GOOD + "R2 resistor b 0 10..1 ohm\nmeasure v(b)": ["line 4", "are reversed; write the lower one first"],
@@ -268,7 +303,11 @@ MISTAKES = {  # what is written, and what is said of it
     GOOD + "u3 source d 0\nR4 resistor d 0\nmeasure v(b)": ["input u3 moves nothing that is measured"],
     GOOD + "pi resistor b 0\nmeasure v(b)": ["'pi' has a meaning of its own"],
     "u source a 0 5 V": ["u is an input", "delete '5 V'"],
-    "C heat_capacity p\nR heat_resistance p 0\nmeasure T(p)": ["line 2", "node 0, which would be 0 degC", "surroundings room"],
+    "C heat_capacity p\nR heat_resistance p 0\nmeasure T(p)": [
+        "line 2",
+        "node 0, which would be 0 degC",
+        "surroundings room",
+    ],
     "M torque a\nJ inertia a\nG gear a 0\nmeasure w(a)": ["drives node 0"],
     GOOD + "measure v(b)\nstart v(b) = 2 A": ["line 5", "a start in V is needed, or one of u"],
     GOOD + "measure v(b)\nstart v(a) = 2 V": ["line 5", "v_a is no state", "states are v_C"],
@@ -301,7 +340,9 @@ def test_polynomials_divide_exactly_and_have_greatest_common_divisors():
     assert str(-(x * y) - x * x) == "-x*(x + y)"
     at = {"x": 2, "y": 3, "z": 5}
     for p in (a, b, a * b - c, -(a * a)):
-        assert eval(str(p).replace("^", "**"), at) == sum(k * np.prod([at[n] ** e for n, e in m]) for m, k in p.terms.items())
+        assert eval(str(p).replace("^", "**"), at) == sum(
+            k * np.prod([at[n] ** e for n, e in m]) for m, k in p.terms.items()
+        )
 
 
 def test_a_block_is_solved_exactly():

@@ -1,4 +1,5 @@
-"""docs/networks.md: equations are those that its parts make, each domain against a closed form (tutorial: tests/cli/test_cli_new.py)."""
+"""docs/networks.md: equations are those that its parts make, each domain against a closed form (tutorial:
+tests/cli/test_cli_new.py)."""
 
 import re
 from pathlib import Path
@@ -29,12 +30,16 @@ def moved(section, values, inputs, at):
     """Outputs over time under constant inputs, from the starts of the network, by a tight solver."""
     made = network(SECTIONS[section][0])
     values = {**{n: p["value"] for n, p in made.parameters.items() if "value" in p}, **values}
-    begin = [values.get(e["initial"], 0.0) if isinstance(e["initial"], str) else e["initial"] for e in made.states.values()]
+    begin = [
+        values.get(e["initial"], 0.0) if isinstance(e["initial"], str) else e["initial"] for e in made.states.values()
+    ]
 
     def both(x):
         return evaluated(made, values, dict(zip(made.states, x, strict=True)), inputs)
 
-    run = solve_ivp(lambda t, x: [*both(x)[0].values()], (0, at[-1]), begin, method="LSODA", rtol=1e-10, atol=1e-12, t_eval=at)
+    run = solve_ivp(
+        lambda t, x: [*both(x)[0].values()], (0, at[-1]), begin, method="LSODA", rtol=1e-10, atol=1e-12, t_eval=at
+    )
     return np.array([[*both(x)[1].values()] for x in run.y.T]).T
 
 
@@ -72,7 +77,12 @@ def test_plate_and_sensor_follow_the_matrix_exponential():
     from scipy.linalg import expm
 
     p = {"C1": 90.0, "R1": 2.5, "C2": 6.0, "R2": 8.0, "T0": 20.0}
-    a = np.array([[-(1 / p["R1"] + 1 / p["R2"]) / p["C1"], 1 / p["R1"] / p["C1"]], [1 / p["R1"] / p["C2"], -1 / p["R1"] / p["C2"]]])
+    a = np.array(
+        [
+            [-(1 / p["R1"] + 1 / p["R2"]) / p["C1"], 1 / p["R1"] / p["C1"]],
+            [1 / p["R1"] / p["C2"], -1 / p["R1"] / p["C2"]],
+        ]
+    )
     rest = np.array([1, 1]) * 0.2 * 50 * p["R2"]
     t = np.array([5.0, 60.0, 3e4])
     (got,) = moved("Thermal", p, {"u": 50.0}, t)
@@ -96,5 +106,9 @@ def test_a_tank_runs_empty_when_torricelli_says():
 
 def test_the_page_names_every_quantity_and_the_listing_every_part():
     line = next(row for row in PAGE.splitlines() if row.startswith("| `measure"))
-    assert [d.through.letter for d in {p.domain.name: p.domain for p in PARTS.values()}.values() if d.through.letter not in line] == []
+    assert [
+        d.through.letter
+        for d in {p.domain.name: p.domain for p in PARTS.values()}.values()
+        if d.through.letter not in line
+    ] == []
     assert "plantfit new --parts" in PAGE

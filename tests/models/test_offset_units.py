@@ -1,4 +1,5 @@
-"""Temperatures in degC and K, pH and decibels: everywhere converted right or refused in one sentence, never silently taken."""
+"""Temperatures in degC and K, pH and decibels: everywhere converted right or refused in one sentence, never silently
+taken."""
 
 import numpy as np
 import pytest
@@ -21,9 +22,13 @@ def heated(output="T = x", unit="degC", initial="T", state="K", **more):
 
 
 def test_a_state_in_kelvin_is_no_output_in_degC():
-    with pytest.raises(EquationError, match=r"Output 'T' must be in °C, but this is in K; .*write it - zero, with zero = '273.15 K'"):
+    with pytest.raises(
+        EquationError, match=r"Output 'T' must be in °C, but this is in K; .*write it - zero, with zero = '273.15 K'"
+    ):
         heated()
-    with pytest.raises(EquationError, match=r"initial value of 'x' must be in K, but this is in °C; .*write it \+ zero"):
+    with pytest.raises(
+        EquationError, match=r"initial value of 'x' must be in K, but this is in °C; .*write it \+ zero"
+    ):
         heated("T = x - zero")
     assert heated("T = x - zero", initial="T + zero").outputs == {"T": "degC"}
     with pytest.raises(EquationError, match="must be in K"):
@@ -32,7 +37,9 @@ def test_a_state_in_kelvin_is_no_output_in_degC():
 
 def record(unit, shift):
     truth = 350.0 - 50.0 * np.exp(-T / 20.0)
-    return rec.from_arrays(T, signals={"Ta": (np.full(len(T), 350.0 - shift), unit), "T": (truth - shift, unit)}, name="run")
+    return rec.from_arrays(
+        T, signals={"Ta": (np.full(len(T), 350.0 - shift), unit), "T": (truth - shift, unit)}, name="run"
+    )
 
 
 @pytest.mark.parametrize(("unit", "shift"), [("K", 0.0), ("degC", 273.15)])
@@ -63,7 +70,8 @@ def test_expressions_that_take_degC_for_kelvin_are_refused(text, said):
 
 
 PASS = [
-    "T - T2", "T + T2", "T - T", "n*E/(R*(T + zero))", "n*E/(R*T2)", "s*(T + zero)^4", "T2^4*s", "T2 - zero + dT", "T + dT", "(T + T)/2",
+    "T - T2", "T + T2", "T - T", "n*E/(R*(T + zero))", "n*E/(R*T2)", "s*(T + zero)^4", "T2^4*s", "T2 - zero + dT",
+    "T + dT", "(T + T)/2",
     "Rp*a*T2 + T", "n*(T - T)/(T - T)", "T^2*n", "a*(T - dT)", "a*(T + zero - T2)", "a*(T2 - zero - T)", "a*(T + T2)",
 ]  # fmt: skip
 
@@ -79,28 +87,37 @@ EXCHANGE = "x' = (Ta - x)/tau; T = x"
 @pytest.mark.parametrize(("state", "input", "output"), [("K", "degC", "K"), ("degC", "K", "degC"), (None, "K", "degC")])
 def test_a_rate_by_a_difference_of_two_zeros_is_refused(state, input, output):
     with pytest.raises(EquationError, match="is multiplied, is a rate or is a condition"):
-        pf.equations(EXCHANGE, inputs={"Ta": input}, states={"x": state}, outputs={"T": output}, parameters={"tau": "s"})
+        pf.equations(
+            EXCHANGE, inputs={"Ta": input}, states={"x": state}, outputs={"T": output}, parameters={"tau": "s"}
+        )
 
 
 def test_an_intermediate_difference_of_two_zeros_is_refused_where_it_is_used():
     text = "gap = Ta - x; x' = G*gap/C; T = x"
     with pytest.raises(EquationError, match="difference of 'Ta' in °C and 'x' in K"):
-        pf.equations(text, inputs={"Ta": "degC"}, states={"x": "K"}, outputs={"T": "K"}, parameters={"G": "W/K", "C": "J/K"})
+        pf.equations(
+            text, inputs={"Ta": "degC"}, states={"x": "K"}, outputs={"T": "K"}, parameters={"G": "W/K", "C": "J/K"}
+        )
 
 
 @pytest.mark.parametrize(
     ("room", "measured", "refused"),
     [
-        ("K", "degC", True), ("degC", "K", True), ("degC", "degC", False), ("K", "K", False), ("C", "K", False), (None, "degC", False),
+        ("K", "degC", True), ("degC", "K", True), ("degC", "degC", False), ("K", "K", False), ("C", "K", False),
+        (None, "degC", False),
         ("V", "degC", False),
     ],
 )  # fmt: skip
 def test_recordings_in_two_zeros_are_refused_where_the_model_has_no_units(room, measured, refused):
     model = pf.equations(EXCHANGE, inputs=["Ta"], states=["x"], outputs=["T"], parameters=["tau"])
     t = np.arange(30.0)
-    recording = pf.Recording(t, {"Ta": pf.Signal(20.0 + np.sin(t), room), "T": pf.Signal(300.0 + 0.0 * t, measured)}, "r")
+    recording = pf.Recording(
+        t, {"Ta": pf.Signal(20.0 + np.sin(t), room), "T": pf.Signal(300.0 + 0.0 * t, measured)}, "r"
+    )
     if refused:
-        with pytest.raises(EquationError, match=r'declare both in one unit, as in (Ta|x) = "K", to which recordings are converted'):
+        with pytest.raises(
+            EquationError, match=r'declare both in one unit, as in (Ta|x) = "K", to which recordings are converted'
+        ):
             Problem(model, recording, {"tau": (1.0, 10.0)})
     else:
         Problem(model, recording, {"tau": (1.0, 10.0)})
@@ -109,10 +126,21 @@ def test_recordings_in_two_zeros_are_refused_where_the_model_has_no_units(room, 
 def expression(text):
     """An intermediate value of any unit, reading only the names in the text."""
     words = set("".join(c if c.isalnum() else " " for c in text).split())
-    named = {"T": "degC", "T2": "K", "dT": "delta_degC", "n": "", "E": "J/mol", "R": "J/mol/K", "s": "1/K^4", "a": "W/K", "Rp": "K/W"}
+    named = {
+        "T": "degC",
+        "T2": "K",
+        "dT": "delta_degC",
+        "n": "",
+        "E": "J/mol",
+        "R": "J/mol/K",
+        "s": "1/K^4",
+        "a": "W/K",
+        "Rp": "K/W",
+    }
     return pf.equations(
         f"i = {text}\ny = 1 if i > i else 0", inputs={n: u for n, u in named.items() if n in words}, outputs={"y": ""},
-        constants={"zero": "273.15 K"}, tables={"k": {"over": ["T"], "nodes": [[0, 10]], "unit": "K"}} if "k" in words else None,
+        constants={"zero": "273.15 K"}, tables={"k": {"over": ["T"], "nodes": [[0, 10]],
+                                                      "unit": "K"}} if "k" in words else None,
     )  # fmt: skip
 
 
@@ -144,16 +172,23 @@ def test_a_column_in_decibels_is_refused_where_the_model_has_another_unit(tmp_pa
         model = pf.equations("L = g*u", inputs={"u": None}, outputs={"L": unit}, parameters=parameters)
         with pytest.raises(UnitError, match=f"'L' is in 'dB', which is logarithmic, and the model's is in {unit!r}"):
             Problem(model, r)
-    assert pf.fit(Problem(pf.equations("L = g*u", inputs=["u"], outputs=["L"], parameters=parameters), r)).values["g"] == pytest.approx(1.0)
+    assert pf.fit(Problem(pf.equations("L = g*u", inputs=["u"], outputs=["L"], parameters=parameters), r)).values[
+        "g"
+    ] == pytest.approx(1.0)
 
 
 def test_before_in_another_zero_needs_its_unit():
     model = pf.equations(
-        "T = delay(Ta, L)", inputs={"Ta": "K"}, outputs={"T": "K"}, parameters={"L": {"unit": "s", "bounds": (0, 40), "value": 20.0}}
+        "T = delay(Ta, L)",
+        inputs={"Ta": "K"},
+        outputs={"T": "K"},
+        parameters={"L": {"unit": "s", "bounds": (0, 40), "value": 20.0}},
     )
 
     def early(before):
-        return Problem(model, Experiment(record("degC", 273.15), before=before), {"L": (1, 40)}).predict(np.array([20.0]))["T"][0]
+        return Problem(model, Experiment(record("degC", 273.15), before=before), {"L": (1, 40)}).predict(
+            np.array([20.0])
+        )["T"][0]
 
     with pytest.raises(UnitError, match=r"in 'degC' but the model in 'K'.*before = \{ Ta = \"20 degC\" \}"):
         early({"Ta": 20.0})
@@ -170,14 +205,20 @@ def test_what_cleaning_makes_a_difference_is_not_shifted_again():
     assert rec.convert_units(rec.detrend(r, "T"), {"T": "K"})["T"].mean() == pytest.approx(0.0, abs=1e-9)
     assert rec.convert_units(rec.subtract(r, "T", "Ta"), {"T": "K"})["T"][0] == pytest.approx(-50.0)
     assert rec.convert_units(rec.subtract(r, "T", 0.5), {"T": "K"})["T"][0] == pytest.approx(299.5)
-    deviations = pf.equations("T = g*Ta", inputs={"Ta": "degC"}, outputs={"T": "degC"}, parameters={"g": {"unit": "", "bounds": (0, 2)}})
+    deviations = pf.equations(
+        "T = g*Ta", inputs={"Ta": "degC"}, outputs={"T": "degC"}, parameters={"g": {"unit": "", "bounds": (0, 2)}}
+    )
     r = rec.subtract(rec.detrend(r, "T"), "Ta", "Ta")
     assert Problem(deviations, r).experiments["run"].recording["T"].mean() == pytest.approx(0.0, abs=1e-9)
 
 
 def test_bounds_of_a_parameter_in_another_unit_are_converted_as_temperatures_or_differences():
     model = pf.equations(
-        "T = n*0 + Ta", inputs={"n": ""}, outputs={"T": "K"}, parameters={"Ta": {"unit": "K", "bounds": (200, 400)}}, check=False
+        "T = n*0 + Ta",
+        inputs={"n": ""},
+        outputs={"T": "K"},
+        parameters={"Ta": {"unit": "K", "bounds": (200, 400)}},
+        check=False,
     )
     r = rec.from_arrays(T, signals={"n": T, "T": (T, "K")})
     problem = Problem(model, r, {"Ta": pf.Parameter((10.0, 30.0), "degC")})
@@ -194,7 +235,9 @@ def plant(text, output="K", **inputs):
     own = {"Ts": "degC", "q": "W", "dT": "delta_degC"} | inputs
     read = set("".join(c if c.isalnum() else " " for c in text).split())
     constants = {"T0": "300 K", "zero": "273.15 K", "g": "2", "R": "1 K/W"}
-    return pf.equations(text, inputs={n: u for n, u in own.items() if n in read}, outputs={"T": output}, constants=constants, **HEATED)
+    return pf.equations(
+        text, inputs={n: u for n, u in own.items() if n in read}, outputs={"T": output}, constants=constants, **HEATED
+    )
 
 
 @pytest.mark.parametrize(
@@ -215,8 +258,10 @@ def test_outputs_are_no_multiples_of_temperatures_from_another_zero(formula, uni
 @pytest.mark.parametrize(
     ("formula", "unit"),
     [
-        ("g*x", "K"), ("g*(x - zero)", "degC"), ("g*Ts", "degC"), ("g*Ts + zero", "K"), ("g*(Ts + zero)", "K"), ("Ts + R*q", "degC"),
-        ("Ts - dT", "degC"), ("g*dT", "K"), ("g*dT", "degC"), ("x + g*dT", "K"), ("x - zero + g*dT", "degC"), ("g*(Ts - Ts)", "K"),
+        ("g*x", "K"), ("g*(x - zero)", "degC"), ("g*Ts", "degC"), ("g*Ts + zero", "K"), ("g*(Ts + zero)", "K"),
+        ("Ts + R*q", "degC"),
+        ("Ts - dT", "degC"), ("g*dT", "K"), ("g*dT", "degC"), ("x + g*dT", "K"), ("x - zero + g*dT", "degC"),
+        ("g*(Ts - Ts)", "K"),
         ("(Ts + Ts)/2", "degC"), ("Ts - Ts", "delta_degC"), ("x - T0", "K"), ("R*q", "K"), ("R*q", "degC"),
     ],
 )  # fmt: skip
@@ -224,7 +269,9 @@ def test_outputs_that_count_from_one_zero_pass(formula, unit):
     plant(f"x' = (T0 - x)/tau\nT = {formula}", unit)
 
 
-@pytest.mark.parametrize("rate", ["(g*Ts - x)/tau", "(0.5*Ts + 0.5*T0 - x)/tau", "(Ts/2 - x + T0/2)/tau", "-(x - g*Ts)/tau"])
+@pytest.mark.parametrize(
+    "rate", ["(g*Ts - x)/tau", "(0.5*Ts + 0.5*T0 - x)/tau", "(Ts/2 - x + T0/2)/tau", "-(x - g*Ts)/tau"]
+)
 def test_a_multiple_of_another_zero_is_told_in_rates(rate):
     with pytest.raises(EquationError, match="difference of 'Ts' in °C and 'x' in K"):
         plant(f"x' = {rate}\nT = x")
@@ -242,7 +289,8 @@ def test_an_initial_value_is_no_multiple_of_another_zero():
     def begun(initial):
         states = {"x": {"unit": "K", "initial": initial}}
         return pf.equations(
-            "x' = -(x - zero)/tau\nT = x - zero", states=states, outputs={"T": "degC"}, constants={"zero": "273.15 K", "g": "2"},
+            "x' = -(x - zero)/tau\nT = x - zero", states=states, outputs={"T": "degC"},
+            constants={"zero": "273.15 K", "g": "2"},
             parameters={"tau": {"unit": "s", "bounds": (1, 100)}},
         )  # fmt: skip
 
@@ -253,7 +301,8 @@ def test_an_initial_value_is_no_multiple_of_another_zero():
 
 
 @pytest.mark.parametrize(
-    "text", ["barg", "bar_g", "bar(g)", "bar (g)", "barG", "mbarg", "kPa_g", "kPag", "kPa(g)", "psig", "bar rel", "barü"]
+    "text",
+    ["barg", "bar_g", "bar(g)", "bar (g)", "barG", "mbarg", "kPa_g", "kPag", "kPa(g)", "psig", "bar rel", "barü"],
 )
 def test_a_pressure_above_that_of_the_surroundings_is_no_pressure(text):
     plain = units.gauge(text)
@@ -268,7 +317,8 @@ def test_a_pressure_above_that_of_the_surroundings_is_no_pressure(text):
 @pytest.mark.parametrize(
     ("text", "plain"),
     [
-        ("bara", "bar"), ("bar(a)", "bar"), ("bar abs", "bar"), ("psia", "psi"), ("kPa(abs)", "kPa"), ("mbar_a", "mbar"), ("bar", "bar"),
+        ("bara", "bar"), ("bar(a)", "bar"), ("bar abs", "bar"), ("psia", "psi"), ("kPa(abs)", "kPa"),
+        ("mbar_a", "mbar"), ("bar", "bar"),
         ("barad", "barad"), ("g", "g"), ("Pa", "Pa"), ("bag", "bag"), ("mg", "mg"), ("Pa*g", "Pa*g"),
     ],
 )  # fmt: skip
@@ -280,9 +330,12 @@ def test_absolute_pressures_and_other_units_keep_their_meaning(text, plain):
 @pytest.mark.parametrize(
     ("text", "unit"),
     [
-        ("Celsius", "degC"), ("celsius", "degC"), ("centigrade", "degC"), ("° Celsius", "degC"), ("deg Celsius", "degC"), ("Deg C", "degC"),
-        ("degc", "degC"), ("degrees C", "degC"), ("degree_Celsius", "degC"), ("Fahrenheit", "degF"), ("deg F", "degF"), ("degf", "degF"),
-        ("Kelvin", "K"), ("kelvin", "K"), ("delta_degC", "delta_degC"), ("W/Kelvin", "W/K"), ("%/degc", "%/degC"), ("deg/s", "deg/s"),
+        ("Celsius", "degC"), ("celsius", "degC"), ("centigrade", "degC"), ("° Celsius", "degC"),
+        ("deg Celsius", "degC"), ("Deg C", "degC"),
+        ("degc", "degC"), ("degrees C", "degC"), ("degree_Celsius", "degC"), ("Fahrenheit", "degF"), ("deg F", "degF"),
+        ("degf", "degF"),
+        ("Kelvin", "K"), ("kelvin", "K"), ("delta_degC", "delta_degC"), ("W/Kelvin", "W/K"), ("%/degc", "%/degC"),
+        ("deg/s", "deg/s"),
         ("F", "F"), ("C", "C"), ("deg", "deg"),
     ],
 )  # fmt: skip
@@ -292,7 +345,9 @@ def test_temperatures_are_spelled_as_people_write_them(text, unit):
 
 def of_file(tmp_path, header, **options):
     (tmp_path / "r.csv").write_text(f"t [s],{header},u\n" + "\n".join(f"{i},{300 + i},{i % 3}" for i in range(9)))
-    model = pf.equations("y = g*u", inputs={"u": None}, outputs={"y": options.pop("model")}, parameters={"g": {"bounds": (0, 300)}})
+    model = pf.equations(
+        "y = g*u", inputs={"u": None}, outputs={"y": options.pop("model")}, parameters={"g": {"bounds": (0, 300)}}
+    )
     recording = rec.read_csv(tmp_path / "r.csv", signals={"y": header, "u": "u"}, **options)
     (experiment,) = Problem(model, recording).experiments.values()
     return experiment.recording["y"][0]
@@ -342,7 +397,9 @@ def test_a_factor_makes_no_other_zero_and_squares_of_degrees_mean_nothing():
 
 
 def test_a_start_with_a_unit_is_named_first():
-    with pytest.raises(EquationError, match=r'name it, as in constants = \{ x_0 = "20 degC" \}, and write initial = "x_0"'):
+    with pytest.raises(
+        EquationError, match=r'name it, as in constants = \{ x_0 = "20 degC" \}, and write initial = "x_0"'
+    ):
         heated("T = x", "K", initial="20 degC")
     with pytest.raises(EquationError, match="An operator is missing"):
         heated("T = x", "K", initial="20 warm")

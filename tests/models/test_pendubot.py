@@ -1,4 +1,5 @@
-"""The pendubot in both directions: against Lagrange's equations by autodiff, energy, published forms, and each other."""
+"""The pendubot in both directions: against Lagrange's equations by autodiff, energy, published forms, and each
+other."""
 
 import numpy as np
 import pytest
@@ -19,12 +20,20 @@ import jax.numpy as jnp
 TRUTH = {"m1": 0.21, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077}
 L1, G = 0.15, 9.81
 EVERY = ("viscous", "coulomb", "stribeck", "load", "offset")
-RUBBING = {f"{n}{j}": v * j for j in (1, 2) for n, v in (("Fv", 0.003), ("Fc", 0.02), ("Fs", 0.01), ("mu", 0.07), ("offset", -0.004))}
+RUBBING = {
+    f"{n}{j}": v * j
+    for j in (1, 2)
+    for n, v in (("Fv", 0.003), ("Fc", 0.02), ("Fs", 0.01), ("mu", 0.07), ("offset", -0.004))
+}
 
 
 def motion(n=40, seed=0):
     draw = np.random.default_rng(seed).normal
-    return {f"{kind}{j}": draw(size=n) * scale for kind, scale in (("theta", 1.5), ("omega", 3.0), ("alpha", 20.0)) for j in (1, 2)}
+    return {
+        f"{kind}{j}": draw(size=n) * scale
+        for kind, scale in (("theta", 1.5), ("omega", 3.0), ("alpha", 20.0))
+        for j in (1, 2)
+    }
 
 
 def lagrange(s, p, hanging=False):
@@ -69,7 +78,14 @@ def test_the_paper_s_form_with_its_misprints_put_right():
     b1 = p["m1"] * p["lc1"] ** 2 + p["m2"] * L1**2 + p["I1"]
     b2, b3 = p["m2"] * p["lc2"] ** 2 + p["I2"], p["m2"] * L1 * p["lc2"]
     b4, b5 = p["m1"] * p["lc1"] + p["m2"] * L1, p["m2"] * p["lc2"]
-    c2, s2, w1, w2, a1, a2 = np.cos(s["theta2"]), np.sin(s["theta2"]), s["omega1"], s["omega2"], s["alpha1"], s["alpha2"]
+    c2, s2, w1, w2, a1, a2 = (
+        np.cos(s["theta2"]),
+        np.sin(s["theta2"]),
+        s["omega1"],
+        s["omega2"],
+        s["alpha1"],
+        s["alpha2"],
+    )
     lift = b5 * G * np.cos(s["theta1"] + s["theta2"])
     tau1 = (b1 + b2 + 2 * b3 * c2) * a1 + (b2 + b3 * c2) * a2 - b3 * w2 * s2 * w1 - b3 * (w1 + w2) * s2 * w2
     tau1 = tau1 + b4 * G * np.cos(s["theta1"]) + lift
@@ -108,7 +124,13 @@ def test_forward_and_inverse_are_one(parameters, angles):
     draw = np.random.default_rng(2).normal
     torque = {"tau1": draw(size=40), "tau2": draw(size=40)}
     moved = derivative(pendubot(**options))({n: s[n] for n in ("theta1", "theta2", "omega1", "omega2")}, torque, p)
-    measured = {**s, "alpha1": moved["omega1"], "alpha2": moved["omega2"], "load1": torque["tau1"], "load2": torque["tau2"]}
+    measured = {
+        **s,
+        "alpha1": moved["omega1"],
+        "alpha2": moved["omega2"],
+        "load1": torque["tau1"],
+        "load2": torque["tau2"],
+    }
     inverse = pendubot_regression(**options)
     for output, tau in torque.items():
         np.testing.assert_allclose(inverse.predict(measured, p, output), tau, rtol=1e-10, atol=1e-10)
@@ -116,7 +138,11 @@ def test_forward_and_inverse_are_one(parameters, angles):
 
 def test_a_free_swing_keeps_its_energy():
     model, b = pendubot(), base_values(TRUTH, L1)
-    rate = jax.jit(lambda x: jnp.stack(list(derivative(model)(dict(zip(model.states, x, strict=True)), {"tau1": 0.0}, TRUTH).values())))
+    rate = jax.jit(
+        lambda x: jnp.stack(
+            list(derivative(model)(dict(zip(model.states, x, strict=True)), {"tau1": 0.0}, TRUTH).values())
+        )
+    )
     start = np.array([0.3, -0.8, 2.0, -5.0])
     x = solve_ivp(lambda _, x: rate(x), (0, 3), start, "DOP853", rtol=1e-12, atol=1e-12).y
     assert np.ptp(x[0]) > 1.0  # it really moves
@@ -131,9 +157,13 @@ def test_friction_takes_the_energy_that_its_power_says():
     x = {n: s[n] for n in model.states}
     moved = derivative(model)(x, {"tau1": 0.0}, p)
     _, power = jax.jvp(
-        lambda *q: sum(energies(Motion(*q), base_values(TRUTH, L1), L1, G)), tuple(x.values()), tuple(moved[n] for n in model.states)
+        lambda *q: sum(energies(Motion(*q), base_values(TRUTH, L1), L1, G)),
+        tuple(x.values()),
+        tuple(moved[n] for n in model.states),
     )
-    drag = sum(s[f"omega{j}"] * (p[f"Fv{j}"] * s[f"omega{j}"] + p[f"Fc{j}"] * np.tanh(s[f"omega{j}"] / 0.01)) for j in (1, 2))
+    drag = sum(
+        s[f"omega{j}"] * (p[f"Fv{j}"] * s[f"omega{j}"] + p[f"Fc{j}"] * np.tanh(s[f"omega{j}"] / 0.01)) for j in (1, 2)
+    )
     np.testing.assert_allclose(power, -drag, rtol=1e-9, atol=1e-10)
 
 
@@ -172,7 +202,10 @@ def test_an_undriven_joint_has_no_load():
     assert isinstance(model, Model)
     assert {"mu1", "offset2"} <= {p.name for p in model.parameters}
     assert "mu2" not in {p.name for p in model.parameters}
-    assert not {"Fv2", "load2"} & {*pendubot_regression(friction=EVERY).coefficients, *pendubot_regression(friction=EVERY).signals}
+    assert not {"Fv2", "load2"} & {
+        *pendubot_regression(friction=EVERY).coefficients,
+        *pendubot_regression(friction=EVERY).signals,
+    }
 
 
 @pytest.mark.parametrize(
@@ -201,7 +234,15 @@ def test_presliding_holds_a_link_at_rest_where_a_smoothed_sign_creeps():
     signals = {"tau1": zero, "tau2": zero, **{n: np.full_like(t, v) for n, v in start.items()}}
     moved = {}
     for sign in ("presliding", "tanh"):
-        m = pendubot("base", "hanging", joints=(1, 2), friction=("viscous", "coulomb"), sign=sign, sign_width=0.1, velocity_output=True)
+        m = pendubot(
+            "base",
+            "hanging",
+            joints=(1, 2),
+            friction=("viscous", "coulomb"),
+            sign=sign,
+            sign_width=0.1,
+            velocity_output=True,
+        )
         made = simulate_windows(m, {"r": rec.from_arrays(t, signals=signals)}, values, 3.0)
         moved[sign] = np.abs(made["r"].simulated["theta1"][0] - 0.1)
     creep = {sign: abs(m[-1] - m[len(m) // 2]) for sign, m in moved.items()}
@@ -238,6 +279,9 @@ def test_the_equations_that_plantfit_models_prints_are_those_of_the_models():
         np.testing.assert_allclose(both[j], printed, rtol=1e-10, atol=1e-12)
         np.testing.assert_allclose(model.predict(s, TRUTH, f"tau{j + 1}"), printed, rtol=1e-10, atol=1e-12)
     for line in ("M = [[b1 + b2 + 2 b3 cos(theta2), b2 + b3 cos(theta2)], [b2 + b3 cos(theta2), b2]]",
-                 "C = [[-b3 omega2 sin(theta2), -b3 (omega1 + omega2) sin(theta2)], [b3 omega1 sin(theta2), 0]]"):  # fmt: skip
+                 "C = [[-b3 omega2 sin(theta2), -b3 (omega1 + omega2) sin(theta2)], [b3 omega1 sin(theta2), "
+                 "0]]"):  # fmt: skip
         assert line in (pendubot.__doc__ or "")
-    assert "cos(theta2) (2 alpha1 + alpha2) - sin(theta2) omega2 (2 omega1 + omega2)" in (pendubot_regression.__doc__ or "")
+    assert "cos(theta2) (2 alpha1 + alpha2) - sin(theta2) omega2 (2 omega1 + omega2)" in (
+        pendubot_regression.__doc__ or ""
+    )

@@ -24,7 +24,9 @@ def test_values_and_slopes(a, b):
     np.testing.assert_allclose(found, [1 / b, -(a / b) / b], rtol=1e-15)
 
 
-@pytest.mark.parametrize("order", [(jax.jacfwd, jax.jacrev), (jax.jacrev, jax.jacfwd), (jax.jacfwd, jax.jacfwd), (jax.jacrev, jax.jacrev)])
+@pytest.mark.parametrize(
+    "order", [(jax.jacfwd, jax.jacrev), (jax.jacrev, jax.jacfwd), (jax.jacfwd, jax.jacfwd), (jax.jacrev, jax.jacrev)]
+)
 def test_nested_derivatives(order):
     outer, inner = order
     bent = [outer(inner(f, argnums=(0, 1)), argnums=(0, 1))(1.7, -0.6) for f in (quotient, plain)]
@@ -39,7 +41,9 @@ USES = [lambda q, a, b: q(a, b), lambda q, a, b: q(a, 3), lambda q, a, b: q(2, b
 @pytest.mark.parametrize("use", USES)
 def test_shapes_that_broadcast(use):
     a, b = jnp.asarray(np.random.default_rng(0).normal(size=(3, 1))), jnp.asarray([0.5, -2.0, 3.0, 8.0])
-    ours, theirs = (jax.jacrev(lambda a, b, q=q: jnp.sin(use(q, a, b)), argnums=(0, 1))(a, b) for q in (quotient, plain))
+    ours, theirs = (
+        jax.jacrev(lambda a, b, q=q: jnp.sin(use(q, a, b)), argnums=(0, 1))(a, b) for q in (quotient, plain)
+    )
     np.testing.assert_array_equal(use(quotient, a, b), use(plain, a, b))
     for s, t in zip(ours, theirs, strict=True):
         np.testing.assert_allclose(s, t, rtol=1e-13, atol=1e-300)

@@ -34,7 +34,9 @@ def test_value_is_that_of_numpy_for_arrays_and_numbers(nodes):
     values, x = RNG.normal(size=len(nodes)), points(nodes)
     expected = np.interp(x, nodes, values)
     np.testing.assert_allclose(lookup(values, nodes, x), expected, rtol=1e-10, atol=1e-10)
-    np.testing.assert_allclose(lookup(values, nodes, x.reshape(4, 5, 10)), expected.reshape(4, 5, 10), rtol=1e-10, atol=1e-10)
+    np.testing.assert_allclose(
+        lookup(values, nodes, x.reshape(4, 5, 10)), expected.reshape(4, 5, 10), rtol=1e-10, atol=1e-10
+    )
     assert float(lookup(values, nodes, x[0])) == pytest.approx(expected[0], rel=1e-10, abs=1e-10)
     np.testing.assert_allclose(lookup(values, nodes, nodes), values, rtol=1e-12, atol=1e-12)
 
@@ -45,7 +47,9 @@ def test_slope_at_nodes_is_the_one_to_the_right_and_zero_outside(nodes):
     slope = jax.jit(jax.vmap(jax.grad(lambda x: lookup(values, nodes, x))))
     right = np.append(np.diff(values) / np.diff(nodes), 0.0)
     np.testing.assert_allclose(slope(jnp.asarray(nodes)), right, rtol=1e-9)
-    np.testing.assert_array_equal(slope(jnp.array([nodes[0] - 1e-6, nodes[0] - 9.0, nodes[-1] + 1e-6, nodes[-1] + 9.0])), 0.0)
+    np.testing.assert_array_equal(
+        slope(jnp.array([nodes[0] - 1e-6, nodes[0] - 9.0, nodes[-1] + 1e-6, nodes[-1] + 9.0])), 0.0
+    )
 
 
 @grids
@@ -62,7 +66,8 @@ def test_derivative_by_values_is_the_hats_and_by_x_the_difference(nodes, jacobia
 
 @pytest.mark.parametrize("nodes", [GRIDS["even"], GRIDS["uneven"]], ids=["even", "uneven"])
 def test_nested_derivatives_in_every_order(nodes):
-    """The slope is a difference of neighbouring values over the cell: its derivative by values is known, that by x is 0."""
+    """The slope is a difference of neighbouring values over the cell: its derivative by values is known, that by x
+    is 0."""
     values = RNG.normal(size=len(nodes))
     x = nodes[0] + 0.37 * (nodes[1] - nodes[0])
     expected = np.zeros(len(nodes))
@@ -96,7 +101,9 @@ def test_batch_over_tables_and_points():
     nodes = GRIDS["even"]
     values, x = RNG.normal(size=(3, 10)), points(nodes, 60).reshape(3, 20)
     found = jax.vmap(lambda v, at: lookup(v, nodes, at))(values, x)
-    np.testing.assert_allclose(found, [np.interp(a, nodes, v) for v, a in zip(values, x, strict=True)], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        found, [np.interp(a, nodes, v) for v, a in zip(values, x, strict=True)], rtol=1e-12, atol=1e-12
+    )
 
 
 def test_scaled_and_shifted_axes_change_nothing():
@@ -119,7 +126,9 @@ def count(jaxpr, name):
     total = 0
     for equation in jaxpr.eqns:
         total += equation.primitive.name == name
-        for inner in jax.tree.leaves(list(equation.params.values()), is_leaf=lambda v: hasattr(v, "jaxpr") or hasattr(v, "eqns")):
+        for inner in jax.tree.leaves(
+            list(equation.params.values()), is_leaf=lambda v: hasattr(v, "jaxpr") or hasattr(v, "eqns")
+        ):
             inner = getattr(inner, "jaxpr", inner)
             total += count(inner, name) if hasattr(inner, "eqns") else 0
     return total
@@ -153,8 +162,12 @@ def test_bilinear_value_against_numpy_inside_and_outside():
     values = RNG.normal(size=(5, 3))
     y, u = RNG.uniform(-2, 4, 100), RNG.uniform(-1, 3.5, 100)
     np.testing.assert_allclose(lookup2(values, PAIR, y, u), bilinear(values, y, u), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(lookup2(values.T, (PAIR[1], PAIR[0]), u, y), bilinear(values, y, u), rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(lookup2(values, PAIR, y[:, None], u), [bilinear(values, 0 * u + a, u) for a in y], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        lookup2(values.T, (PAIR[1], PAIR[0]), u, y), bilinear(values, y, u), rtol=1e-12, atol=1e-12
+    )
+    np.testing.assert_allclose(
+        lookup2(values, PAIR, y[:, None], u), [bilinear(values, 0 * u + a, u) for a in y], rtol=1e-12, atol=1e-12
+    )
 
 
 def test_bilinear_derivatives():

@@ -91,7 +91,9 @@ def test_table_over_two_signals():
 def test_known_characteristic():
     table = Table("valve", ("u",), ((0.0, 50.0, 100.0),), "kg/s")
     known = [Declared("valve", value=[0, 1, 4])]
-    model = equations("y = valve(u)", inputs={"u": "%"}, outputs={"y": "kg/s"}, tables={"valve": table}, parameters=known)
+    model = equations(
+        "y = valve(u)", inputs={"u": "%"}, outputs={"y": "kg/s"}, tables={"valve": table}, parameters=known
+    )
     assert model.declared("valve").value == (0.0, 1.0, 4.0)
     assert "3 values, = 0 to 4" in describe(model)
 
@@ -104,7 +106,11 @@ PLACES = [
     ("x2' = k*delay(u, Td) - A1(x1) - A2(x1)", 6, "'k' is a table; write k(y)"),
     ("x2' = k(y=x1)*delay(u, Td) - A1(x1) - A2(x1)", 6, "write k(y)"),
     ("x2' = k(x1)*delay(u, A1) - A1(x1) - A2(x1) + Td", 21, "a parameter, a constant or a number"),
-    ("x2' = k(x2)*delay(u, Td)/A2(x1) - A1(x1)", 8, "The table 'k' over 'y': its argument must be in bar, but this is in bar/s"),
+    (
+        "x2' = k(x2)*delay(u, Td)/A2(x1) - A1(x1)",
+        8,
+        "The table 'k' over 'y': its argument must be in bar, but this is in bar/s",
+    ),
     ("x2' = k(2*u)*delay(u, Td)/A2(x1) - A1(x1)", 8, "must be in bar, but this is in %"),
     ("x2' = k(x1)*delay(u, Td)/A2(x1) - A1(x1)", 32, "'-' joins bar/s² and s"),
 ]
@@ -154,7 +160,8 @@ def test_contradicting_declarations(table, words):
 
 
 @pytest.mark.parametrize(
-    ("name", "words"), [("sin", "use themselves"), ("u", "declared in inputs and in tables"), ("a b", "letters, digits")]
+    ("name", "words"),
+    [("sin", "use themselves"), ("u", "declared in inputs and in tables"), ("a b", "letters, digits")],
 )
 def test_names_of_tables(name, words):
     with pytest.raises(ModelError, match=words):

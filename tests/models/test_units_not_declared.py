@@ -1,4 +1,5 @@
-"""Equations of which few units are declared: what must be accepted, what contradicts itself whatever the other units are."""
+"""Equations of which few units are declared: what must be accepted, what contradicts itself whatever the other units
+are."""
 
 import itertools
 
@@ -15,7 +16,13 @@ DECLARED = list(itertools.product((None, "degC"), (None, "degC"), (None, "%"), (
 
 
 def lag(tau, state=None, output=None, input=None, gain=None, text=LAG, **more):
-    return equations(text, inputs={"u": input}, states={"x": state}, outputs={"y": output}, parameters={"k": gain, "tau": tau, **more})
+    return equations(
+        text,
+        inputs={"u": input},
+        states={"x": state},
+        outputs={"y": output},
+        parameters={"k": gain, "tau": tau, **more},
+    )
 
 
 @pytest.mark.parametrize("declared", DECLARED)
@@ -53,14 +60,17 @@ FITS = {
     "an angle in deg, converted": ("x' = w; w' = -g*sin(x); y = x*180/pi", {}, ["x", "w"], "deg", {"g": "1/s^2"}),
     "a flow": ("x' = (u - c*sqrt(x))/A", {"u": "cm^3/s"}, ["x"], "cm", {"A": "cm^2", "c": "cm^2.5/s"}),
     "heat": ("x' = (u - G*(x - Ta))/C", {"u": "W", "Ta": "degC"}, ["x"], "degC", {"G": "W/K", "C": "J/K"}),
-    "a power in degC, made absolute": ("x' = (u - s*(x + 273.15)^4)/C", {"u": "W"}, ["x"], "degC", {"s": "W/K^4", "C": "J/K"}),
+    "a power in degC, made absolute": ("x' = (u - s*(x + 273.15)^4)/C", {"u": "W"}, ["x"], "degC",
+                                       {"s": "W/K^4", "C": "J/K"}),
     "a power in K": ("x' = (u - s*x^4)/C", {"u": "W"}, ["x"], "K", {"s": "W/K^4", "C": "J/K"}),
     "a free exponent": ("x' = (u - x^n)/tau", {"u": None}, ["x"], "bar", {"n": None, "tau": "s"}),
     "a logarithm of numbers": ("x' = (u - k*log(x))/tau", {"u": None}, ["x"], "bar", {"k": None, "tau": "s"}),
     "a share": ("x' = (u - x)/tau; y = exp(x)", {"u": "%"}, ["x"], None, {"tau": "s"}),
-    "an event at a number of seconds": ("x' = -x/tau; when rising(t - 12): x = x + d", {}, ["x"], None, {"tau": "s", "d": None}),
+    "an event at a number of seconds": ("x' = -x/tau; when rising(t - 12): x = x + d", {}, ["x"], None,
+                                        {"tau": "s", "d": None}),
     "an event before a number of seconds": ("x' = -x/tau if t < 100 else 0", {}, ["x"], None, {"tau": "s"}),
-    "an event at a frequency": ("x' = 0; when rising(sin(2*pi*f*t)): x = x + d", {}, ["x"], None, {"f": "Hz", "d": None}),
+    "an event at a frequency": ("x' = 0; when rising(sin(2*pi*f*t)): x = x + d", {}, ["x"], None,
+                                {"f": "Hz", "d": None}),
     "a dead time without unit": ("x' = (delay(u, L) - x)/tau", {"u": None}, ["x"], None, {"L": None, "tau": "s"}),
 }  # fmt: skip
 
@@ -76,23 +86,38 @@ def test_right_models_of_few_units_are_accepted(what):
 
 
 MISFITS = {
-    "minutes with a number that converts nothing": ("x' = (u - 2*x)/tau", {"u": None}, ["x"], None, {"tau": "min"}, 'Write unit = "s"'),
-    "minutes the wrong way round": ("x' = -x/(tau/60)", {}, ["x"], None, {"tau": "min"}, "60 converts a unit the wrong way round"),
-    "a rate": ("x' = -k*x", {}, ["x"], None, {"k": "1/day"}, 'Write unit = "1/s" and its numbers times 1.15740740741e-05'),
-    "a rate in a function": ("x' = u*exp(-k*t)", {"u": None}, ["x"], None, {"k": {"unit": "1/h", "bounds": (1, 2)}}, 'Write unit = "1/s"'),
-    "a speed": ("x' = v; v' = w^2*(u - x) - z*w*v", {"u": None}, ["x", "v"], None, {"w": "rpm", "z": ""}, 'Write unit = "rad/s"'),
-    "a damping": ("x' = v; v' = (F - b*v - k*x)/m", {"F": "N"}, ["x", "v"], "m", {"b": "N*min/m", "k": "N/m", "m": "kg"}, '"N*s/m"'),
-    "a gain": (LAG, {"u": "V"}, ["x"], "degC", {"k": "degC/mV", "tau": "s"}, 'Write unit = "degC/V" and its numbers times 1000'),
+    "minutes with a number that converts nothing": ("x' = (u - 2*x)/tau", {"u": None}, ["x"], None, {"tau": "min"},
+                                                    'Write unit = "s"'),
+    "minutes the wrong way round": ("x' = -x/(tau/60)", {}, ["x"], None, {"tau": "min"},
+                                    "60 converts a unit the wrong way round"),
+    "a rate": ("x' = -k*x", {}, ["x"], None, {"k": "1/day"},
+               'Write unit = "1/s" and its numbers times 1.15740740741e-05'),
+    "a rate in a function": ("x' = u*exp(-k*t)", {"u": None}, ["x"], None, {"k": {"unit": "1/h", "bounds": (1, 2)}},
+                             'Write unit = "1/s"'),
+    "a speed": ("x' = v; v' = w^2*(u - x) - z*w*v", {"u": None}, ["x", "v"], None, {"w": "rpm", "z": ""},
+                'Write unit = "rad/s"'),
+    "a damping": ("x' = v; v' = (F - b*v - k*x)/m", {"F": "N"}, ["x", "v"], "m",
+                  {"b": "N*min/m", "k": "N/m", "m": "kg"}, '"N*s/m"'),
+    "a gain": (LAG, {"u": "V"}, ["x"], "degC", {"k": "degC/mV", "tau": "s"},
+               'Write unit = "degC/V" and its numbers times 1000'),
     "a flow": ("x' = (u - c*sqrt(x))/A", {"u": "l/min"}, ["x"], "cm", {"A": "cm^2", "c": None}, "Declare it in cm^3/s"),
-    "an angle": ("x' = w; w' = -g*sin(x)", {}, ["x", "w"], "deg", {"g": "1/s^2"}, "output 'y' has the unit 'deg', but must be in rad"),
-    "a heat": ("x' = (u - G*(x - Ta))/C", {"u": "W", "Ta": None}, ["x"], None, {"G": "W/K", "C": "Wh/K"}, 'Write unit = "J/K"'),
-    "degF": ("x' = (u - G*(x - Ta))/C", {"u": "W", "Ta": None}, ["x"], "degF", {"G": "W/K", "C": "J/K"}, "must be in degC"),
+    "an angle": ("x' = w; w' = -g*sin(x)", {}, ["x", "w"], "deg", {"g": "1/s^2"},
+                 "output 'y' has the unit 'deg', but must be in rad"),
+    "a heat": ("x' = (u - G*(x - Ta))/C", {"u": "W", "Ta": None}, ["x"], None, {"G": "W/K", "C": "Wh/K"},
+               'Write unit = "J/K"'),
+    "degF": ("x' = (u - G*(x - Ta))/C", {"u": "W", "Ta": None}, ["x"], "degF", {"G": "W/K", "C": "J/K"},
+             "must be in degC"),
     "kohm and uF": ("x' = (u - x)/(R*C)", {"u": None}, ["x"], None, {"R": "kohm", "C": "uF"}, "1000 times as large"),
-    "a dead time": ("x' = (delay(u, L) - x)/tau", {"u": None}, ["x"], None, {"L": "min", "tau": "s"}, "A delay must be in s"),
-    "two of them": ("x' = (delay(u, L) - x)/tau", {"u": None}, ["x"], None, {"L": "min", "tau": "h"}, "its numbers times 60 for 'L'"),
-    "an event": ("x' = 0; when rising(t - a): x = 1", {}, ["x"], None, {"a": {"unit": "h", "bounds": (1, 2)}}, "bounds = [3600, 7200]"),
-    "a play": ("z = play(x, gap); x' = (u - x)/tau; y = z", {"u": None}, ["x", "z"], "rad", {"gap": "deg", "tau": "s"}, 'unit = "rad"'),
-    "a power in degC": ("x' = (u - s*x^4)/C", {"u": "W"}, ["x"], "degC", {"s": "W/K^4", "C": "J/K"}, "whose zero is not absolute"),
+    "a dead time": ("x' = (delay(u, L) - x)/tau", {"u": None}, ["x"], None, {"L": "min", "tau": "s"},
+                    "A delay must be in s"),
+    "two of them": ("x' = (delay(u, L) - x)/tau", {"u": None}, ["x"], None, {"L": "min", "tau": "h"},
+                    "its numbers times 60 for 'L'"),
+    "an event": ("x' = 0; when rising(t - a): x = 1", {}, ["x"], None, {"a": {"unit": "h", "bounds": (1, 2)}},
+                 "bounds = [3600, 7200]"),
+    "a play": ("z = play(x, gap); x' = (u - x)/tau; y = z", {"u": None}, ["x", "z"], "rad", {"gap": "deg", "tau": "s"},
+               'unit = "rad"'),
+    "a power in degC": ("x' = (u - s*x^4)/C", {"u": "W"}, ["x"], "degC", {"s": "W/K^4", "C": "J/K"},
+                        "whose zero is not absolute"),
     "a quotient by degC": ("x' = -a/x", {}, ["x"], "degC", {"a": None}, "whose zero is not absolute"),
     "a dB": (LAG, {"u": None}, ["x"], None, {"k": None, "tau": "dB"}, "logarithmic"),
 }  # fmt: skip
@@ -115,8 +140,10 @@ def test_check_can_be_switched_off_but_a_dead_time_counts_in_seconds():
 def test_a_dead_time_of_python_functions_is_in_seconds():
     with pytest.raises(UnitError, match="dead times are in s"):
         Model(
-            name="late", states={"x": None}, inputs={"u": None}, outputs={"y": None}, parameters=(Declared("L", "min", (0.0, 1.0)),),
-            delays=(Delay("late", "u", "L"),), derivative=lambda x, u, p: {"x": u["late"]}, output=lambda x, u, p: {"y": x["x"]},
+            name="late", states={"x": None}, inputs={"u": None}, outputs={"y": None},
+            parameters=(Declared("L", "min", (0.0, 1.0)),),
+            delays=(Delay("late", "u", "L"),), derivative=lambda x, u, p: {"x": u["late"]}, output=lambda x, u,
+            p: {"y": x["x"]},
         )  # fmt: skip
 
 
@@ -129,7 +156,9 @@ def test_an_initial_value_is_held_against_the_output(initial, told):
     assert caught.value.text == initial
 
 
-@pytest.mark.parametrize(("over", "unit", "told"), [("t", "1/min", '"1/s"'), ("x", "1/min", '"1/s"'), ("x", "1/s", None)])
+@pytest.mark.parametrize(
+    ("over", "unit", "told"), [("t", "1/min", '"1/s"'), ("x", "1/min", '"1/s"'), ("x", "1/s", None)]
+)
 def test_the_values_of_a_table_have_a_unit_too(over, unit, told):
     def build():
         return made(
@@ -151,7 +180,8 @@ def test_a_constant_is_written_anew():
 
 @pytest.mark.parametrize(
     ("needed", "like", "text"),
-    [("s", "min", "s"), ("1/s", "1/day", "1/s"), ("degC/V/s", "degC/V/min", "degC/V/s"), ("J/K", "Wh/K", "J/K"), ("m/s^2", "1", "m/s^2")],
+    [("s", "min", "s"), ("1/s", "1/day", "1/s"), ("degC/V/s", "degC/V/min", "degC/V/s"), ("J/K", "Wh/K", "J/K"),
+     ("m/s^2", "1", "m/s^2")],
 )  # fmt: skip
 def test_a_unit_is_spelled_like_the_declared_one(needed, like, text):
     assert spelled(form_of(units.parse(needed)), like) == text

@@ -1,4 +1,5 @@
-"""Programs that outlive the process: found again without tracing, with the same bits; never where something else is compiled in."""
+"""Programs that outlive the process: found again without tracing, with the same bits; never where something else is
+compiled in."""
 
 import gc
 import hashlib
@@ -100,7 +101,9 @@ def test_functions_that_trace_through_it_and_derive_it_see_the_function_itself(f
     z, numbers = np.array([0.3, 0.7]), (np.array([1.0, -3.0]),)
     function = kept(Counted())
     function(z, numbers)
-    assert float(jax.jit(lambda z: function(z, numbers)[0])(z)) == pytest.approx(float(function(z, numbers)[0]), rel=1e-15)
+    assert float(jax.jit(lambda z: function(z, numbers)[0])(z)) == pytest.approx(
+        float(function(z, numbers)[0]), rel=1e-15
+    )
     slope = jax.grad(lambda z: function(z, numbers)[0])(z)
     assert np.allclose(slope, 2.0 * np.cos(2.0 * z) * numbers[0], rtol=1e-14)
 
@@ -248,14 +251,24 @@ def test_a_problem_gives_the_same_bits_from_disk(folder):
     z = np.array([0.4, 0.6])
     equation = f"k = {int.from_bytes(os.urandom(6)) / 2**48!r}\nx' = (K*u - k*x)/tau\ny = x"  # its own, as above
     made = problem(equation)
-    numbers = [np.asarray(made.costs(z[None, :])), *points.residuals_and_jacobian(made, z), points.residuals_alone(made, z)]
+    numbers = [
+        np.asarray(made.costs(z[None, :])),
+        *points.residuals_and_jacobian(made, z),
+        points.residuals_alone(made, z),
+    ]
     assert len(programs(folder)) == 6
     read = problem(equation)
     for name in ("costs", "residuals_and_jacobian", "residuals"):
         # whoever traced would meet this
         read.compiled[name]._plain = None
-    points.several(read.compiled["residuals"])._plain = points.several(read.compiled["residuals_and_jacobian"])._plain = None
-    again = [np.asarray(read.costs(z[None, :])), *points.residuals_and_jacobian(read, z), points.residuals_alone(read, z)]
+    points.several(read.compiled["residuals"])._plain = points.several(
+        read.compiled["residuals_and_jacobian"]
+    )._plain = None
+    again = [
+        np.asarray(read.costs(z[None, :])),
+        *points.residuals_and_jacobian(read, z),
+        points.residuals_alone(read, z),
+    ]
     assert [a.tobytes() for a in again] == [a.tobytes() for a in numbers]
     plain = jax.jit(read.evaluator.residuals)(z, read.arguments)
     assert np.array_equal(numbers[-1], plain)
@@ -277,7 +290,11 @@ print(len(made), np.asarray(p.costs(z[None, :])).tobytes().hex(), len(made))
     environment = {**os.environ, "PLANTFIT_CACHE": str(tmp_path / "cache")}
     told = [
         subprocess.run(
-            [sys.executable, "-c", text, str(Path(__file__).parent)], env=environment, capture_output=True, text=True, check=True
+            [sys.executable, "-c", text, str(Path(__file__).parent)],
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=True,
         )
         for _ in range(2)
     ]
@@ -295,7 +312,8 @@ sys.path.insert(0, str(Path(sys.argv[1])))
 from test_kept_programs import problem
 from plantfit.native import kept_programs
 made, before = [], kept_programs._made
-kept_programs._made = lambda f, k, name, jitted, a: made.append(jitted.__name__.split("_")[1]) or before(f, k, name, jitted, a)
+kept_programs._made = lambda f, k, name, jitted, a: (
+    made.append(jitted.__name__.split("_")[1]) or before(f, k, name, jitted, a))
 """
     environment = {**os.environ, "PLANTFIT_CACHE": str(cache)}
     command = [sys.executable, "-c", begin + text, str(Path(__file__).parent)]

@@ -27,7 +27,9 @@ def compare(body, carry, xs, axes=(0, 0), rtol=1e-13):
             assert x.dtype == y.dtype
             np.testing.assert_allclose(x, y, rtol=rtol, atol=1e-13)
         carry = (
-            jax.tree.map(lambda v: jnp.stack([v + (k if v.dtype == int else 0.1 * k) for k in range(21)]), carry) if axes[0] == 0 else carry
+            jax.tree.map(lambda v: jnp.stack([v + (k if v.dtype == int else 0.1 * k) for k in range(21)]), carry)
+            if axes[0] == 0
+            else carry
         )
         xs = jax.tree.map(lambda v: jnp.stack([jnp.roll(v, k, axis=0) for k in range(21)]), xs) if axes[1] == 0 else xs
 

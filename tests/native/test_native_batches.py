@@ -36,7 +36,14 @@ def data(*sizes):
     return p, table, x0, xs
 
 
-AXES = [(0, 0, 0, 0), (0, None, None, None), (None, 0, None, None), (None, None, 0, None), (None, None, None, 0), (0, 0, None, None)]
+AXES = [
+    (0, 0, 0, 0),
+    (0, None, None, None),
+    (None, 0, None, None),
+    (None, None, 0, None),
+    (None, None, None, 0),
+    (0, 0, None, None),
+]
 
 
 @pytest.mark.parametrize("axes", AXES)
@@ -44,12 +51,16 @@ AXES = [(0, 0, 0, 0), (0, None, None, None), (None, 0, None, None), (None, None,
 def test_one_axis(axes, size):
     full = data(size)
     args = [a if axis == 0 else jax.tree.map(lambda v: v[0], a) for a, axis in zip(full, axes, strict=True)]
-    results = [jax.jit(jax.vmap(lambda *a, scan=scan: loop(scan, *a), in_axes=axes))(*args) for scan in (native_scan, lax.scan)]
+    results = [
+        jax.jit(jax.vmap(lambda *a, scan=scan: loop(scan, *a), in_axes=axes))(*args) for scan in (native_scan, lax.scan)
+    ]
     for a, b in zip(*map(jax.tree.leaves, results), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
 
 
-PAIRS = [(AXES[i], AXES[j]) for i, j in [(0, 0), (0, 1), (1, 4), (4, 1), (5, 4), (4, 5), (2, 3), (3, 4), (4, 4), (1, 1)]]
+PAIRS = [
+    (AXES[i], AXES[j]) for i, j in [(0, 0), (0, 1), (1, 4), (4, 1), (5, 4), (4, 5), (2, 3), (3, 4), (4, 4), (1, 1)]
+]
 
 
 @pytest.mark.parametrize(("inner", "outer"), PAIRS)
@@ -185,7 +196,11 @@ def test_switched_off_by_the_environment():
         "print(n.native_scan(lambda c, x: (c + x, None), 0.0, jnp.ones(3), fallback=True)[0])"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120, env={**os.environ, "PLANTFIT_NATIVE": "0"}
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "PLANTFIT_NATIVE": "0"},
     )
     assert done.stdout.strip() == "3.0", done.stderr
 

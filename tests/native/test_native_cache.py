@@ -1,4 +1,5 @@
-"""Object code from the disk: used when it is what was put there, compiled anew when it is anything else, at no place that others own."""
+"""Object code from the disk: used when it is what was put there, compiled anew when it is anything else, at no place
+that others own."""
 
 import os
 import subprocess

@@ -17,7 +17,8 @@ XS = jnp.linspace(0.1, 3.0, 9)
 def compare(body, carry, xs=XS, rtol=1e-13):
     """Native against lax: one lane, uniform data with a batch of carries, and a batch of data."""
     batch = jax.tree.map(
-        lambda v: jnp.stack([v * (1 + 0.1 * k) if v.dtype == float else v for k in range(19)]), jax.tree.map(jnp.asarray, carry)
+        lambda v: jnp.stack([v * (1 + 0.1 * k) if v.dtype == float else v for k in range(19)]),
+        jax.tree.map(jnp.asarray, carry),
     )
     cases = [
         (lambda f: f, carry, xs),
@@ -86,7 +87,11 @@ def test_loops_of_fixed_length():
 
 
 def test_loop_with_runtime_bounds():
-    compare(lambda c, x: (lax.fori_loop(0, (x * 3).astype(int), lambda i, s: s + jnp.sin(s) * i / 9, c) * 0.1, c), 0.4, rtol=1e-11)
+    compare(
+        lambda c, x: (lax.fori_loop(0, (x * 3).astype(int), lambda i, s: s + jnp.sin(s) * i / 9, c) * 0.1, c),
+        0.4,
+        rtol=1e-11,
+    )
 
 
 def test_inner_scan_over_matrix_with_array_carry():
@@ -134,9 +139,13 @@ def test_branches_under_a_running_loop():
 
 def test_collatz_counts():
     def steps(n):
-        return lax.while_loop(lambda s: s[0] != 1, lambda s: (jnp.where(s[0] % 2 == 0, s[0] // 2, 3 * s[0] + 1), s[1] + 1), (n, 0))[1]
+        return lax.while_loop(
+            lambda s: s[0] != 1, lambda s: (jnp.where(s[0] % 2 == 0, s[0] // 2, 3 * s[0] + 1), s[1] + 1), (n, 0)
+        )[1]
 
-    found = jax.jit(jax.vmap(lambda n: native_scan(lambda c, _: (c, steps(c)), n, None, length=1, keep=True)[1][0]))(jnp.arange(1, 31))
+    found = jax.jit(jax.vmap(lambda n: native_scan(lambda c, _: (c, steps(c)), n, None, length=1, keep=True)[1][0]))(
+        jnp.arange(1, 31)
+    )
     true = []
     for n in range(1, 31):
         count = 0
@@ -147,7 +156,8 @@ def test_collatz_counts():
 
 
 def test_a_branch_that_searches_goes_vector_by_vector():
-    """It reads numbers, flags, whole numbers, a table and step data from outside, and branches again inside; few lanes take it."""
+    """It reads numbers, flags, whole numbers, a table and step data from outside, and branches again inside; few
+    lanes take it."""
     table = jnp.array([0.3, 1.7, 0.9, 2.2])
 
     def body(c, x):
@@ -159,7 +169,9 @@ def test_a_branch_that_searches_goes_vector_by_vector():
                 a, n = s
                 return jnp.where(odd, 0.5 * (a + (x + 1.0) / a), a * 0.7 + 0.1 * table[count % 4]), n + 1
 
-            a, n = lax.while_loop(lambda s: (jnp.abs(s[0] ** 2 - x - 1.0) > 1e-9) & (s[1] < 30), step, (1.0 + value**2, 0))
+            a, n = lax.while_loop(
+                lambda s: (jnp.abs(s[0] ** 2 - x - 1.0) > 1e-9) & (s[1] < 30), step, (1.0 + value**2, 0)
+            )
             return lax.cond(a > 1.2, lambda a: a - x, lambda a: a + value, a), count + n
 
         value, count = lax.cond(rare, searched, lambda value, count: (value * 0.9 + 0.1 * x, count + 1), value, count)

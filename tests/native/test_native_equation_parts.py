@@ -31,7 +31,8 @@ def equation_of(name, function, *arguments):
 @pytest.mark.parametrize("carry", [0, 1, 2])
 @pytest.mark.parametrize("rows", [0, 1, 2])
 def test_operands_of_a_scan_are_counted(consts, carry, rows):
-    """A matrix of as many rows as there are steps is a constant or carried in some of them: only what changes its shape is a row."""
+    """A matrix of as many rows as there are steps is a constant or carried in some of them: only what changes its
+    shape is a row."""
     shared, begin = [jnp.ones((5, k + 1)) for k in range(consts)], [jnp.ones((5, 2)) for _ in range(carry)]
     read = [jnp.ones((5, 3)) for _ in range(rows)]
 

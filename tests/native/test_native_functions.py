@@ -1,4 +1,5 @@
-"""Every function of equations has native code, its derivatives too: one without it would leave whole models to slow lax.scan, unsaid."""
+"""Every function of equations has native code, its derivatives too: one without it would leave whole models to slow
+lax.scan, unsaid."""
 
 import pytest
 

@@ -19,7 +19,8 @@ from plantfit.study import versions
 with warnings.catch_warnings(record=True) as told:
     warnings.simplefilter("always")
     for k in (3.0, 4.0):
-        after = jax.jit(lambda c: native_scan(lambda c, x: (c * 0.5 + x, None), c, jnp.arange(k), fallback=True)[0])(1.0)
+        halved = lambda c, x: (c * 0.5 + x, None)
+        after = jax.jit(lambda c, k=k: native_scan(halved, c, jnp.arange(k), fallback=True)[0])(1.0)
 print(float(after), versions()["engine"], "native" in jax.jit(lambda c: native_scan(
     lambda c, x: (c * 0.5 + x, None), c, jnp.arange(3.0), fallback=True)[0]).lower(1.0).as_text())
 print(*[str(w.message) for w in told], sep="\\n")

@@ -1,6 +1,8 @@
-"""The real jaxlib 0.8.0, which serves another interface than native loops are written for: scans, one sentence, and never a crash.
+"""The real jaxlib 0.8.0, which serves another interface than native loops are written for: scans, one sentence, and
+never a crash.
 
-0.8.0 and older ended in a segmentation fault at the first native loop. `jax>=0.10.2` keeps pip from installing them; whoever has one
+0.8.0 and older ended in a segmentation fault at the first native loop. `jax>=0.10.2` keeps pip from installing them;
+  whoever has one
 all the same gets an answer.
 """
 
@@ -34,7 +36,15 @@ print(sqlite3.connect("s.db").execute("SELECT parameters FROM run ORDER BY cost"
 @pytest.mark.slow
 def test_jaxlib_0_8_0_ends_in_scan_with_one_sentence(tmp_path):
     place = tmp_path / "older"
-    words = ["--quiet", "--disable-pip-version-check", "--no-deps", "--target", str(place), f"jax=={VERSION}", f"jaxlib=={VERSION}"]
+    words = [
+        "--quiet",
+        "--disable-pip-version-check",
+        "--no-deps",
+        "--target",
+        str(place),
+        f"jax=={VERSION}",
+        f"jaxlib=={VERSION}",
+    ]
     got = subprocess.run([sys.executable, "-m", "pip", "install", *words], capture_output=True, text=True)
     if got.returncode:
         pytest.skip(f"jaxlib {VERSION} cannot be installed here: {got.stderr.strip().splitlines()[-1]}")
@@ -44,14 +54,18 @@ def test_jaxlib_0_8_0_ends_in_scan_with_one_sentence(tmp_path):
     environment.pop("PLANTFIT_NATIVE", None)
 
     def ended(code, environment=environment):
-        done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=900)
+        done = subprocess.run(
+            [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=900
+        )
         assert done.returncode == 0, (done.returncode, done.stderr)
         return done
 
     def lines(code):
         return ended(code).stdout.splitlines()
 
-    assert lines("import jaxlib, importlib.metadata as m; print(jaxlib.__version__, m.version('jaxlib'))") == [f"{VERSION} {VERSION}"]
+    assert lines("import jaxlib, importlib.metadata as m; print(jaxlib.__version__, m.version('jaxlib'))") == [
+        f"{VERSION} {VERSION}"
+    ]
     result, *told = lines(LOOP.format(change=""))
     assert result == "4.3125 scan False"
     (sentence,) = told

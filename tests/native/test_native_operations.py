@@ -13,7 +13,28 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-SPECIAL = [0.0, -0.0, 1.0, -1.0, 0.5, -0.5, 1.5, 2.5, -2.5, np.inf, -np.inf, np.nan, 1e-300, 1e300, -1e300, 0.3, 0.999, 1e5, 7.25, -3.75]
+SPECIAL = [
+    0.0,
+    -0.0,
+    1.0,
+    -1.0,
+    0.5,
+    -0.5,
+    1.5,
+    2.5,
+    -2.5,
+    np.inf,
+    -np.inf,
+    np.nan,
+    1e-300,
+    1e300,
+    -1e300,
+    0.3,
+    0.999,
+    1e5,
+    7.25,
+    -3.75,
+]
 
 
 def both(body, carry, xs, **settings):
@@ -202,7 +223,9 @@ def test_integer(name, dtype):
 
 def test_bool_arithmetic():
     a, b = np.array([True, True, False, False]), np.array([True, False, True, False])
-    body = rowwise(lambda a, b: (a & b, a | b, a ^ b, ~a, jnp.maximum(a, b), jnp.where(a, 1.5, 2.5), a.astype(int) + b, a < b))
+    body = rowwise(
+        lambda a, b: (a & b, a | b, a ^ b, ~a, jnp.maximum(a, b), jnp.where(a, 1.5, 2.5), a.astype(int) + b, a < b)
+    )
     assert_close(*both(body, 0.0, (a, b)))
 
 

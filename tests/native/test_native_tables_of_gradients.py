@@ -72,7 +72,9 @@ def test_sums_in_branches_stay_in_place_and_equal_those_of_lax():
     late = jnp.asarray(np.random.default_rng(5).uniform(size=(40, 60)) < 0.3)
     for flags, axis in ((LATE, None), (late, 0)):  # lanes take the same branch, or their own
         own = jax.jit(jax.vmap(lambda x, b: native_scan(in_branches, BEGIN, (x, b))[0], in_axes=(0, axis)))(XS, flags)
-        plain = jax.jit(jax.vmap(lambda x, b: jax.lax.scan(in_branches, BEGIN, (x, b))[0], in_axes=(0, axis)))(XS, flags)
+        plain = jax.jit(jax.vmap(lambda x, b: jax.lax.scan(in_branches, BEGIN, (x, b))[0], in_axes=(0, axis)))(
+            XS, flags
+        )
         for a, b in zip(own, plain, strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-13, atol=1e-13)
 
@@ -139,7 +141,9 @@ def test_steps_behind_the_used_ones_are_left_out(reverse):
 
 
 def sums_and_rows(x, end, reverse=False):
-    return native_scan(lambda c, x: (c + x, c), jnp.asarray(0.0), x, keep=True, reverse=reverse, used=end, fallback=True)
+    return native_scan(
+        lambda c, x: (c + x, c), jnp.asarray(0.0), x, keep=True, reverse=reverse, used=end, fallback=True
+    )
 
 
 @pytest.mark.parametrize("reverse", [False, True])
@@ -174,7 +178,8 @@ def shares(carry, row):
 
 
 def slow_walks(lanes, steps):
-    """Places (lanes, steps) that change seldom, in one lane at a time; one lane stays, one stands at the end of the table."""
+    """Places (lanes, steps) that change seldom, in one lane at a time; one lane stays, one stands at the end of the
+    table."""
     rng = np.random.default_rng(6)
     x = np.clip(2.5 + np.cumsum(rng.normal(0.0, 0.1, (lanes, steps)), axis=1), 0.0, 4.99)
     x[1], x[2] = 1.25, 5.0

@@ -16,7 +16,16 @@ MODELS = {
     "DanWood": ("b1*x^b2", {"b1": (0.01, 10), "b2": (0, 10)}),
     "Gauss1": (
         "b1*exp(-b2*x) + b3*exp(-(x - b4)^2/b5^2) + b6*exp(-(x - b7)^2/b8^2)",
-        {"b1": (10, 200), "b2": (1e-4, 1), "b3": (10, 200), "b4": (0, 250), "b5": (5, 80), "b6": (10, 200), "b7": (0, 250), "b8": (5, 80)},
+        {
+            "b1": (10, 200),
+            "b2": (1e-4, 1),
+            "b3": (10, 200),
+            "b4": (0, 250),
+            "b5": (5, 80),
+            "b6": (10, 200),
+            "b7": (0, 250),
+            "b8": (5, 80),
+        },
     ),
     "Lanczos3": (
         "b1*exp(-b2*x) + b3*exp(-b4*x) + b5*exp(-b6*x)",
@@ -26,7 +35,15 @@ MODELS = {
     "Misra1a": ("b1*(1 - exp(-b2*x))", {"b1": (1, 1000), "b2": (1e-6, 0.1)}),
     "Thurber": (
         "(b1 + b2*x + b3*x^2 + b4*x^3) / (1 + b5*x + b6*x^2 + b7*x^3)",
-        {"b1": (500, 2000), "b2": (500, 2000), "b3": (100, 1000), "b4": (10, 200), "b5": (0, 2), "b6": (0, 1), "b7": (0, 0.5)},
+        {
+            "b1": (500, 2000),
+            "b2": (500, 2000),
+            "b3": (100, 1000),
+            "b4": (10, 200),
+            "b5": (0, 2),
+            "b6": (0, 1),
+            "b7": (0, 0.5),
+        },
     ),
 }
 
@@ -53,7 +70,11 @@ def certified(name: str) -> tuple[dict[str, tuple[float, float, float]], float, 
     found = re.findall(r"^ *(b\d) = +(\S+) +(\S+) +(\S+) +\S+ *$", text, re.MULTILINE)
     rest = re.search(r"Residual Sum of Squares: +(\S+)", text)
     assert rest is not None
-    return {n: (float(a), float(b), float(c)) for n, a, b, c in found}, float(rest[1]), np.loadtxt(text.splitlines()[60:])
+    return (
+        {n: (float(a), float(b), float(c)) for n, a, b, c in found},
+        float(rest[1]),
+        np.loadtxt(text.splitlines()[60:]),
+    )
 
 
 def wide_study(name: str, folder: Path, *, start: int | None) -> Study:

@@ -1,4 +1,5 @@
-"""Eight certified nonlinear regressions: six digits from both starts and from none, also in boxes of ten times the larger start."""
+"""Eight certified nonlinear regressions: six digits from both starts and from none, also in boxes of ten times the
+larger start."""
 
 import numpy as np
 import pytest
@@ -17,7 +18,9 @@ def digits(found, expected):
 def test_certified_values_to_six_digits(name, start, tmp_path):
     loaded = study(name, tmp_path, start=start)
     method = loaded.plan.methods[0]
-    answer = fit(loaded.problem, method, seed=loaded.plan.seed, settings=loaded.plan.settings.get(method, {}), budget=40_000)
+    answer = fit(
+        loaded.problem, method, seed=loaded.plan.seed, settings=loaded.plan.settings.get(method, {}), budget=40_000
+    )
     values, squares, rows = certified(name)
     found = ordered(name, answer.values)
     scores = {n: digits(found[n], v[2]) for n, v in values.items()}

@@ -121,7 +121,9 @@ def result(method: str, function: int, hits: np.ndarray, instances: tuple[int, .
     """A result whose run i reaches target j at hits[i, j] evaluations."""
     at = [np.sort(h[np.isfinite(h)]).astype(int) for h in hits]
     above = [TARGETS[np.isfinite(h)] for h in hits]
-    return Result(method, function, dimension, 1000 * dimension, np.array(instances), np.full(len(hits), 5000), at, above, 0.0)
+    return Result(
+        method, function, dimension, 1000 * dimension, np.array(instances), np.full(len(hits), 5000), at, above, 0.0
+    )
 
 
 def test_shares_count_what_was_reached_by_the_end():
@@ -235,10 +237,13 @@ def logged(tmp_path_factory):
     pytest.importorskip("ioh", reason="ioh is not installed (make bbob brings it)")
     folder = tmp_path_factory.mktemp("bbob")
     command = [
-        sys.executable, "-m", "benchmarks.bbob", "--methods", "numpy-random", "--alone", "--dimensions", "2", "--functions", "1,8",
+        sys.executable, "-m", "benchmarks.bbob", "--methods", "numpy-random", "--alone", "--dimensions", "2",
+        "--functions", "1,8",
         "--quick", "--logs", "--out", str(folder),
     ]  # fmt: skip
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)})
+    done = subprocess.run(
+        command, capture_output=True, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}
+    )
     assert done.returncode == 0, done.stderr
     assert "numpy-random" in done.stdout
     return folder

@@ -1,4 +1,5 @@
-"""The CMA-ES family: rates against other formulas and libraries, one update against plain numpy, warm starts, restarts."""
+"""The CMA-ES family: rates against other formulas and libraries, one update against plain numpy, warm starts,
+restarts."""
 
 import math
 
@@ -69,7 +70,9 @@ def test_one_update_of_the_full_matrix():
     length = np.linalg.norm(path_sigma)
     h = float(length / math.sqrt(1 - (1 - s.c_sigma) ** 2) < (1.4 + 2 / (n + 1)) * s.chi)
     path = h * math.sqrt(r.c_c * (2 - r.c_c) * s.mu_eff) * step
-    cov = (1 + r.c_1 * (1 - h) * r.c_c * (2 - r.c_c) - r.c_1 - r.c_mu * r.w.sum()) * np.eye(n) + r.c_1 * np.outer(path, path)
+    cov = (1 + r.c_1 * (1 - h) * r.c_c * (2 - r.c_c) - r.c_1 - r.c_mu * r.w.sum()) * np.eye(n) + r.c_1 * np.outer(
+        path, path
+    )
     for w, v in zip(r.w, y, strict=True):
         cov += r.c_mu * (w if w >= 0 else w * n / (v @ v)) * np.outer(v, v)
     assert np.allclose(told.mean, 0.5 + sigma * step, atol=1e-14)
@@ -154,11 +157,14 @@ def test_warm_start_stays_in_its_valley(name):
 
 
 def test_mirror_folds_into_the_cube():
-    assert np.allclose(mirrored(jnp.array([-0.25, 0.3, 1.2, 2.1, -1.5, 0.0, 1.0])), [0.25, 0.3, 0.8, 0.1, 0.5, 0.0, 1.0])
+    assert np.allclose(
+        mirrored(jnp.array([-0.25, 0.3, 1.2, 2.1, -1.5, 0.0, 1.0])), [0.25, 0.3, 0.8, 0.1, 0.5, 0.0, 1.0]
+    )
 
 
 def test_every_second_search_folds_back_at_the_bounds():
-    """Far outside in one coordinate: the first search pays for the distance, its restart folds it back, the next one pays again."""
+    """Far outside in one coordinate: the first search pays for the distance, its restart folds it back, the next one
+    pays again."""
     n = 3
     for bounds, folds in (("auto", [False, True, False, True]), ("penalty", [False] * 4), ("mirror", [True] * 4)):
         method = CmaEs(bounds=bounds, sigma=0.01)
@@ -244,5 +250,8 @@ def test_decoding_beats_the_full_matrix_on_many_scales():
     n = 60
     scale = 10.0 ** (4 * np.arange(n) / (n - 1))
     objective = Objective(n, lambda x: jnp.sum(scale * (x - 0.4) ** 2, axis=1))
-    full, decoded = (np.median([r.cost for r in minimise(objective, m, runs=3, budget=12_000, seed=1)]) for m in ("cmaes", "dd_cmaes"))
+    full, decoded = (
+        np.median([r.cost for r in minimise(objective, m, runs=3, budget=12_000, seed=1)])
+        for m in ("cmaes", "dd_cmaes")
+    )
     assert decoded < 1e-3 * full

@@ -51,7 +51,11 @@ def test_steps_keep_the_digits_that_normal_equations_lose(condition):
     error = np.linalg.norm(x + step[0] - target)
     assert error < 1e-14 * condition
     if condition >= 1e7:
-        normal = -np.linalg.solve(a.T @ a + 1e-32 * np.eye(3), a.T @ (a @ (x - target))) if condition < 1e8 else np.full(3, np.inf)
+        normal = (
+            -np.linalg.solve(a.T @ a + 1e-32 * np.eye(3), a.T @ (a @ (x - target)))
+            if condition < 1e8
+            else np.full(3, np.inf)
+        )
         assert np.linalg.norm(x + normal - target) > 100 * error
 
 
@@ -67,7 +71,8 @@ def test_promise_is_what_the_whole_linear_problem_gives():
 
 
 def test_promise_leaves_out_coordinates_that_a_bound_holds_and_those_without_effect():
-    """The optimum of a bounded problem promises nothing more; nor does a plateau whose slope is tiny over the whole box."""
+    """The optimum of a bounded problem promises nothing more; nor does a plateau whose slope is tiny over the whole
+    box."""
     rng = np.random.default_rng(5)
     a, b = rng.normal(size=(30, 6)), 4 * rng.normal(size=30)
     answer = optimize.lsq_linear(a, b, bounds=(0, 1), method="bvls", tol=1e-15)

@@ -72,14 +72,19 @@ def test_robust_loss_shrugs_off_outliers(loss):
     # the cost stays the mean square, which the plain fit minimises
     assert robust.cost == pytest.approx(float(np.mean(np.asarray(line(robust.x)) ** 2)))
     assert robust.cost > plain.cost
-    reference = optimize.least_squares(lambda z: np.asarray(line(z)), [0.5, 0.5], bounds=(0, 1), loss=loss, f_scale=0.01, xtol=1e-12)
+    reference = optimize.least_squares(
+        lambda z: np.asarray(line(z)), [0.5, 0.5], bounds=(0, 1), loss=loss, f_scale=0.01, xtol=1e-12
+    )
     np.testing.assert_allclose(robust.x, reference.x, atol=1e-5)
 
 
 def test_auto_says_why():
     full = from_residuals(wave, 2)
     assert "residuals" in minimise(full, "auto", budget=500)[0].extra["reason"]
-    assert "L-BFGS-B" in minimise(dataclasses.replace(full, residuals_and_jacobian=None), "auto", budget=500)[0].extra["reason"]
+    assert (
+        "L-BFGS-B"
+        in minimise(dataclasses.replace(full, residuals_and_jacobian=None), "auto", budget=500)[0].extra["reason"]
+    )
     [r] = minimise(Objective(2, full.costs), "auto", budget=2000)
     assert "CMA-ES" in r.extra["reason"]
     assert r.method == "auto"
@@ -95,6 +100,9 @@ def test_auto_stops_early_when_the_answer_repeats():
 
 @pytest.mark.parametrize("method", ["least_squares", "lbfgsb", "auto"])
 def test_scale_of_the_cost_does_not_matter(method):
-    answers = [minimise(from_residuals(lambda z, s=s: s * misra(z), 2), method, budget=2000, seed=1)[0].x for s in (1e-6, 1.0, 1e6)]
+    answers = [
+        minimise(from_residuals(lambda z, s=s: s * misra(z), 2), method, budget=2000, seed=1)[0].x
+        for s in (1e-6, 1.0, 1e6)
+    ]
     np.testing.assert_allclose(answers[0], answers[1], rtol=1e-4)
     np.testing.assert_allclose(answers[2], answers[1], rtol=1e-4)

@@ -83,7 +83,9 @@ def test_mutants_outside_go_halfway_back():
 def test_binomial_crossover_forces_one_coordinate(rate):
     n, d = 20_000, 4
     u, forced = numbers(3, n * d).reshape(n, d), np.arange(n) % d
-    trial = np.asarray(binomial(jnp.asarray(u), jnp.asarray(forced), jnp.full(n, rate), jnp.ones((n, d)), jnp.zeros((n, d))))
+    trial = np.asarray(
+        binomial(jnp.asarray(u), jnp.asarray(forced), jnp.full(n, rate), jnp.ones((n, d)), jnp.zeros((n, d)))
+    )
     assert np.all(trial[np.arange(n), forced] == 1)
     assert trial.mean() == pytest.approx((1 + (d - 1) * rate) / d, abs=0.01)
 
@@ -93,7 +95,10 @@ def test_binomial_crossover_forces_one_coordinate(rate):
 
 def test_selection_sorts_keeps_ties_and_puts_failures_last():
     members = newcomers(5, 1, 100)._replace(
-        x=jnp.arange(5.0)[:, None], f=jnp.array([1.0, 2.0, 3.0, jnp.inf, jnp.inf]), live=jnp.asarray(4), fresh=jnp.asarray(False)
+        x=jnp.arange(5.0)[:, None],
+        f=jnp.array([1.0, 2.0, 3.0, jnp.inf, jnp.inf]),
+        live=jnp.asarray(4),
+        fresh=jnp.asarray(False),
     )
     told = select(members, jnp.arange(10.0, 15.0)[:, None], jnp.array([5.0, 2.0, 0.5, jnp.inf, -9.0]))
     # 3 -> 0.5 by a better trial, 2 -> 2 by a tie, 1 stays; the row that is not live never counts
@@ -108,7 +113,13 @@ def test_archive_keeps_all_until_full_then_a_random_part(held, limit):
     kept, add = [], jax.jit(remember)
     for seed in range(400):
         archive = Archive(jnp.arange(6.0)[:, None], jnp.asarray(held))
-        new = add(archive, jnp.asarray(beaten), jnp.arange(10.0, 14.0)[:, None], jnp.asarray(numbers(seed, 10)), jnp.asarray(limit))
+        new = add(
+            archive,
+            jnp.asarray(beaten),
+            jnp.arange(10.0, 14.0)[:, None],
+            jnp.asarray(numbers(seed, 10)),
+            jnp.asarray(limit),
+        )
         rows = list(np.asarray(new.x[: int(new.count), 0]))
         assert len(rows) == len(set(rows)) == min(held + 3, limit)
         assert set(rows) <= {*range(held), 10.0, 12.0, 13.0}
@@ -147,7 +158,9 @@ def test_memory_after_one_generation(method, factor, rate):
         rate=jnp.asarray([*CR, 0.7, 0.7, 0.7]),
     )
     trial = x + np.array([*MOVED, 0.2, 0.2, 0.2])[:, None] * np.array([0.6, 0.8])
-    told, _ = jax.jit(chosen.tell)(state, jnp.asarray(trial), jnp.asarray(old - np.array([*GAIN, 0.0, -1.0, 0.0])).at[5].set(1.0))
+    told, _ = jax.jit(chosen.tell)(
+        state, jnp.asarray(trial), jnp.asarray(old - np.array([*GAIN, 0.0, -1.0, 0.0])).at[5].set(1.0)
+    )
     assert float(told.memory.factor[0]) == pytest.approx(factor)
     assert float(told.memory.rate[0]) == pytest.approx(rate)
     assert int(told.memory.slot) == 1
@@ -181,14 +194,21 @@ def test_fixed_slot(method, written):
 def test_jso_schedule():
     jso = ready("jso")
     f, cr = jnp.array([0.2, 1.0]), jnp.array([0.1, 0.95])
-    for t, least, most, pull in [(0.0, 0.7, 0.7, 0.7), (0.3, 0.6, 0.7, 0.8), (0.55, 0.0, 0.7, 1.2), (0.7, 0.0, 1.0, 1.2)]:
+    for t, least, most, pull in [
+        (0.0, 0.7, 0.7, 0.7),
+        (0.3, 0.6, 0.7, 0.8),
+        (0.55, 0.0, 0.7, 1.2),
+        (0.7, 0.0, 1.0, 1.2),
+    ]:
         factor, rate = jso.limits(f, cr, jnp.asarray(t))
         assert np.allclose(factor, np.minimum(f, most))
         assert np.allclose(rate, np.maximum(cr, least))
         assert np.allclose(jso.pull(f, jnp.asarray(t)), pull * f)
     members = newcomers(40, 2, 1000)
     for method, ends in (("jso", (0.25, 0.125)), ("dish", (0.125, 0.25))):
-        shares = [ready(method).greediness(jnp.zeros(40), members._replace(evaluations=jnp.asarray(e))) for e in (0, 1000)]
+        shares = [
+            ready(method).greediness(jnp.zeros(40), members._replace(evaluations=jnp.asarray(e))) for e in (0, 1000)
+        ]
         assert np.allclose(shares, ends)
 
 
@@ -222,7 +242,8 @@ def test_first_population(method, dimension, budget, rows):
 @pytest.mark.parametrize("method", ["lshade", "jso", "dish"])
 @pytest.mark.parametrize(("rounding", "sizes"), [("nearest", [89, 61, 33, 5, 4]), ("down", [88, 61, 32, 4, 4])])
 def test_next_population_by_hand(method, rounding, sizes):
-    """N0 = 90, budget 5000: 90 - 86 t is 88.5, 61, 32.9, 4.7 and 4 (Tanabe and Fukunaga 2014, eq. 10, before rounding)."""
+    """N0 = 90, budget 5000: 90 - 86 t is 88.5, 61, 32.9, 4.7 and 4 (Tanabe and Fukunaga 2014, eq. 10, before
+    rounding)."""
     chosen = ready(method, population=90, rounding=rounding)
     members = newcomers(90, 5, 5000)
     spent = [85, 1686, 3321, 4960, 5000]
@@ -283,7 +304,9 @@ def test_shrinking_runs_keep_their_bits_in_any_company(monkeypatch):
     monkeypatch.setattr(loop, "SIDE_BY_SIDE", 120)
     monkeypatch.setattr(loop, "REPORT_SECONDS", 0.0)
     grouped = minimise(corner(3), method, runs=5, budget=700, seed=7, checkpoint=lambda c: kept.append(c.to_bytes()))
-    resumed = minimise(corner(3), method, runs=5, budget=700, seed=7, resume=Checkpoint.from_bytes(kept[len(kept) // 3]))
+    resumed = minimise(
+        corner(3), method, runs=5, budget=700, seed=7, resume=Checkpoint.from_bytes(kept[len(kept) // 3])
+    )
     for a, b, c in zip(together, grouped, resumed, strict=True):
         assert history(a) == history(b) == history(c)
 

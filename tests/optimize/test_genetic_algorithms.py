@@ -25,7 +25,8 @@ def sphere(x):
 
 
 def noise(x):
-    """A number in [0, 1) that depends on x through every bit (splitmix64): no place of the cube is better than another."""
+    """A number in [0, 1) that depends on x through every bit (splitmix64): no place of the cube is better than
+    another."""
     word = jax.lax.bitcast_convert_type(x, jnp.uint64)
     total = jnp.zeros(len(x), jnp.uint64)
     for j in range(x.shape[1]):
@@ -51,7 +52,9 @@ def test_blend_is_uniform_beyond_the_parents():
 
 def test_simulated_binary_keeps_the_mean_and_has_the_published_spread():
     a, b, eta = 0.9, 0.1, 15.0
-    one, two = (np.asarray(c) for c in operators.simulated_binary(GRID, jnp.full(len(GRID), a), jnp.full(len(GRID), b), eta))
+    one, two = (
+        np.asarray(c) for c in operators.simulated_binary(GRID, jnp.full(len(GRID), a), jnp.full(len(GRID), b), eta)
+    )
     np.testing.assert_allclose(one + two, a + b, atol=1e-12)
     beta = (one - two) / (a - b)
     assert np.isclose(np.mean(beta < 0), 0.5)  # which child gets which value
@@ -233,7 +236,9 @@ def test_median_on_the_sphere(method, settings, low, high):
 
 def _bias(method, settings):
     """Kolmogorov-Smirnov distance of 2000 final coordinates on noise from uniform ones; 0.03 is its 5 % limit."""
-    results = minimise(Objective(25, noise), method, runs=80, budget=1500, seed=6, settings={"population": 30, **settings})
+    results = minimise(
+        Objective(25, noise), method, runs=80, budget=1500, seed=6, settings={"population": 30, **settings}
+    )
     return stats.kstest(np.concatenate([r.x for r in results]), "uniform").statistic
 
 

@@ -11,7 +11,13 @@ from plantfit.optimize import Objective, minimise
 from plantfit.optimize.algorithms.cma_es.dd_cmaes import DecodingCmaEs
 from plantfit.optimize.algorithms.genetic.sea import SimpleEvolution, mirrored
 from plantfit.optimize.algorithms.hierarchic.hms import Hms, Tree
-from plantfit.optimize.algorithms.hierarchic.sprouting import covered, far_enough, nearest_better, same_valley, spread_around
+from plantfit.optimize.algorithms.hierarchic.sprouting import (
+    covered,
+    far_enough,
+    nearest_better,
+    same_valley,
+    spread_around,
+)
 from plantfit.optimize.algorithms.hierarchic.tree_population import Deme, climbers, explorers
 from plantfit.optimize.contract import Facts
 from plantfit.optimize.loop.counter import BudgetSpent, Counter

@@ -95,19 +95,24 @@ def test_starts_that_cannot_be_simulated_are_skipped():
 
 def test_robust_losses_go_one_after_another():
     objective, calls = batched(decays, 2)
-    [r] = minimise(objective, "least_squares", budget=2000, seed=1, settings={**TOGETHER, "loss": "huber", "f_scale": 0.01})
+    [r] = minimise(
+        objective, "least_squares", budget=2000, seed=1, settings={**TOGETHER, "loss": "huber", "f_scale": 0.01}
+    )
     assert not calls
     assert np.isfinite(r.cost)
 
 
-# -- a search ends where it says ----------------------------------------------------------------------------------------------------
+# -- a search ends where it says
+#  ----------------------------------------------------------------------------------------------------
 
 
 def valley(z):
     """A curved valley that takes many steps to follow to (0.9, 0.89), cost 1e-6; flat where z0 is below 0.3."""
     a, b = 4.0 * z[0] - 2.0, 4.0 * z[1] - 1.0
     inside = jax.nn.sigmoid(80.0 * (z[0] - 0.3))
-    return jnp.stack([inside * (10.0 * (b - a**2) + 1e-3) + (1 - inside), inside * (1.6 - a) + (1 - inside), 1e-3 + 0.0 * a])
+    return jnp.stack(
+        [inside * (10.0 * (b - a**2) + 1e-3) + (1 - inside), inside * (1.6 - a) + (1 - inside), 1e-3 + 0.0 * a]
+    )
 
 
 def test_searches_on_a_plateau_that_end_first_do_not_end_the_good_one():
@@ -199,7 +204,8 @@ def test_one_search_after_another_goes_on_with_the_best_that_was_cut_off():
 
 
 def test_share_of_the_box_that_is_not_seen_yet():
-    """Boender and Rinnooy Kan 1987: 2 optima after 5 searches leave 2 x 3 / (5 x 4); one optimum needs no more than agreement."""
+    """Boender and Rinnooy Kan 1987: 2 optima after 5 searches leave 2 x 3 / (5 x 4); one optimum needs no more than
+    agreement."""
     basins = Basins({})
     for cost in (1.0, 1.0, 1.0, 4.0, 4.0):
         basins.add(Found(np.zeros(1), cost))

@@ -17,7 +17,9 @@ PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "hi
 
 
 def same(a, b):
-    return len(a) == len(b) and all(np.array_equal(getattr(p, n), getattr(q, n)) for p, q in zip(a, b, strict=True) for n in PLAIN)
+    return len(a) == len(b) and all(
+        np.array_equal(getattr(p, n), getattr(q, n)) for p, q in zip(a, b, strict=True) for n in PLAIN
+    )
 
 
 @pytest.mark.parametrize("method", ["pso", "lbfgsb"])

@@ -45,7 +45,9 @@ T = jnp.linspace(0.0, 1.0, 80)
 
 def chirp(z):
     """A chirp with unknown frequency, rate and phase: one optimum fits, in many others searches creep."""
-    return jnp.sin(10.0 + 60.0 * z[0] * T + 40.0 * z[1] * T**2 + 6.0 * z[2]) - jnp.sin(10.0 + 37.0 * T + 13.0 * T**2 + 2.1)
+    return jnp.sin(10.0 + 60.0 * z[0] * T + 40.0 * z[1] * T**2 + 6.0 * z[2]) - jnp.sin(
+        10.0 + 37.0 * T + 13.0 * T**2 + 2.1
+    )
 
 
 def test_more_starts_for_the_same_budget(monkeypatch):

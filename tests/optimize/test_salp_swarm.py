@@ -31,7 +31,8 @@ def test_followers_move_one_after_another(n, leaders):
 
 
 @pytest.mark.parametrize(
-    ("variant", "share", "leaders"), [("published", 0.5, 5), ("paper", 0.5, 1), ("published", 0.0, 1), ("published", 1.0, N)]
+    ("variant", "share", "leaders"),
+    [("published", 0.5, 5), ("paper", 0.5, 1), ("published", 0.0, 1), ("published", 1.0, N)],
 )
 @pytest.mark.parametrize("low", [-5.0, 0.0, 2.5])
 def test_generation_in_units(variant, share, leaders, low):
@@ -84,7 +85,9 @@ def _sphere(variant, low, d=10):
     def sphere(x):
         return jnp.sum((10 * (x - 0.65)) ** 2, axis=1)
 
-    results = minimise(boxed(sphere, d, low), "salp_swarm", runs=7, budget=20_000, seed=1, settings={"variant": variant})
+    results = minimise(
+        boxed(sphere, d, low), "salp_swarm", runs=7, budget=20_000, seed=1, settings={"variant": variant}
+    )
     return np.array([r.cost for r in results])
 
 

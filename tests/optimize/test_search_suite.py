@@ -1,4 +1,5 @@
-"""The suite of multimodal problems: its truths are true, its judge sees false statements, and `auto` finds the optimum of a few."""
+"""The suite of multimodal problems: its truths are true, its judge sees false statements, and `auto` finds the
+optimum of a few."""
 
 import dataclasses
 from types import SimpleNamespace
@@ -80,7 +81,11 @@ def test_judge_sees_searches_that_stopped_midway(monkeypatch):
         rows = [projected.rows(np.array([[0.3 + s, 0.4]])) for s in (0.0, 1e-11, 2e-11)]
         costs = [float(np.mean(r**2)) for r, *_ in rows]
         extra = {"basin_hits": 3, "starts": 3, "local_costs": costs}
-        return [SimpleNamespace(cost=min(costs), x=rows[0][2][0], status="converged", extra=extra, evaluations=3.0, seconds=0.0)]
+        return [
+            SimpleNamespace(
+                cost=min(costs), x=rows[0][2][0], status="converged", extra=extra, evaluations=3.0, seconds=0.0
+            )
+        ]
 
     monkeypatch.setattr(judge_module, "minimise", stopped)
     verdict = judge(problem, truth, 0)
@@ -166,13 +171,16 @@ def test_tables_show_what_changed():
     lines = table.suite_table([found, dataclasses.replace(found, seed=1, found=False, false_convergence=True)], TRUTHS)
     assert "50.0 %" in lines[-1]
     assert "0 of 1" in lines[-1]
-    before, after = ({"suite": [dataclasses.asdict(dataclasses.replace(found, found=f))], "nist": []} for f in (False, True))
+    before, after = (
+        {"suite": [dataclasses.asdict(dataclasses.replace(found, found=f))], "nist": []} for f in (False, True)
+    )
     assert "0/1 -> 1/1" in table.change_table(before, after)[1]
 
 
 @pytest.mark.parametrize(("name", "agree"), [("resonance line", 1), ("stribeck curve", 3)])
 def test_auto_finds_the_optimum_of_a_few(name, agree):
-    """The first has so many optima that the budget ends before a tenth of the box is unseen: it is not called converged."""
+    """The first has so many optima that the budget ends before a tenth of the box is unseen: it is not called
+    converged."""
     verdict = judge(CASES[name].problem(), TRUTHS[name], 0)
     assert verdict.found
     assert verdict.status == ("converged" if agree >= 3 else "budget")

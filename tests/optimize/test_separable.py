@@ -18,8 +18,12 @@ def blocks_of(targets, wave):
         found = []
         for k, target in enumerate(targets):
             a, b = x[2 * k : 2 * k + 2]
-            r = np.array([3.0 * (a - target[0]), b - target[1] + (a - target[0]) ** 2, wave * np.sin(12.0 * (b - target[1]))])
-            j = np.array([[3.0, 0.0], [2.0 * (a - target[0]), 1.0], [0.0, 12.0 * wave * np.cos(12.0 * (b - target[1]))]])
+            r = np.array(
+                [3.0 * (a - target[0]), b - target[1] + (a - target[0]) ** 2, wave * np.sin(12.0 * (b - target[1]))]
+            )
+            j = np.array(
+                [[3.0, 0.0], [2.0 * (a - target[0]), 1.0], [0.0, 12.0 * wave * np.cos(12.0 * (b - target[1]))]]
+            )
             found.append((r, j))
         return found
 
@@ -104,7 +108,10 @@ def test_blocks_at_their_end_are_not_computed_again_and_no_bit_changes():
 
     def few(x, wanted):
         asked.append(np.array(wanted))
-        return [pair if w else (np.full(3, np.nan), np.full((3, 2), np.nan)) for pair, w in zip(plain(x, wanted), wanted, strict=True)]
+        return [
+            pair if w else (np.full(3, np.nan), np.full((3, 2), np.nan))
+            for pair, w in zip(plain(x, wanted), wanted, strict=True)
+        ]
 
     def searched(made):
         counter = Counter(made, 600)

@@ -93,7 +93,9 @@ def test_nelder_mead_finds_a_curved_valley_and_goes_on_elsewhere():
 
 
 def test_nelder_mead_takes_a_warm_start_on_the_edge():
-    corner = Objective(3, lambda z: jnp.sum((z - jnp.array([1.2, 0.4, -0.1])) ** 2, axis=1), start=np.array([[1.0, 1.0, 0.0]]))
+    corner = Objective(
+        3, lambda z: jnp.sum((z - jnp.array([1.2, 0.4, -0.1])) ** 2, axis=1), start=np.array([[1.0, 1.0, 0.0]])
+    )
     [r] = minimise(corner, "nelder_mead", budget=1500, seed=1)
     np.testing.assert_allclose(r.x, [1.0, 0.4, 0.0], atol=1e-6)
 

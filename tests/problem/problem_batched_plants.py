@@ -17,17 +17,20 @@ from plantfit.space import Parameter
 NODES = (-1.0, -0.4, 0.3, 1.1)
 VALUES = (0.2, 0.5, 0.1, 0.4)
 TRUE = {
-    "T1": 0.15, "T2": 0.9, "gain": 1.1, "b": 0.3, "c": 0.2, "a": 0.15, "k": VALUES, "x0": 0.4, "Td": 0.3137, "Te": 0.0871, "off": 0.05,
+    "T1": 0.15, "T2": 0.9, "gain": 1.1, "b": 0.3, "c": 0.2, "a": 0.15, "k": VALUES, "x0": 0.4, "Td": 0.3137,
+    "Te": 0.0871, "off": 0.05,
 }  # fmt: skip
 BOUNDS = {
-    "T1": (0.05, 0.5), "T2": (0.3, 3.0), "gain": (0.0, 2.0), "b": (0.0, 1.0), "c": (-1.0, 1.0), "a": (-0.5, 0.5), "k": (-1.0, 1.0),
+    "T1": (0.05, 0.5), "T2": (0.3, 3.0), "gain": (0.0, 2.0), "b": (0.0, 1.0), "c": (-1.0, 1.0), "a": (-0.5, 0.5),
+    "k": (-1.0, 1.0),
     "x0": (-1.0, 1.0), "Td": (0.1, 1.3), "Te": (0.0, 0.4), "off": (-0.5, 0.5),
 }  # fmt: skip
 STEP = 1e-30  # of complex differences, which have no rounding error
 
 
 def model(delays: int, table: bool, outputs: str) -> Model:
-    """A nonlinear plant of two states; u and w enter directly or late. `outputs`: "state", or "direct" for two that also read inputs."""
+    """A nonlinear plant of two states; u and w enter directly or late. `outputs`: "state", or "direct" for two that
+    also read inputs."""
     names = [n for n in TRUE if (table or n != "k") and (delays > 0 or n != "Td") and (delays > 1 or n != "Te")]
     late = (Delay("du", "u", "Td"), Delay("dw", "w", "Te"))[:delays]
     return Model(
@@ -79,7 +82,8 @@ class Case:
         own = model(self.delays, self.table, self.outputs)
         recordings = {f"r{i}": self._experiment(own, i, n) for i, n in enumerate(self.lengths)}
         return Problem(
-            own, recordings, dict(self.parameters or {}), hold=dict.fromkeys(own.inputs, self.hold), stepper=self.stepper,
+            own, recordings, dict(self.parameters or {}), hold=dict.fromkeys(own.inputs, self.hold),
+            stepper=self.stepper,
             substeps=self.substeps,
         )  # fmt: skip
 

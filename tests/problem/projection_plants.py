@@ -1,4 +1,5 @@
-"""Plants and curves in which some parameters are linear, with records of noise: what is linear does not depend on the data."""
+"""Plants and curves in which some parameters are linear, with records of noise: what is linear does not depend on
+the data."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -27,7 +28,9 @@ def record(model: Any, seed: int = 0, n: int = N, period: float = 0.1, name: str
     return Recording(t, {s: Signal(v) for s, v in values.items()}, name)
 
 
-def problem(model: Any, parameters: Mapping[str, Any] | None = None, records: int = 1, steady: bool = False, **settings: Any) -> Problem:
+def problem(
+    model: Any, parameters: Mapping[str, Any] | None = None, records: int = 1, steady: bool = False, **settings: Any
+) -> Problem:
     made = {f"r{i}": record(model, i, name=f"r{i}") for i in range(records)}
     given: Any = {k: Experiment(r, steady=True) for k, r in made.items()} if steady else made
     return Problem(model, given, parameters or {}, **settings)

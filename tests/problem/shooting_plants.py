@@ -25,7 +25,11 @@ def oscillator() -> Model:
         states={"x": None, "v": None},
         inputs={},
         outputs={"y": None},
-        parameters=(Declared("w", "1/s", (1.0, 12.0)), Declared("z", None, (0.0, 0.004)), Declared("a", None, (-3.0, 3.0))),
+        parameters=(
+            Declared("w", "1/s", (1.0, 12.0)),
+            Declared("z", None, (0.0, 0.004)),
+            Declared("a", None, (-3.0, 3.0)),
+        ),
         derivative=lambda x, u, p: {"x": x["v"], "v": -(p["w"] ** 2) * x["x"] - 2 * p["z"] * p["w"] * x["v"]},
         output=lambda x, u, p: {"y": x["x"]},
         initial_state=lambda p, u0, y0: {"x": p["a"], "v": 0.0},
@@ -49,7 +53,11 @@ def pendulum() -> Model:
         states={"q": None, "v": None},
         inputs={"u": None},
         outputs={"y": None},
-        parameters=(Declared("k", None, (2.0, 30.0)), Declared("b", None, (0.5, 20.0)), Declared("c", None, (0.0, 3.0))),
+        parameters=(
+            Declared("k", None, (2.0, 30.0)),
+            Declared("b", None, (0.5, 20.0)),
+            Declared("c", None, (0.0, 3.0)),
+        ),
         derivative=lambda x, u, p: {"q": x["v"], "v": p["k"] * jnp.sin(x["q"]) - p["c"] * x["v"] + p["b"] * u["u"]},
         output=lambda x, u, p: {"y": x["q"]},
         initial_state=lambda p, u0, y0: {"q": 0.05, "v": 0.0},
@@ -64,7 +72,9 @@ def balanced(noise: float = 0.005, seed: int = 0, n: int = 500, h: float = 0.02)
     x, y, u = np.array([0.05, 0.0]), np.zeros(n), np.zeros(n)
     for i in range(n):
         y[i], u[i] = x[0], -6.0 * (x[0] - reference[i]) - 1.5 * x[1]
-        x = solve_ivp(lambda t, x, v=u[i]: [x[1], k * np.sin(x[0]) - c * x[1] + b * v], (0, h), x, rtol=1e-10, atol=1e-12).y[:, -1]
+        x = solve_ivp(
+            lambda t, x, v=u[i]: [x[1], k * np.sin(x[0]) - c * x[1] + b * v], (0, h), x, rtol=1e-10, atol=1e-12
+        ).y[:, -1]
     y = y + noise * rng.normal(size=n)
     return Problem(pendulum(), Recording(h * np.arange(n), {"u": Signal(u), "y": Signal(y)}), substeps=2)
 
@@ -121,7 +131,9 @@ def lag() -> Model:
     )
 
 
-def lag_recording(noise: float = 0.05, seed: int = 0, n: int = 300, name: str = "lag", irregular: bool = False) -> Recording:
+def lag_recording(
+    noise: float = 0.05, seed: int = 0, n: int = 300, name: str = "lag", irregular: bool = False
+) -> Recording:
     """The lag under random steps, from the closed form between the edges of the late input."""
     K, T, Td = LAG.values()
     rng = np.random.default_rng(seed)

@@ -1,4 +1,5 @@
-"""Which coordinates of a problem are found to be linear: many models in which they are, and many in which they are not."""
+"""Which coordinates of a problem are found to be linear: many models in which they are, and many in which they are
+not."""
 
 import numpy as np
 import pytest
@@ -55,7 +56,8 @@ TEXTS = {
     "time": ("y = a*exp(-b*t) + c*u", "a b c", ["a", "c"], {}),
     "lag": ("x' = (K*u - x)/T; y = x + c", "K T c", ["K", "c"], LAG),
     "lag, free start": ("x' = (K*u - x)/T; y = x", "K T x0", ["K", "x0"], {"states": {"x": {"initial": "x0"}}}),
-    "start from the output": ("x' = (K*u - x)/T; y = x + c", "K T c", ["K", "c"], {"states": {"x": {"initial": "y - c"}}}),
+    "start from the output": ("x' = (K*u - x)/T; y = x + c", "K T c", ["K", "c"],
+                              {"states": {"x": {"initial": "y - c"}}}),
     "start that is scaled": ("x' = (K*u - x)/T; y = x", "K T x0", ["K", "x0"], {"states": {"x": {"initial": "x0/T"}}}),
     "lag with a rate": ("x' = K*u - a*x; y = x", "K a", ["K"], LAG),
     "gain at both ends": ("x' = (K*u - x)/T; y = g*x + c", "K T g c", ["K", "c"], LAG),
@@ -64,14 +66,17 @@ TEXTS = {
     "nonlinear before linear": (
         "x' = u - T*x^3; z' = (a*x + b*x^2 - z)/R; y = z + c", "T R a b c", ["a", "b", "c"], {"states": ["x", "z"]}
     ),
-    "linear before nonlinear": ("x' = (K*u - x)/T; z' = x - z^3; y = z + g*x + c", "K T g c", ["g", "c"], {"states": ["x", "z"]}),
+    "linear before nonlinear": ("x' = (K*u - x)/T; z' = x - z^3; y = z + g*x + c", "K T g c", ["g", "c"],
+                                {"states": ["x", "z"]}),
     "bilinear plant": ("x' = K*u - a*x*u; y = x", "K a", ["K"], LAG),
     "two states": ("x' = v; v' = K*u - a*x - b*v + c; y = x", "K a b c", ["K", "c"], {"states": ["x", "v"]}),
-    "three states": ("x' = (K*u + c - x)/A; v' = (x - v)/B; w' = (v - w)/C; y = w", "K c A B C", ["K", "c"], {"states": ["x", "v", "w"]}),
+    "three states": ("x' = (K*u + c - x)/A; v' = (x - v)/B; w' = (v - w)/C; y = w", "K c A B C", ["K", "c"],
+                     {"states": ["x", "v", "w"]}),
     "dead time": ("x' = (K*delay(u, L) - x)/T; y = x + c", "K L T c", ["K", "c"], LAG),
     "late state": ("x' = K*u - a*delay(x, L) - x; y = x + c", "K L a c", ["K", "c"], LAG),
     "late state, nonlinear": ("x' = K*u - x*delay(x, L); y = x + c", "K L c", ["c"], LAG),
-    "table over the input of a plant": ("x' = (k(u) - x)/T; y = x + c", "T c k", ["c", *ENTRIES], {**LAG, "tables": TABLE_OVER_INPUT}),
+    "table over the input of a plant": ("x' = (k(u) - x)/T; y = x + c", "T c k", ["c", *ENTRIES],
+                                        {**LAG, "tables": TABLE_OVER_INPUT}),
     "table over the state": ("x' = (k(x)*u - x)/T; y = x + c", "T c k", ["c"], {**LAG, "tables": TABLE_OVER_STATE}),
     "table over the output": ("x' = (k(y)*u - x)/T; y = x + c", "T c k", [], {**LAG, "tables": TABLE_OVER_OUTPUT}),
     "saturated input": ("x' = (sat(K*u, 0, 2) - x)/T; y = x + c", "K T c", ["c"], LAG),
@@ -79,7 +84,8 @@ TEXTS = {
     "backlash": ("x' = K*u - x; z = play(x, g); y = a*z + c", "K g a c", ["a", "c"], {"states": ["x", "z"]}),
     "event at a state": ("x' = K*u - x; when rising(x - 1): x = 0\ny = a*x + c", "K a c", ["a", "c"], LAG),
     "event at a clock": (
-        "x' = K*u - x; s' = 1; when rising(s - 1): s = 0, x = r\ny = x + c", "K r c", ["K", "r", "c"], {"states": ["x", "s"]}
+        "x' = K*u - x; s' = 1; when rising(s - 1): s = 0, x = r\ny = x + c", "K r c", ["K", "r", "c"],
+        {"states": ["x", "s"]}
     ),
     "two outputs": ("y = a*u + b; q = c*exp(-d*u) + b", "a b c d", ["a", "b", "c"], {"outputs": ["y", "q"]}),
     "product in one of two outputs": ("y = a*u; q = b*u + a*b", "a b", ["a"], {"outputs": ["y", "q"]}),
@@ -97,14 +103,22 @@ def test_what_is_linear_in_equations_is_found(name):
 
 # Python models: an output over an input and parameters, shapes, what is linear
 CURVES = {
-    "entries of an array": (lambda u, p: p["b"][0] * jnp.exp(-p["b"][1] * u) + p["b"][2], {"b": (3,)}, ["b[0]", "b[2]"]),
+    "entries of an array": (
+        lambda u, p: p["b"][0] * jnp.exp(-p["b"][1] * u) + p["b"][2],
+        {"b": (3,)},
+        ["b[0]", "b[2]"],
+    ),
     "polynomial": (lambda u, p: jnp.polyval(p["b"], u), {"b": (4,)}, ["b[0]", "b[1]", "b[2]", "b[3]"]),
     "matrix": (
         lambda u, p: jnp.array([u, 1.0]) @ p["A"] @ jnp.array([1.0, u]) * p["g"],
         {"A": (2, 2), "g": ()},
         ["A[0,0]", "A[0,1]", "A[1,0]", "A[1,1]"],
     ),
-    "loop over entries": (lambda u, p: jax.lax.fori_loop(0, 3, lambda i, y: y * u + p["b"][i], 0.0), {"b": (3,)}, ["b[0]", "b[1]", "b[2]"]),
+    "loop over entries": (
+        lambda u, p: jax.lax.fori_loop(0, 3, lambda i, y: y * u + p["b"][i], 0.0),
+        {"b": (3,)},
+        ["b[0]", "b[1]", "b[2]"],
+    ),
     "gain in a function": (lambda u, p: jnp.tanh(p["a"] * u) + p["b"], {"a": (), "b": ()}, ["b"]),
     "norm": (lambda u, p: jnp.linalg.norm(p["b"]) * u + p["c"], {"b": (2,), "c": ()}, ["c"]),
 }
@@ -125,7 +139,10 @@ LIBRARY = {
     "tied motor": (dc_motor(tied=True, current_output=True), []),
     "hammerstein": (hammerstein_wiener(output_curve="none"), [f"f[{i}]" for i in range(5)]),
     "hammerstein-wiener": (hammerstein_wiener(degree=3), ["g0", "g1", "g2", "g3"]),
-    "wiener with a table": (hammerstein_wiener(input_curve="none", output_curve="table"), [f"g[{i}]" for i in range(5)]),
+    "wiener with a table": (
+        hammerstein_wiener(input_curve="none", output_curve="table"),
+        [f"g[{i}]" for i in range(5)],
+    ),
     "saturated, modal": (hammerstein_wiener(input_curve="saturation", form="modal"), ["c1", "g0"]),
 }
 
@@ -149,10 +166,13 @@ def test_the_motor_without_friction_is_linear_in_its_torque_constant():
 
 
 def test_regressions_are_linear_in_their_coefficients_as_far_as_their_base_is():
-    plain = LinearModel("r", {"y": None}, (Declared("a", bounds=(0.2, 3)), Declared("b", bounds=(0.2, 3))), _columns, {"u": None})
+    plain = LinearModel(
+        "r", {"y": None}, (Declared("a", bounds=(0.2, 3)), Declared("b", bounds=(0.2, 3))), _columns, {"u": None}
+    )
     assert linear_names(plain) == ["a", "b"]
     based = LinearModel(
-        "r", {"y": None}, (Declared("m", bounds=(0.2, 3)), Declared("l", bounds=(0.2, 3)), Declared("J", bounds=(0.2, 3))), _columns,
+        "r", {"y": None}, (Declared("m", bounds=(0.2, 3)), Declared("l", bounds=(0.2, 3)),
+                           Declared("J", bounds=(0.2, 3))), _columns,
         {"u": None}, {"c0": None, "c1": None}, lambda p: {"c0": p["m"] * p["l"] ** 2 + p["J"], "c1": p["m"]},
     )  # fmt: skip
     assert linear_names(based) == ["m", "J"]
@@ -246,7 +266,14 @@ def test_variants_share_what_was_found_and_a_freed_parameter_is_looked_at_anew()
     assert [freed.space.names[i] for i in affine_coordinates(freed)] == ["K", "c"]
 
 
-MOVING = ["lag, free start", "dead time", "late state", "table over the input of a plant", "nonlinear before linear", "event at a clock"]
+MOVING = [
+    "lag, free start",
+    "dead time",
+    "late state",
+    "table over the input of a plant",
+    "nonlinear before linear",
+    "event at a clock",
+]
 MOVING += ["event at a state", "backlash", "dry friction", "table at a gain"]
 
 
@@ -286,5 +313,7 @@ def test_a_static_line_of_two_units_is_linear():
 
 
 def test_a_model_without_anything_linear_has_nothing():
-    model = Model("m", {}, {"u": None}, {"y": None}, (Declared("a", bounds=(1, 2)),), lambda x, u, p: {"y": u["u"] ** p["a"]})
+    model = Model(
+        "m", {}, {"u": None}, {"y": None}, (Declared("a", bounds=(1, 2)),), lambda x, u, p: {"y": u["u"] ** p["a"]}
+    )
     assert affine_coordinates(problem(model)) == ()

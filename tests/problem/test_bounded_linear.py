@@ -44,7 +44,9 @@ def test_the_conditions_of_an_optimum_hold_whatever_the_rank(rank, spread):
 
 def test_what_is_not_seen_goes_to_the_middle_of_the_box():
     column = np.array([[1.0], [2.0]])
-    s, free, _ = solve_within(np.hstack([column, column, np.zeros((2, 1))]), -column[:, 0] * 0.4, np.array([0.4, 0.4, 0.0]))
+    s, free, _ = solve_within(
+        np.hstack([column, column, np.zeros((2, 1))]), -column[:, 0] * 0.4, np.array([0.4, 0.4, 0.0])
+    )
     np.testing.assert_allclose(s, [0.6, 0.6, 0.5], atol=1e-14)
     assert free.all()
 
@@ -77,5 +79,7 @@ def test_the_parts_of_a_decomposition_are_what_they_say(rank):
     np.testing.assert_allclose(found.below(rows).T @ found.below(rows), rows.T @ projector @ rows, atol=1e-10)
     np.testing.assert_allclose(found.step(rows[:, 0]), -(inverse @ rows[:, 0]) / found.scale, rtol=1e-8, atol=1e-12)
     m = rng.normal(size=(4, 2))
-    np.testing.assert_allclose(found.u[:, :rank] @ found.forced(m), inverse.T @ (m / found.scale[:, None]), rtol=1e-8, atol=1e-10)
+    np.testing.assert_allclose(
+        found.u[:, :rank] @ found.forced(m), inverse.T @ (m / found.scale[:, None]), rtol=1e-8, atol=1e-10
+    )
     np.testing.assert_allclose(columns @ found.open(np.ones(4)), 0.0, atol=1e-10)

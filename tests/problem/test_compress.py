@@ -23,7 +23,9 @@ def direct(regressor, target, base):
 @pytest.mark.parametrize(("rows", "columns"), [(400, 4), (1, 1), (3, 5), (5, 5), (6, 5), (2, 1)])
 def test_equals_the_mean_over_all_samples(rows, columns):
     regressor, target, base = data(rows, columns)
-    np.testing.assert_allclose(mean_square(compress(regressor, target), base), direct(regressor, target, base), rtol=1e-12)
+    np.testing.assert_allclose(
+        mean_square(compress(regressor, target), base), direct(regressor, target, base), rtol=1e-12
+    )
 
 
 def test_holds_for_any_rank():

@@ -1,4 +1,5 @@
-"""Degrees of traced functions: many in which coordinates are linear and many in which they are not, and random ones against numbers."""
+"""Degrees of traced functions: many in which coordinates are linear and many in which they are not, and random ones
+against numbers."""
 
 import itertools
 from collections.abc import Callable
@@ -29,7 +30,12 @@ def largest(function: Callable, n: int = 4) -> set[tuple[int, ...]]:
     """The largest sets of coordinates that a function is affine in jointly, of those that it depends on."""
     degree = analysed(function, n)
     seen = [i for i in range(n) if degree.seen >> i & 1]
-    sets = [s for k in range(len(seen) + 1) for s in itertools.combinations(seen, k) if degree.allows(sum(1 << i for i in s))]
+    sets = [
+        s
+        for k in range(len(seen) + 1)
+        for s in itertools.combinations(seen, k)
+        if degree.allows(sum(1 << i for i in s))
+    ]
     return {s for s in sets if not any(set(s) < set(t) for t in sets)}
 
 

@@ -25,7 +25,9 @@ def problem():
         parameters={"a": {"bounds": (0.5, 10.0)}, "n": {"bounds": (61.0, 63.0)}, "tau": {"bounds": (0.5, 10.0)}},
         check=False,
     )
-    clean = Problem(model, Recording(t, {"y": Signal(0.0 * t)}), substeps=16).predict(np.array(list(TRUTH.values())))["y"]
+    clean = Problem(model, Recording(t, {"y": Signal(0.0 * t)}), substeps=16).predict(np.array(list(TRUTH.values())))[
+        "y"
+    ]
     noise = 0.02 * np.random.default_rng(4).normal(size=len(t))
     return Problem(model, Recording(t, {"y": Signal(clean + noise)}), substeps=16)
 

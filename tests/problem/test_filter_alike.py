@@ -79,7 +79,7 @@ filter_alike = {{ cutoff = {cutoff}, every = 5 }}
 
 [search]
 seed = 1
-"""
+"""  # noqa: E501
 DRIVE = 'kind = "drive_regression"\n'
 
 
@@ -87,7 +87,9 @@ def written(folder, model=DRIVE, cutoff=5.0):
     x = -np.cos(9 * T) / 3 - np.cos(4 * T) / 4
     v, a = 3 * np.sin(9 * T) + np.sin(4 * T), 27 * np.cos(9 * T) + 4 * np.cos(4 * T)
     force = 80 * a + 150 * v + 30 * np.sign(v) - 4
-    np.savetxt(folder / "run.csv", np.stack([T, x, force], axis=1), delimiter=",", header="t,position,force", comments="")
+    np.savetxt(
+        folder / "run.csv", np.stack([T, x, force], axis=1), delimiter=",", header="t,position,force", comments=""
+    )
     path = folder / "study.toml"
     path.write_text(STUDY.format(model=model, cutoff=cutoff))
     return path

@@ -20,7 +20,12 @@ PLANTS: dict[str, tuple[str, dict[str, float], float, bool]] = {
     "slow growth": ("x' = 0.2*a*x + u\ny = x", {"x": 1.0}, 20.0, False),  # e^4
     "growth": ("x' = 0.8*a*x + u\ny = x", {"x": 1e-3}, 20.0, True),  # e^16
     "upright": ("x' = v\nv' = 9.81*a*x - u\ny = x", {"x": 1e-9, "v": 0.0}, 5.0, True),
-    "Lorenz": ("x' = 10*a*(y1 - x)\ny1' = x*(28*a - z) - y1\nz' = x*y1 - 8/3*z\ny = x", {"x": 1.0, "y1": 1.0, "z": 20.0}, 30.0, True),
+    "Lorenz": (
+        "x' = 10*a*(y1 - x)\ny1' = x*(28*a - z) - y1\nz' = x*y1 - 8/3*z\ny = x",
+        {"x": 1.0, "y1": 1.0, "z": 20.0},
+        30.0,
+        True,
+    ),
     "driven pendulum": ("x' = v\nv' = -sin(x) - 0.5*a*v + 1.5*cos(2/3*t)\ny = x", {"x": 0.2, "v": 0.0}, 200.0, True),
     "double well": ("x' = v\nv' = x - x^3 - 0.3*a*v + 0.5*cos(1.2*t)\ny = x", {"x": 1.0, "v": 0.0}, 200.0, True),
 }
@@ -38,7 +43,11 @@ def _problem(text: str, states: dict[str, float], seconds: float) -> Problem:
         check=False,
     )
     record = Recording(
-        t, {"u": Signal(u, None), "y": Signal(np.zeros_like(t), None)} if model.inputs else {"y": Signal(np.zeros_like(t), None)}, "run"
+        t,
+        {"u": Signal(u, None), "y": Signal(np.zeros_like(t), None)}
+        if model.inputs
+        else {"y": Signal(np.zeros_like(t), None)},
+        "run",
     )
     return Problem(model, record, {"a": Parameter((0.5, 2.0), scale="log")}, substeps=4)
 
@@ -51,15 +60,20 @@ def test_only_growing_deviations_are_told(name):
 
 
 def test_growth_is_that_of_the_largest_exponent():
-    """Of the Lorenz system 0.906 per second (Sprott, Chaos and Time-Series Analysis, 2003): tenfold in 2.54 s in the mean."""
+    """Of the Lorenz system 0.906 per second (Sprott, Chaos and Time-Series Analysis, 2003): tenfold in 2.54 s in the
+    mean."""
     [found] = forgetting(_problem(*PLANTS["Lorenz"][:3]), np.array([0.5]))
     assert 0.7 < found.tenfold < 3.5
     assert found.growth > 1e6
 
 
-@pytest.mark.parametrize(("tenfold", "said"), [(0.043, "0.04"), (0.43, "0.4"), (4.3, "4"), (17.0, "20"), (430.0, "400")])
+@pytest.mark.parametrize(
+    ("tenfold", "said"), [(0.043, "0.04"), (0.43, "0.4"), (4.3, "4"), (17.0, "20"), (430.0, "400")]
+)
 def test_seconds_are_those_that_a_study_file_takes(tenfold, said):
-    [sentence] = forgetting_sentences({"simulation": {"forgets": [{"recording": "run", "growth": 2e7, "tenfold": tenfold}]}})
+    [sentence] = forgetting_sentences(
+        {"simulation": {"forgets": [{"recording": "run", "growth": 2e7, "tenfold": tenfold}]}}
+    )
     assert f"`pieces = {said}` under" in sentence["sentence"]
 
 
@@ -67,7 +81,12 @@ def test_the_sentence_names_the_lines_to_write():
     none = {"simulation": {"forgets": []}}
     assert list(forgetting_sentences(none)) == []
     told = {
-        "simulation": {"forgets": [{"recording": "run", "growth": 2e7, "tenfold": 0.43}, {"recording": "b", "growth": 1e5, "tenfold": 1.0}]}
+        "simulation": {
+            "forgets": [
+                {"recording": "run", "growth": 2e7, "tenfold": 0.43},
+                {"recording": "b", "growth": 1e5, "tenfold": 1.0},
+            ]
+        }
     }
     [said] = forgetting_sentences(told)
     assert said["level"] == "bad"
@@ -109,4 +128,8 @@ def _of(plant: tuple[str, dict[str, float]], t: np.ndarray, u: np.ndarray, y: np
         parameters={"a": {"bounds": (0.05, 20.0)}},
         check=False,
     )
-    return Problem(model, Recording(t, {"u": Signal(u, None), "y": Signal(y, None)}, "run"), {"a": Parameter((0.05, 20.0), scale="log")})
+    return Problem(
+        model,
+        Recording(t, {"u": Signal(u, None), "y": Signal(y, None)}, "run"),
+        {"a": Parameter((0.05, 20.0), scale="log")},
+    )

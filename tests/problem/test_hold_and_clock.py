@@ -23,7 +23,9 @@ Z = np.array([0.3, 0.4])  # where the refits begin
 @cache
 def simulated(hold):
     """A problem of records of this length, whose programs all of them share."""
-    return Problem(LAG, from_arrays(T, signals={"u": np.sin(T), "y": 0 * T}, name="run"), hold={"u": hold}, stepper="exact")
+    return Problem(
+        LAG, from_arrays(T, signals={"u": np.sin(T), "y": 0 * T}, name="run"), hold={"u": hold}, stepper="exact"
+    )
 
 
 @cache
@@ -44,7 +46,8 @@ def both_holds(declared):
 
 
 def compared(record, declared):
-    """`check_holds` of one record, with programs that all records share: compiled anew for each of them, 40 took a minute."""
+    """`check_holds` of one record, with programs that all records share: compiled anew for each of them, 40 took a
+    minute."""
     refitted = {kind: _refitted(p.with_recordings({"run": record}), Z) for kind, p in both_holds(declared).items()}
     return _compared("u", refitted[Held.PREVIOUS], refitted[Held.LINEAR])
 
@@ -81,7 +84,11 @@ def test_an_input_that_rests_is_left_out():
 def late_input():
     """An input u(t) and the outputs (n,) that it has at the samples."""
     rng = np.random.default_rng(3)
-    fine = np.interp(np.arange(-5.0, 90.0, 0.7), np.arange(-5.0, 95.0, 1.4), rng.uniform(-1, 1, 72)[: len(np.arange(-5.0, 95.0, 1.4))])
+    fine = np.interp(
+        np.arange(-5.0, 90.0, 0.7),
+        np.arange(-5.0, 95.0, 1.4),
+        rng.uniform(-1, 1, 72)[: len(np.arange(-5.0, 95.0, 1.4))],
+    )
 
     def u(t):
         return np.interp(t, np.arange(-5.0, 90.0, 0.7), fine)
@@ -123,10 +130,16 @@ def test_gradients_by_a_shift_are_those_of_the_cost():
 
 def test_a_shift_that_cannot_be_known_is_refused():
     record = from_arrays(T, signals={"u": T, "y": T}, name="run")
-    for shift, said in (({"y": (-1, 1)}, "an output"), ({"w": (-1, 1)}, "no channel"), ({"u": (1, -1)}, "bounds of the shift")):
+    for shift, said in (
+        ({"y": (-1, 1)}, "an output"),
+        ({"w": (-1, 1)}, "no channel"),
+        ({"u": (1, -1)}, "bounds of the shift"),
+    ):
         with pytest.raises(ModelError, match=said):
             Problem(LAG, record, clock_shift=shift)
-    late = pf.equations("y = delay(u, L)", inputs=["u"], outputs=["y"], parameters={"L": {"unit": "s", "bounds": (0, 1)}}, check=False)
+    late = pf.equations(
+        "y = delay(u, L)", inputs=["u"], outputs=["y"], parameters={"L": {"unit": "s", "bounds": (0, 1)}}, check=False
+    )
     with pytest.raises(ModelError, match="dead time already"):
         Problem(late, record, clock_shift={"u": (-0.1, 0.1)})
 

@@ -81,7 +81,9 @@ def test_costs_on_a_mesh_are_pure_and_derivatives_are_those_of_the_mesh():
 def test_steps_are_chosen_for_most_of_the_box_at_the_answer_and_for_given_values():
     # logistic growth from little: between two samples it goes from nothing to its end
     text = "y' = r*y*(1 - y)"
-    growth = pf.equations(text, states={"y": {"initial": 1e-4}}, outputs=["y"], parameters={"r": {"bounds": (0.5, 20.0), "scale": "log"}})
+    growth = pf.equations(
+        text, states={"y": {"initial": 1e-4}}, outputs=["y"], parameters={"r": {"bounds": (0.5, 20.0), "scale": "log"}}
+    )
     y = 1.0 / (1.0 + (1e4 - 1.0) * np.exp(-3.0 * T))
     chosen, again = choose_substeps(problem_of(growth, y)), choose_substeps(problem_of(growth, y))
     assert chosen.mesh
@@ -97,7 +99,9 @@ def test_steps_are_chosen_for_most_of_the_box_at_the_answer_and_for_given_values
 
 def test_fine_samples_keep_their_single_step():
     t = np.linspace(0, 10, 400)
-    slow = pf.equations("y' = -k*y", states={"y": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}})
+    slow = pf.equations(
+        "y' = -k*y", states={"y": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}}
+    )
     problem = Problem(slow, from_arrays(t, signals={"y": np.exp(-0.3 * t)}, name="run"))
     chosen = choose_substeps(problem)
     assert not chosen.mesh
@@ -136,7 +140,9 @@ POLE_T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
 def pole(equation):
     """x = tan(0.1 t) / 0.1 at k = 0.01; a pole at t = pi / (2 sqrt(k)), inside the record for most of the box."""
     states = {s: {} for s in ("z", "x") if f"{s}'" in equation}
-    model = pf.equations(equation, states=states, outputs=["y"], parameters={"k": {"bounds": (1e-3, 3.0), "scale": "log"}}, name="pole")
+    model = pf.equations(
+        equation, states=states, outputs=["y"], parameters={"k": {"bounds": (1e-3, 3.0), "scale": "log"}}, name="pole"
+    )
     return Problem(model, from_arrays(POLE_T, signals={"y": np.tan(0.1 * POLE_T) / 0.1}, name="run"))
 
 
@@ -149,7 +155,9 @@ def test_a_search_has_adaptive_steps_where_a_mesh_would_step_over_poles():
     assert costs[1] < 1e-4 < costs[0]
 
 
-@pytest.mark.parametrize("equation", ["z' = -20*(z - 1)\n x' = z + k - x\n y = x", "z' = -200*(z - 1)\n x' = z*k - x\n y = x"])
+@pytest.mark.parametrize(
+    "equation", ["z' = -20*(z - 1)\n x' = z + k - x\n y = x", "z' = -200*(z - 1)\n x' = z*k - x\n y = x"]
+)
 def test_a_mesh_that_gives_true_costs_stays(equation):
     problem = choose_substeps(pole(equation))
     assert problem.predictor.stepping().stepper != "adaptive"
@@ -164,17 +172,24 @@ def test_a_pole_is_no_lack_of_evaluations_and_a_lack_of_them_is_no_pole():
         assert not stopped.spent
         assert stopped.time == pytest.approx(np.pi / 2 / np.sqrt(0.3), rel=1e-4)
     t = np.arange(20.0)  # evaluations are counted where an input moves
-    model = pf.equations("x' = u - k*x\n y = x", inputs=["u"], states={"x": {}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 3.0)}})
+    model = pf.equations(
+        "x' = u - k*x\n y = x", inputs=["u"], states={"x": {}}, outputs=["y"], parameters={"k": {"bounds": (0.1, 3.0)}}
+    )
     problem = Problem(model, from_arrays(t, signals={"u": t % 2, "y": t}, name="run"))
-    short = follow(problem.predictor.stepping(), {"k": np.asarray(0.5)}, problem.whole_drives["run"], evaluations=10).stopped
+    short = follow(
+        problem.predictor.stepping(), {"k": np.asarray(0.5)}, problem.whole_drives["run"], evaluations=10
+    ).stopped
     assert short is not None
     assert short.spent
 
 
 def test_a_mesh_of_a_box_that_nothing_follows_is_given_up_for_adaptive_steps(monkeypatch):
-    """A tenth of this box swings two hundred times and more in a record: no mesh is fine enough for nine tenths of it."""
+    """A tenth of this box swings two hundred times and more in a record: no mesh is fine enough for nine tenths of
+    it."""
     t = np.linspace(0.0, 10.0, 150)
-    swing = solve_ivp(lambda s, x: (x[1], -25.0 * np.sin(x[0])), (0.0, 10.0), (2.0, 0.0), t_eval=t, rtol=1e-9, atol=1e-9).y[0]
+    swing = solve_ivp(
+        lambda s, x: (x[1], -25.0 * np.sin(x[0])), (0.0, 10.0), (2.0, 0.0), t_eval=t, rtol=1e-9, atol=1e-9
+    ).y[0]
     model = pf.equations(
         "angle' = v\n v' = -w^2*sin(angle)",
         states={"angle": {"initial": 2.0}, "v": {}},
@@ -182,7 +197,9 @@ def test_a_mesh_of_a_box_that_nothing_follows_is_given_up_for_adaptive_steps(mon
         parameters={"w": {"bounds": (0.1, 300.0), "scale": "log"}},
     )
     rounds, refined = [], mesh._refined
-    monkeypatch.setattr(mesh, "_refined", lambda problem, *more: rounds.append(problem.steps_a_sample) or refined(problem, *more))
+    monkeypatch.setattr(
+        mesh, "_refined", lambda problem, *more: rounds.append(problem.steps_a_sample) or refined(problem, *more)
+    )
     chosen = choose_substeps(Problem(model, from_arrays(t, signals={"angle": swing}, name="run")))
     assert chosen.predictor.stepping().stepper == "adaptive"
     assert not chosen.mesh
@@ -209,7 +226,9 @@ def test_a_course_in_compiled_blocks_is_that_of_one_step_after_the_other(name):
         np.testing.assert_allclose(found[:, k], x, rtol=1e-9)
         x = STEPPERS[name].on_arrays(rates, x, u0[:, k], u1[:, k], h[:, k], (q,))
     np.testing.assert_allclose(found[:, steps], x, rtol=1e-9)
-    np.testing.assert_array_equal(run.states(x0[:1], u0[:1], u1[:1], h[:1], (q[:1],))[0], found[0])  # the same bits alone
+    np.testing.assert_array_equal(
+        run.states(x0[:1], u0[:1], u1[:1], h[:1], (q[:1],))[0], found[0]
+    )  # the same bits alone
 
 
 def test_finer_meshes_of_a_model_compile_nothing_anew():

@@ -1,4 +1,5 @@
-"""Pieces with starts of their own: against scipy, and on a chaotic record that no simulation follows from end to end."""
+"""Pieces with starts of their own: against scipy, and on a chaotic record that no simulation follows from end to
+end."""
 
 import numpy as np
 import pytest
@@ -53,11 +54,15 @@ def test_values_and_errors_with_free_starts_are_those_of_scipy():
     model = with_extensions(DECAY, {"start": {"x": (-5.0, 5.0)}})
     start = {"start_x": pf.Parameter((-5.0, 5.0), per_recording=True)}
     problem = pf.Problem(model, {p.name: p for p in parts}, start, stepper="rk4", substeps=4)
-    best = minimise(objective_of(problem, np.full((1, 4), 0.4)), "least_squares", runs=1, budget=500, seed=0, settings={"agree": 1})[0]
+    best = minimise(
+        objective_of(problem, np.full((1, 4), 0.4)), "least_squares", runs=1, budget=500, seed=0, settings={"agree": 1}
+    )[0]
     estimate = estimate_at(problem, best.x, ["a"])
 
     def residuals(v):
-        return np.concatenate([x0 * np.exp(-v[0] * (p.t - p.t[0])) - p["x"] for x0, p in zip(v[1:], parts, strict=True)])
+        return np.concatenate(
+            [x0 * np.exp(-v[0] * (p.t - p.t[0])) - p["x"] for x0, p in zip(v[1:], parts, strict=True)]
+        )
 
     other = least_squares(residuals, np.ones(4))
     covariance = np.linalg.inv(other.jac.T @ other.jac) * 2 * other.cost / (241 - 4)
@@ -94,13 +99,16 @@ TRUTH = {"b": 1.0, "c": 1.0, "d": 0.3}
 
 @pytest.fixture(scope="module")
 def well(tmp_path_factory):
-    """A double well driven into chaos (Holmes, Phil. Trans. R. Soc. A 292 (1979) 419), with noise; v is not measured."""
+    """A double well driven into chaos (Holmes, Phil. Trans. R. Soc. A 292 (1979) 419), with noise; v is not
+    measured."""
     folder, t, noise = tmp_path_factory.mktemp("well"), np.arange(0, 80, 0.1), 0.01
     u = np.round(0.5 * np.cos(1.2 * t), 4)
     x, rows = np.array([1.0, 0.0]), []
     for now in u:
         rows.append(x[0])
-        x = solve_ivp(lambda s, x, now=now: [x[1], x[0] - x[0] ** 3 - 0.3 * x[1] + now], (0, 0.1), x, rtol=1e-10, atol=1e-12).y[:, -1]
+        x = solve_ivp(
+            lambda s, x, now=now: [x[1], x[0] - x[0] ** 3 - 0.3 * x[1] + now], (0, 0.1), x, rtol=1e-10, atol=1e-12
+        ).y[:, -1]
     y = np.array(rows) + noise * np.random.default_rng(2).normal(size=len(t))
     np.savetxt(folder / "run.csv", np.c_[t, u, y], delimiter=",", header="t [s],u,y", comments="")
 
@@ -129,7 +137,15 @@ def test_in_one_piece_it_is_told_with_the_lines_to_write_and_not_diagnosed(well)
     answer = pf.fit(spec.load(well()).problem, budget=400, seed=1)
     said = [s["sentence"] for s in answer.findings["verdict"]]
     assert any("forgets its start" in s and "under [recording.run]" in s for s in said)
-    useless = ("`shooting = 100`", "give a larger", "Give a larger", "first add what", "systematic", "sample noise", "in the valley")
+    useless = (
+        "`shooting = 100`",
+        "give a larger",
+        "Give a larger",
+        "first add what",
+        "systematic",
+        "sample noise",
+        "in the valley",
+    )
     assert not [s for s in said if any(words in s for words in useless)]
     assert (answer.diagnose() or {})["state"] == "left"
     assert any("not tried, as the simulation forgets its start" in s["sentence"] for s in answer.findings["verdict"])
@@ -143,7 +159,9 @@ def test_a_bad_fit_of_a_plant_that_settles_is_not_told_so():
     for now in u:
         rows.append(x[0])
         x = solve_ivp(lambda s, x, now=now: [x[1], 9 * (now - x[0]) - 0.1 * x[1]], (0, t[1]), x, rtol=1e-8).y[:, -1]
-    model = pf.equations("x' = (u - x)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters={"tau": {"bounds": (0.01, 10)}})
+    model = pf.equations(
+        "x' = (u - x)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters={"tau": {"bounds": (0.01, 10)}}
+    )
     answer = pf.fit(pf.Problem(model, pf.from_arrays(t, signals={"u": u, "y": np.array(rows)})), budget=300, seed=1)
     assert answer.findings["scores"][0]["fit_percent"] < 50
     assert answer.findings["simulation"]["forgets"] == []

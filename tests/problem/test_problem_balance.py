@@ -19,7 +19,9 @@ Z = np.array([0.3, 0.6])
 
 
 def model():
-    return equations("x' = (K*u - x)/tau", inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["x"], parameters=PARAMETERS)
+    return equations(
+        "x' = (K*u - x)/tau", inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["x"], parameters=PARAMETERS
+    )
 
 
 def step(n: int, height: float, name: str) -> Recording:
@@ -30,12 +32,20 @@ def step(n: int, height: float, name: str) -> Recording:
 def mean_of_means(problem: Problem) -> float:
     """By the predictions alone."""
     values = problem.space.physical(Z)
-    return float(np.mean([np.mean((problem.predict(values, n)["x"] - e.recording["x"]) ** 2) for n, e in problem.experiments.items()]))
+    return float(
+        np.mean(
+            [np.mean((problem.predict(values, n)["x"] - e.recording["x"]) ** 2) for n, e in problem.experiments.items()]
+        )
+    )
 
 
 @pytest.mark.parametrize("steady", [False, True])
 def test_cost_is_the_mean_of_the_recordings_mean_squares(steady):
-    records = {"long": step(400, 2.0, "long"), "short": Experiment(step(30, -1.0, "short"), steady=steady), "mid": step(100, 0.5, "mid")}
+    records = {
+        "long": step(400, 2.0, "long"),
+        "short": Experiment(step(30, -1.0, "short"), steady=steady),
+        "mid": step(100, 0.5, "mid"),
+    }
     problem = Problem(model(), records, balance="recordings", substeps=1)
     r, jacobian = problem.residuals_and_jacobian(Z)
     value, gradient = problem.value_and_gradient(Z)
@@ -81,7 +91,9 @@ def test_a_regression_equals_weighted_least_squares():
 
 
 def test_one_recording_is_as_without():
-    plain, balanced = (Problem(model(), step(100, 1.0, "one"), balance=b, substeps=1) for b in ("samples", "recordings"))
+    plain, balanced = (
+        Problem(model(), step(100, 1.0, "one"), balance=b, substeps=1) for b in ("samples", "recordings")
+    )
     assert float(plain.cost(Z)) == pytest.approx(float(balanced.cost(Z)), rel=1e-14)
 
 
@@ -91,7 +103,13 @@ def test_unknown_words_are_refused():
 
 
 def test_the_study_file_knows_the_key(tmp_path):
-    np.savetxt(tmp_path / "a.csv", np.c_[0.1 * np.arange(50), np.ones(50), np.ones(50)], delimiter=",", header="t,u,x", comments="")
+    np.savetxt(
+        tmp_path / "a.csv",
+        np.c_[0.1 * np.arange(50), np.ones(50), np.ones(50)],
+        delimiter=",",
+        header="t,u,x",
+        comments="",
+    )
     text = """
 name = "two"
 balance = "recordings"

@@ -21,10 +21,13 @@ OWN = Parameter((-1.0, 1.0), per_recording=True)
 LOG = Parameter((0.05, 0.5), scale="log")
 CASES = {
     "one record": Case(substeps=3),
-    "one late input, new at every sample": Case((9, 150, 70), irregular=True, delays=1, dense=True, outputs="direct", missing=True),
-    "interpolated, many substeps": Case((64, 130, 65), dense=True, hold="linear", substeps=12, parameters={"x0": OWN, "T1": LOG}),
+    "one late input, new at every sample": Case((9, 150, 70), irregular=True, delays=1, dense=True, outputs="direct",
+                                                missing=True),
+    "interpolated, many substeps": Case((64, 130, 65), dense=True, hold="linear", substeps=12,
+                                        parameters={"x0": OWN, "T1": LOG}),
     "seven records, two late edges": Case(
-        (1, 2, 63, 64, 65, 200, 30), irregular=True, delays=2, outputs="direct", parameters={"x0": OWN, "off": OWN, "a": 0.1}
+        (1, 2, 63, 64, 65, 200, 30), irregular=True, delays=2, outputs="direct",
+        parameters={"x0": OWN, "off": OWN, "a": 0.1}
     ),
     "two delays, interpolated": Case((40, 90), irregular=True, delays=2, dense=True, hold="linear", outputs="direct"),
     "seven records, table": Case(
@@ -105,7 +108,9 @@ def test_cost_of_one(name):
     close(q.call("costs", q.zs[1:2]), [np.mean(plain_residuals(q.case, q.problem, q.zs[1]) ** 2)], 1e-11)
 
 
-@pytest.mark.parametrize("name", ["one record", *SOME[:2], "seven records, two late edges", "table, one late edge, interpolated", "rk4"])
+@pytest.mark.parametrize(
+    "name", ["one record", *SOME[:2], "seven records, two late edges", "table, one late edge, interpolated", "rk4"]
+)
 def test_gradients(name):
     q = prepared(name)
     f, g = q.call("values_and_gradients", q.zs)
@@ -172,13 +177,19 @@ def test_records_of_very_unequal_length_are_not_filled_up():
     assert isinstance(batched, BatchedRecords)
     assert batched.whole is None
     zs = points(problem, 2)
-    close(jax.jit(batched.costs)(zs, problem.arguments), [np.mean(plain_residuals(case, problem, z) ** 2) for z in zs], 1e-11)
+    close(
+        jax.jit(batched.costs)(zs, problem.arguments),
+        [np.mean(plain_residuals(case, problem, z) ** 2) for z in zs],
+        1e-11,
+    )
 
 
 @some_cases
 def test_residuals_and_jacobian_equal_those_record_by_record(name):
     q = prepared(name)
-    for own, plain in zip(q.call("residuals_and_jacobian", q.zs[0]), q.plain("residuals_and_jacobian", q.zs[0]), strict=True):
+    for own, plain in zip(
+        q.call("residuals_and_jacobian", q.zs[0]), q.plain("residuals_and_jacobian", q.zs[0]), strict=True
+    ):
         close(own, plain, 1e-10)
 
 

@@ -1,4 +1,5 @@
-"""What a search relies on: nothing is compiled twice, bad candidates harm nobody, the place in a batch changes no bit."""
+"""What a search relies on: nothing is compiled twice, bad candidates harm nobody, the place in a batch changes no
+bit."""
 
 from functools import cache
 
@@ -52,29 +53,43 @@ def test_other_numbers_compile_nothing():
 
 
 def fragile() -> Problem:
-    """x' = a x^2 + (u - x)/T from x = 1: escapes in finite time for a large, divides by 0 at T = 0, by hand at b = 0."""
+    """x' = a x^2 + (u - x)/T from x = 1: escapes in finite time for a large, divides by 0 at T = 0, by hand at b =
+    0."""
     model = Model(
         name="fragile",
         states={"x": None},
         inputs={"u": None},
         outputs={"y": None},
-        parameters=(Declared("a", bounds=(-1.0, 400.0)), Declared("T", bounds=(0.0, 2.0)), Declared("b", bounds=(0.0, 2.0))),
+        parameters=(
+            Declared("a", bounds=(-1.0, 400.0)),
+            Declared("T", bounds=(0.0, 2.0)),
+            Declared("b", bounds=(0.0, 2.0)),
+        ),
         derivative=lambda x, u, p: {"x": p["a"] * x["x"] * x["x"] + (u["u"] - x["x"]) / p["T"]},
         output=lambda x, u, p: {"y": x["x"] / p["b"]},
         initial_state=lambda p, u0, y0: {"x": 1.0},
     )
     t = 0.1 * np.arange(30)
-    recordings = {n: Recording(t[:k], {"u": Signal(np.sin(t[:k])), "y": Signal(np.cos(t[:k]))}, n) for n, k in (("long", 30), ("short", 9))}
+    recordings = {
+        n: Recording(t[:k], {"u": Signal(np.sin(t[:k])), "y": Signal(np.cos(t[:k]))}, n)
+        for n, k in (("long", 30), ("short", 9))
+    }
     return Problem(model, recordings, stepper="rk4")
 
 
 def test_candidates_that_overflow_or_divide_by_zero_cost_infinity_and_leave_the_others_alone():
     problem = fragile()
-    zs = np.array([problem.space.cube([a, 0.5 + 0.1 * k, 1.0]) for k, a in enumerate((-0.5, -0.2, -0.9, 0.0, -0.7, -0.1))])
+    zs = np.array(
+        [problem.space.cube([a, 0.5 + 0.1 * k, 1.0]) for k, a in enumerate((-0.5, -0.2, -0.9, 0.0, -0.7, -0.1))]
+    )
     good = np.asarray(problem.costs(zs))
     assert np.all(np.isfinite(good))
     bad = zs.copy()
-    bad[1], bad[3], bad[4] = problem.space.cube([400.0, 1.0, 1.0]), problem.space.cube([0.0, 0.0, 1.0]), problem.space.cube([0.0, 1.0, 0.0])
+    bad[1], bad[3], bad[4] = (
+        problem.space.cube([400.0, 1.0, 1.0]),
+        problem.space.cube([0.0, 0.0, 1.0]),
+        problem.space.cube([0.0, 1.0, 0.0]),
+    )
     f = np.asarray(problem.costs(bad))
     np.testing.assert_array_equal(f, np.where([False, True, False, True, True, False], np.inf, good))
     assert np.asarray(problem.costs(bad[1:2]))[0] == np.inf

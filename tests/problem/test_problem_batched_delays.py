@@ -1,7 +1,8 @@
 """Derivatives by a dead time and by the entries of a table, against central differences of a tight cost.
 
-Where an edge falls onto a sample, or nearly, the derivative of a stepped cost jumps: it is that of whole steps on one side
-and of steps of length 0 on the other. With one edge the jump is small; with many its mean is right before its sides are.
+Where an edge falls onto a sample, or nearly, the derivative of a stepped cost jumps: it is that of whole steps on one
+side and of steps of length 0 on the other. With one edge the jump is small; with many its mean is right before its
+sides are.
 """
 
 from functools import cache
@@ -30,11 +31,18 @@ NODES = (-1.03, -0.27, 0.36, 0.97)
 GAINS = {
     "step": np.array([-0.9, -0.3, 0.7, 1.2]),
     "held": np.array([-0.9, -0.3, 0.7, 1.2]),
-    "interpolated": 1.1 * np.array(NODES),  # one line: an input that crosses a kink inside a step leaves only first order
+    "interpolated": 1.1
+    * np.array(NODES),  # one line: an input that crosses a kink inside a step leaves only first order
 }
 EDGE = T[63]  # where the first chunk ends
 ONE_SIDED = {"step": 0.02, "held": 0.1, "interpolated": 0.03}  # shares of the largest slope, at steps of T1 / 6
-DELAYS = {"lower bound": 0.0, "on the grid": 0.5, "off the grid": 0.53, "edge on a chunk's end": EDGE - T[50], "upper bound": 1.0}
+DELAYS = {
+    "lower bound": 0.0,
+    "on the grid": 0.5,
+    "off the grid": 0.53,
+    "edge on a chunk's end": EDGE - T[50],
+    "upper bound": 1.0,
+}
 
 
 def plant() -> Model:
@@ -94,19 +102,25 @@ def gradients(kind: str, substeps: int, delays) -> np.ndarray:
 
 def costs_and_gradients(kind: str, substeps: int, delays):
     zs = cubes(kind, delays)
-    f, g = compiled(kind, substeps, "exponential", "values_and_gradients")(np.resize(zs, (ROWS, 5)), problem_of(kind).arguments)
+    f, g = compiled(kind, substeps, "exponential", "values_and_gradients")(
+        np.resize(zs, (ROWS, 5)), problem_of(kind).arguments
+    )
     return np.asarray(f)[: len(zs)], np.asarray(g)[: len(zs)]
 
 
 def tight(kind: str, zs) -> np.ndarray:
     """Costs (n,) by another method and steps of 4 ms; one of the tests holds them against Radau."""
-    return np.asarray(compiled(kind, 16, "rk4", "costs")(np.resize(zs, (ROWS, 5)), problem_of(kind).arguments))[: len(zs)]
+    return np.asarray(compiled(kind, 16, "rk4", "costs")(np.resize(zs, (ROWS, 5)), problem_of(kind).arguments))[
+        : len(zs)
+    ]
 
 
 def tight_slopes(kind: str) -> np.ndarray:
     """d cost/d Td of the tight cost at DELAYS; from one side where a negative dead time would be needed."""
     h = 1e-4
-    f = tight(kind, cubes(kind, [a for d in DELAYS.values() for a in ((0.0, h, 2 * h) if d == 0.0 else (d - h, d, d + h))])).reshape(-1, 3)
+    f = tight(
+        kind, cubes(kind, [a for d in DELAYS.values() for a in ((0.0, h, 2 * h) if d == 0.0 else (d - h, d, d + h))])
+    ).reshape(-1, 3)
     return np.where([d == 0.0 for d in DELAYS.values()], f @ [-1.5, 2.0, -0.5], f @ [-0.5, 0.0, 0.5]) / h
 
 
@@ -124,7 +138,9 @@ def test_slope_by_dead_time_is_that_of_a_tight_cost(kind):
     scale = np.max(np.abs(gradients(kind, 4, np.linspace(0.0, 1.0, 20))[:, 0]))
     sides = {}
     for substeps, small in ((1, 0.01), (4, 0.001)):
-        at, before = ((gradients(kind, substeps, d)[:, 0] - expected) / scale for d in (places, np.maximum(places - 1e-9, 0.0)))
+        at, before = (
+            (gradients(kind, substeps, d)[:, 0] - expected) / scale for d in (places, np.maximum(places - 1e-9, 0.0))
+        )
         print(f"{kind}, {substeps} substeps: at {np.round(at, 5)}, just before {np.round(before, 5)} of {scale:.3g}")
         assert abs(at[2]) < small  # off the grid
         assert np.all(np.abs(at + before)[1:] / 2 < (1.5 if kind == "held" else 1.0) * small)

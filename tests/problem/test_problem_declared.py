@@ -1,4 +1,5 @@
-"""Fits of models with resets, dry friction, backlash and late states: derivatives against differences, and an answer."""
+"""Fits of models with resets, dry friction, backlash and late states: derivatives against differences, and an
+answer."""
 
 import numpy as np
 import pytest

@@ -55,7 +55,9 @@ def test_scaling_an_output_scales_its_parameters():
 @pytest.mark.parametrize("scale", [1e-3, 7.0])
 def test_the_weight_of_a_single_output_does_not_matter(scale):
     recording = line_recording()
-    assert fitted(Problem(line(), recording, scales={"y": scale})) == pytest.approx(fitted(Problem(line(), recording)), rel=1e-7)
+    assert fitted(Problem(line(), recording, scales={"y": scale})) == pytest.approx(
+        fitted(Problem(line(), recording)), rel=1e-7
+    )
 
 
 def test_the_order_of_recordings_does_not_matter():
@@ -76,7 +78,9 @@ def test_holding_and_tying_parameters():
     recording = line_recording(seed=5)
     held = fitted(Problem(line(), recording, {"b": 0.25}))
     assert set(held) == {"a"}
-    assert held["a"] == pytest.approx(recording["u"] @ (recording["y"] - 0.25) / (recording["u"] @ recording["u"]), rel=1e-8)
+    assert held["a"] == pytest.approx(
+        recording["u"] @ (recording["y"] - 0.25) / (recording["u"] @ recording["u"]), rel=1e-8
+    )
     with pytest.raises(SpaceError, match="whose number it would take as it is"):
         Problem(line(), recording, {"b": Parameter(tied="a")})  # rad/s and rad/s/V
     one_unit = replace(line(), parameters=tuple(replace(p, unit=None) for p in line().parameters))

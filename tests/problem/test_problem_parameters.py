@@ -12,7 +12,8 @@ from plantfit.spec.tables import ParameterTable
 
 # one value for every field that is not its default; a new field needs one here
 SAID: dict[str, Any] = {
-    "bounds": (1.0, 4.0), "unit": "s", "scale": "log", "value": 2.0, "tied": "other", "per_recording": True, "start": 3.0,
+    "bounds": (1.0, 4.0), "unit": "s", "scale": "log", "value": 2.0, "tied": "other", "per_recording": True,
+    "start": 3.0,
     "sentence": "how long it takes", "shape": (2,), "smooth": 0.3, "limits": (0.5, 8.0), "typical": 2.5,
 }  # fmt: skip
 FIELDS = [f.name for f in dataclasses.fields(Parameter)]
@@ -39,7 +40,9 @@ def test_what_a_user_says_goes_into_the_space(field):
 def test_a_field_that_comes_later_is_not_dropped(monkeypatch):
     """As `typical` once came, with nothing but a line in each of the three classes."""
     later = dataclasses.make_dataclass("Later", [("weight", float | None, None)], bases=(Parameter,), frozen=True)
-    declared = dataclasses.make_dataclass("DeclaredLater", [("weight", float | None, None)], bases=(Declared,), frozen=True)
+    declared = dataclasses.make_dataclass(
+        "DeclaredLater", [("weight", float | None, None)], bases=(Declared,), frozen=True
+    )
     monkeypatch.setattr("plantfit.problem.parameters.Parameter", later)
     monkeypatch.setattr("plantfit.problem.parameters.Declared", declared)
     known = declared("a", bounds=(0.7, 9.0), weight=2.0)

@@ -147,7 +147,9 @@ def test_jacobian_and_gradient_are_those_of_the_residuals():
     np.testing.assert_allclose(gradient, 2.0 * jacobian.T @ r / len(r), rtol=1e-9)
     h = 1e-4
     ends = problem.costs(np.concatenate([z + h * np.eye(len(z)), z - h * np.eye(len(z))]))
-    np.testing.assert_allclose(gradient, (ends[: len(z)] - ends[len(z) :]) / (2 * h), rtol=1e-3, atol=1e-6 * np.max(np.abs(gradient)))
+    np.testing.assert_allclose(
+        gradient, (ends[: len(z)] - ends[len(z) :]) / (2 * h), rtol=1e-3, atol=1e-6 * np.max(np.abs(gradient))
+    )
 
 
 def test_a_fit_part_in_the_middle_simulates_what_came_before():

@@ -20,7 +20,11 @@ def model():
         inputs=["u"],
         states={"x": {"initial": 0.0}},
         outputs=["x"],
-        parameters={"K": {"bounds": (0.5, 5.0)}, "c": {"bounds": (0.0, 1.0)}, "tau": {"bounds": (0.1, 10.0), "scale": "log"}},
+        parameters={
+            "K": {"bounds": (0.5, 5.0)},
+            "c": {"bounds": (0.0, 1.0)},
+            "tau": {"bounds": (0.1, 10.0), "scale": "log"},
+        },
     )
 
 
@@ -49,7 +53,10 @@ def test_at_rest_the_model_equals_the_roots_of_its_equation():
     np.testing.assert_allclose(problem.residuals(z), 0.0, atol=1e-9)
     _, jacobian = problem.residuals_and_jacobian(z)
     np.testing.assert_allclose(jacobian[:, 2], 0.0, atol=1e-12)
-    numeric = (np.asarray(problem.residuals(z + np.array([1e-6, 0, 0]))) - np.asarray(problem.residuals(z - np.array([1e-6, 0, 0])))) / 2e-6
+    numeric = (
+        np.asarray(problem.residuals(z + np.array([1e-6, 0, 0])))
+        - np.asarray(problem.residuals(z - np.array([1e-6, 0, 0])))
+    ) / 2e-6
     np.testing.assert_allclose(jacobian[:, 0], numeric, rtol=1e-5, atol=1e-6)
 
 
@@ -77,7 +84,10 @@ def with_noise(record, rms, seed):
 # without noise the steps are made so fine that a fit takes three times as long: once is enough
 @pytest.mark.parametrize(("order", "noise"), [(("run", "curve"), 0.0), (("curve", "run"), 0.002)])
 def test_a_fit_of_both_finds_all_parameters(order, noise):
-    records = {"run": Experiment(with_noise(run(), noise, 1)), "curve": Experiment(with_noise(curve(), noise, 2), steady=True)}
+    records = {
+        "run": Experiment(with_noise(run(), noise, 1)),
+        "curve": Experiment(with_noise(curve(), noise, 2), steady=True),
+    }
     answer = fit(Problem(model(), {n: records[n] for n in order}), seed=2)
     found = dict(zip(answer.problem.space.names, np.asarray(answer.problem.space.physical(answer.best.x)), strict=True))
     for name, value in TRUTH.items():

@@ -1,4 +1,5 @@
-"""Variable projection: costs against scipy on the whole problem, derivatives against differences, bounds, rank, digits."""
+"""Variable projection: costs against scipy on the whole problem, derivatives against differences, bounds, rank,
+digits."""
 
 from typing import Any
 
@@ -31,26 +32,42 @@ def made(name: str) -> Problem:
         "curve at its bounds": lambda: problem(sums, {"a": TIGHT, "c": (-50.0, 50.0), "g": TIGHT}),
         "lag": lambda: problem(lag, wide),
         "lag at a bound": lambda: problem(lag, {**wide, "K": TIGHT}),
-        "lag with three records": lambda: problem(lag, {**wide, "c": Parameter((-50.0, 50.0), per_recording=True)}, records=3),
-        "one offset at its bound": lambda: problem(lag, {**wide, "c": Parameter((-0.1, 0.1), per_recording=True)}, records=2),
-        "process": lambda: problem(first_order(initial="free"), {"K": (-50, 50), "c": (-50, 50), "y0": (-50, 50), "L": (0.05, 0.35)}),
+        "lag with three records": lambda: problem(lag, {**wide, "c": Parameter((-50.0, 50.0), per_recording=True)},
+                                                  records=3),
+        "one offset at its bound": lambda: problem(lag, {**wide, "c": Parameter((-0.1, 0.1), per_recording=True)},
+                                                   records=2),
+        "process": lambda: problem(first_order(initial="free"),
+                                   {"K": (-50, 50), "c": (-50, 50), "y0": (-50, 50), "L": (0.05, 0.35)}),
         "gain by decades": lambda: problem(lag, {"c": (-50.0, 50.0), "K": Parameter((1e-3, 1e3), scale="log")}),
-        "gain by decades at its bound": lambda: problem(lag, {"c": (-50.0, 50.0), "K": Parameter((5.0, 1e3), scale="log")}),
+        "gain by decades at its bound": lambda: problem(lag,
+                                                        {"c": (-50.0, 50.0), "K": Parameter((5.0, 1e3), scale="log")}),
         "two outputs": lambda: problem(two, {n: (-50.0, 50.0) for n in "abc"}),
-        "table": lambda: problem(text("x' = (k(u) - x)/T; y = x", "T k", states=["x"], tables=OVER_INPUT), {"k": (-50.0, 50.0)}),
+        "table": lambda: problem(text("x' = (k(u) - x)/T; y = x", "T k", states=["x"], tables=OVER_INPUT),
+                                 {"k": (-50.0, 50.0)}),
         "smooth table": lambda: problem(
-            text("x' = (k(u) - x)/T; y = x", "T k", states=["x"], tables=OVER_INPUT), {"k": Parameter((-50.0, 50.0), smooth=3.0)}
+            text("x' = (k(u) - x)/T; y = x", "T k", states=["x"], tables=OVER_INPUT),
+            {"k": Parameter((-50.0, 50.0), smooth=3.0)}
         ),
         "balance": lambda: problem(lag, wide, records=2, balance="recordings"),
         "at rest": lambda: problem(
-            text("x' = K*u - x - T*x^3; y = g*x + c", "K T g c", states=["x"]), {"g": (-9, 9), "c": (-9, 9)}, steady=True
+            text("x' = K*u - x - T*x^3; y = g*x + c", "K T g c", states=["x"]), {"g": (-9, 9), "c": (-9, 9)},
+            steady=True
         ),
         "regression": lambda: problem(_regression(), {"m": (-50.0, 50.0), "J": (-50.0, 50.0)}),
-        "tied": lambda: problem(text("y = a*u + b*exp(-c*u) + d", "a b c d"), {"a": (-9, 9), "b": (-9, 9), "d": Parameter(tied="a")}),
+        "tied": lambda: problem(text("y = a*u + b*exp(-c*u) + d", "a b c d"),
+                                {"a": (-9, 9), "b": (-9, 9), "d": Parameter(tied="a")}),
     }[name]()  # fmt: skip
 
 
-KINDS = ["curve", "curve at its bounds", "lag", "lag at a bound", "lag with three records", "one offset at its bound", "process"]
+KINDS = [
+    "curve",
+    "curve at its bounds",
+    "lag",
+    "lag at a bound",
+    "lag with three records",
+    "one offset at its bound",
+    "process",
+]
 KINDS += [
     "gain by decades",
     "gain by decades at its bound",
@@ -117,7 +134,9 @@ def test_the_cost_is_the_least_over_the_linear_coordinates(kind):
         cost = projection.costs(zn)[0]
         assert cost == pytest.approx(2.0 * best.cost / len(begin), rel=1e-9)
         assert float(p.cost(projection.lift(zn)[0])) == pytest.approx(cost, rel=1e-11)
-        search = least_squares(lambda share: residuals(share), np.full(len(places), 0.5), bounds=(0, 1), xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        search = least_squares(
+            lambda share: residuals(share), np.full(len(places), 0.5), bounds=(0, 1), xtol=1e-15, ftol=1e-15, gtol=1e-15
+        )
         assert cost <= 2.0 * search.cost / len(begin) * (1 + 1e-9)
 
 
@@ -176,7 +195,9 @@ def test_a_row_that_is_left_and_a_sample_cost_one_jacobian():
     assert counter.spent == (4 + 3 + 2) * objective.jacobian_charge
 
 
-@pytest.mark.parametrize("kind", [k for k in KINDS if k not in ("process", "two outputs", "balance", "at rest", "tied")])
+@pytest.mark.parametrize(
+    "kind", [k for k in KINDS if k not in ("process", "two outputs", "balance", "at rest", "tied")]
+)
 def test_full_derivatives_are_those_of_the_residuals_at_the_answer(kind):
     p = made(kind)
     projection, simple = projected(p, full=True), projected(p)
@@ -243,7 +264,9 @@ def test_columns_that_are_the_same_are_solved_for_together():
 
 def test_more_linear_coordinates_than_samples_leave_no_residual():
     entries = curve(lambda u, p: sum(p["b"][i] * jnp.cos(i * p["w"] * u) for i in range(6)), {"b": (6,), "w": ()})
-    record = Recording(np.arange(4.0), {"u": Signal(np.arange(4.0)), "y": Signal(np.array([1.0, 2.0, 0.5, 1.5]))}, "short")
+    record = Recording(
+        np.arange(4.0), {"u": Signal(np.arange(4.0)), "y": Signal(np.array([1.0, 2.0, 0.5, 1.5]))}, "short"
+    )
     projection = projected(Problem(entries, record, {"b": (-50.0, 50.0)}))
     r, jacobian, *_ = projection.rows([[0.4]])
     assert np.all(np.isfinite(jacobian))
@@ -308,13 +331,18 @@ def test_outputs_in_other_units_and_about_other_means_move_the_linear_ones_along
 
 
 def lanczos(noise: bool = False) -> Problem:
-    """Three exponentials (Lanczos, Applied Analysis, 1956, p. 272), to all digits or as published to five, in boxes of +-1e6."""
+    """Three exponentials (Lanczos, Applied Analysis, 1956, p. 272), to all digits or as published to five, in boxes
+    of +-1e6."""
     x = 0.05 * np.arange(24)
     y = 0.0951 * np.exp(-x) + 0.8607 * np.exp(-3.0 * x) + 1.5576 * np.exp(-5.0 * x)
     if noise:
         y = np.loadtxt((NIST / "Lanczos3.dat").read_text().splitlines()[60:])[:, 0]
-    bounds = {n: {"bounds": (-1e6, 1e6)} for n in ("b1", "b3", "b5")} | {n: {"bounds": (0.0, 20.0)} for n in ("b2", "b4", "b6")}
-    model = equations("y = b1*exp(-b2*x) + b3*exp(-b4*x) + b5*exp(-b6*x)", inputs=["x"], outputs=["y"], parameters=bounds)
+    bounds = {n: {"bounds": (-1e6, 1e6)} for n in ("b1", "b3", "b5")} | {
+        n: {"bounds": (0.0, 20.0)} for n in ("b2", "b4", "b6")
+    }
+    model = equations(
+        "y = b1*exp(-b2*x) + b3*exp(-b4*x) + b5*exp(-b6*x)", inputs=["x"], outputs=["y"], parameters=bounds
+    )
     return Problem(model, Recording(x, {"x": Signal(x), "y": Signal(y)}, "lanczos"))
 
 
@@ -331,7 +359,8 @@ def test_sums_of_exponentials_keep_their_digits_in_wide_boxes():
 def test_a_search_over_the_rates_alone_reaches_the_certified_answer(full):
     projection = projected(lanczos(noise=True), full=full)
     search = least_squares(
-        lambda zn: projection.rows(zn).r[0], projection.problem.space.cube([0.0, 0.0, 0.0, 0.3, 4.0, 9.0])[projection.kept],
+        lambda zn: projection.rows(zn).r[0],
+        projection.problem.space.cube([0.0, 0.0, 0.0, 0.3, 4.0, 9.0])[projection.kept],
         lambda zn: projection.rows(zn).jacobian[0], bounds=(0, 1), xtol=1e-15, ftol=1e-15, gtol=1e-15, max_nfev=500,
     )  # fmt: skip
     assert projection.costs(search.x)[0] * 24 == pytest.approx(1.6117193594e-08, rel=1e-8)
@@ -346,7 +375,9 @@ def test_a_coordinate_that_the_solved_ones_make_up_for_has_no_slope():
     declared = {"a": {"bounds": (0.1, 10.0)}, "b": {"bounds": (0.1, 10.0)}, "tau": {"bounds": (0.05, 5.0)}}
     model = equations("x' = (a*b*u - x)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters=declared)
     noise = 0.05 * np.random.default_rng(0).normal(size=len(t))
-    y = Problem(model, Recording(t, {"u": Signal(u), "y": Signal(u)}), substeps=4).predict(np.array([1.7, 1.2, 0.6]))["y"]
+    y = Problem(model, Recording(t, {"u": Signal(u), "y": Signal(u)}), substeps=4).predict(np.array([1.7, 1.2, 0.6]))[
+        "y"
+    ]
     projection = projected(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y + noise)}), substeps=4))
     assert projection.solved_names in (("a",), ("b",))
     rows = projection.rows(points(projection, 6) * 0.5 + 0.25)

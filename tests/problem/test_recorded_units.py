@@ -18,7 +18,9 @@ def recording(u, y="degC", name="r"):
 
 
 def problem(recordings, k: str | None = None, tau: str | None = "s", **changes):
-    model = pf.equations("x' = (k*u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters={"k": k, "tau": tau})
+    model = pf.equations(
+        "x' = (k*u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters={"k": k, "tau": tau}
+    )
     return pf.Problem(model, recordings, {"k": (0.0, 1.0), "tau": (1.0, 10.0), **changes})
 
 
@@ -59,7 +61,9 @@ def test_a_unit_that_the_problem_gives_is_checked_as_one_of_the_model():
         pf.Problem(model, recording(None), {"tau": pf.Parameter((1.0, 10.0), unit="min")})
 
 
-@pytest.mark.parametrize(("unit", "told"), [("degC/h", "give its numbers in 'degC/s'"), ("degC/s", None), ("degC/dB", "logarithmic")])
+@pytest.mark.parametrize(
+    ("unit", "told"), [("degC/h", "give its numbers in 'degC/s'"), ("degC/s", None), ("degC/dB", "logarithmic")]
+)
 def test_an_addition_to_a_model_without_units_takes_its_times_in_seconds(unit, told):
     model = pf.equations("x' = (u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["tau"])
     model = with_extensions(model, {"drift": {"y": (-1.0, 1.0)}})

@@ -1,4 +1,5 @@
-"""Regressions of several outputs through nonlinear physical parameters: compressed costs, derivatives, intervals, study file."""
+"""Regressions of several outputs through nonlinear physical parameters: compressed costs, derivatives, intervals,
+study file."""
 
 import numpy as np
 import pytest
@@ -57,14 +58,18 @@ def test_cost_is_the_mean_over_every_sample_of_every_output(problem):
     zs = np.random.default_rng(1).uniform(size=(5, 6))
     expected = [np.mean(by_hand(problem, np.asarray(problem.space.physical(z))) ** 2) for z in zs]
     np.testing.assert_allclose(problem.costs(zs), expected, rtol=1e-11)
-    np.testing.assert_allclose(problem.residuals(zs[0]), by_hand(problem, np.asarray(problem.space.physical(zs[0]))), rtol=1e-10)
+    np.testing.assert_allclose(
+        problem.residuals(zs[0]), by_hand(problem, np.asarray(problem.space.physical(zs[0]))), rtol=1e-10
+    )
 
 
 def test_gradient_and_compressed_rows_are_those_of_all_samples(problem):
     z = np.random.default_rng(2).uniform(size=6)
     r, jacobian = problem.residuals_and_jacobian(z)
     gradient = 2 * jacobian.T @ r / len(r)
-    np.testing.assert_allclose(problem.value_and_gradient(z)[1], gradient, rtol=1e-9, atol=1e-9 * np.abs(gradient).max())
+    np.testing.assert_allclose(
+        problem.value_and_gradient(z)[1], gradient, rtol=1e-9, atol=1e-9 * np.abs(gradient).max()
+    )
     short, slopes = problem.compressed(z)
     assert len(short) < 20
     np.testing.assert_allclose(short @ short / len(short), r @ r / len(r), rtol=1e-11)
@@ -87,7 +92,10 @@ def test_bounded_fit_ends_where_scipy_does(problem):
     recordings = {n: e.recording for n, e in problem.experiments.items()}
     base = Problem(pendubot_regression(joints=(1, 2), parameters="base"), recordings, scales=SIGMA)
     x = least_squares(
-        lambda p: by_hand(base, p), 0.5 * (base.space.lower + base.space.upper), bounds=(base.space.lower, base.space.upper), x_scale="jac"
+        lambda p: by_hand(base, p),
+        0.5 * (base.space.lower + base.space.upper),
+        bounds=(base.space.lower, base.space.upper),
+        x_scale="jac",
     ).x
     found = pf.minimise(objective_of(base), "least_squares", runs=2, budget=600, seed=4)
     for run in found:
@@ -102,7 +110,9 @@ def test_inertias_stay_open_and_base_parameters_come_within_their_errors():
         assert rows[name]["status"] in ("flat", "weak")
         assert rows[name]["low"] < 1e-4
         assert rows[name]["high"] > 9e-4
-    base = pf.fit(Problem(pendubot_regression(joints=(1, 2), parameters="base"), recording), "least_squares", budget=2000, seed=1)
+    base = pf.fit(
+        Problem(pendubot_regression(joints=(1, 2), parameters="base"), recording), "least_squares", budget=2000, seed=1
+    )
     truth = base_values(TRUTH)
     for p in base.findings["parameters"]:
         assert p["status"] == "determined"
@@ -111,7 +121,8 @@ def test_inertias_stay_open_and_base_parameters_come_within_their_errors():
 
 
 def test_the_standard_error_is_that_of_weighted_least_squares():
-    """White noise and a linear problem: (X' W X)^-1, within what an autocorrelation estimate of white residuals costs."""
+    """White noise and a linear problem: (X' W X)^-1, within what an autocorrelation estimate of white residuals
+    costs."""
     recording = record(4000, seed=9)
     model = pendubot_regression(joints=(1, 2), parameters="base")
     answer = pf.fit(Problem(model, recording), "least_squares", budget=2000, seed=1)
@@ -134,7 +145,9 @@ def test_an_array_parameter_may_feed_several_coefficients():
     )
     x = np.linspace(-1, 1, 50)
     y = 0.3 - 0.8 * x + 1.1 * x**2
-    answer = pf.fit(Problem(model, Recording(x + 2.0, {"x": Signal(x, None), "y": Signal(y, "V")})), "least_squares", budget=500)
+    answer = pf.fit(
+        Problem(model, Recording(x + 2.0, {"x": Signal(x, None), "y": Signal(y, "V")})), "least_squares", budget=500
+    )
     np.testing.assert_allclose([answer.values[f"k[{i}]"] for i in range(3)], [0.3, -0.8, 1.1], rtol=1e-8)
 
 

@@ -24,7 +24,9 @@ def starts(problem: Problem, count: int) -> np.ndarray:
 def plain_fit(problem: Problem, z: np.ndarray) -> np.ndarray:
     """Where trust-region least squares on the whole record ends."""
     budget = int(100 * problem.jacobian_charge)
-    return minimise(objective_of(problem, z[None]), "least_squares", runs=1, budget=budget, seed=0, settings={"agree": 1})[0].x
+    return minimise(
+        objective_of(problem, z[None]), "least_squares", runs=1, budget=budget, seed=0, settings={"agree": 1}
+    )[0].x
 
 
 def cost(problem: Problem, z: np.ndarray) -> float:
@@ -77,7 +79,9 @@ def test_chaos_is_found_from_anywhere():
     tries = starts(problem, 10)
     found = [shooting.start(z) for z in tries]
     assert sum(cost(problem, z) < 1.02 * floor for z in found) == 10
-    np.testing.assert_allclose(np.median([values(problem, z)[:3] for z in found], axis=0), list(LORENZ.values()), rtol=0.01)
+    np.testing.assert_allclose(
+        np.median([values(problem, z)[:3] for z in found], axis=0), list(LORENZ.values()), rtol=0.01
+    )
     assert sum(cost(problem, plain_fit(problem, z)) < 10 * floor for z in tries) == 0
 
 
@@ -122,7 +126,9 @@ def test_the_origin_of_time_does_not_matter():
 def test_a_start_that_is_already_best_is_kept():
     problem = Problem(lag(), lag_recording(), substeps=2)
     best = plain_fit(problem, problem.space.cube([1.5, 1.0, 0.4]))
-    np.testing.assert_allclose(values(problem, shooting_start(problem, best, length=2.5)), values(problem, best), rtol=1e-4)
+    np.testing.assert_allclose(
+        values(problem, shooting_start(problem, best, length=2.5)), values(problem, best), rtol=1e-4
+    )
 
 
 def test_where_nothing_can_be_simulated_the_start_comes_back():

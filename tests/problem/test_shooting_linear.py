@@ -17,7 +17,9 @@ def chain(records=(5, 3), n=2, q=3, d=4, k=6, seed=0, growth=1.0) -> Linear:
     end = rng.normal(size=(count, n, q + n))
     end[:, :, q:] *= growth
     joined = np.append(record[1:] == record[:-1], False)
-    return Linear(rng.normal(size=(count, k, q + n + 1)), end, rng.normal(size=(count, n)) * joined[:, None], joined, local)
+    return Linear(
+        rng.normal(size=(count, k, q + n + 1)), end, rng.normal(size=(count, n)) * joined[:, None], joined, local
+    )
 
 
 def dense(linear: Linear, weight: float, damping: float, z: np.ndarray):
@@ -96,5 +98,9 @@ def test_no_digits_are_lost_when_states_grow_without_bound():
     wanted = dense(linear, 1e4, 1e-9, z)
     np.testing.assert_allclose(dz, wanted[0], rtol=1e-6, atol=1e-9)
     np.testing.assert_allclose(ds, wanted[1], rtol=1e-5, atol=1e-8)
-    gap = linear.gap + np.einsum("lnv,lv->ln", linear.end, np.concatenate([dz[linear.local], ds], axis=1)) - np.roll(ds, -1, axis=0)
+    gap = (
+        linear.gap
+        + np.einsum("lnv,lv->ln", linear.end, np.concatenate([dz[linear.local], ds], axis=1))
+        - np.roll(ds, -1, axis=0)
+    )
     assert np.max(np.abs(gap[:-1])) < 1e-4

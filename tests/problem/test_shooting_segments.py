@@ -29,7 +29,8 @@ def whole(problem: Problem, z: np.ndarray):
 
 
 def begun_at_the_whole(shooting: Shooting, z: np.ndarray):
-    """Rows and final states of the segments when they start where one simulation passes, its states, and where they start."""
+    """Rows and final states of the segments when they start where one simulation passes, its states, and where they
+    start."""
     x, t = whole(shooting.problem, z)
     pieces = shooting.cut
     first = np.searchsorted(t, np.asarray(pieces.segments.drive.t)[:, 0])
@@ -76,7 +77,9 @@ def test_derivatives_equal_central_differences():
         dz, ds = (1e-6 * np.eye(3)[j], 0.0) if j < 3 else (np.zeros(3), 1e-6)
         up, down = (z + dz, s + ds), (z - dz, s - ds)
         np.testing.assert_allclose((at(*up)[1] - at(*down)[1])[..., 0] / 2e-6, by[:, 0, j], rtol=2e-5, atol=1e-7)
-        np.testing.assert_allclose((half_squares(*up) - half_squares(*down)) / 2e-6, gradient[:, j], rtol=2e-5, atol=1e-8)
+        np.testing.assert_allclose(
+            (half_squares(*up) - half_squares(*down)) / 2e-6, gradient[:, j], rtol=2e-5, atol=1e-8
+        )
 
 
 def test_every_scored_sample_is_scored_once():
@@ -95,7 +98,9 @@ def test_every_scored_sample_is_scored_once():
 def test_only_the_knots_that_can_reach_a_segment_are_carried():
     problem = lag_problem()
     knots = cut(problem, segments=30).segments.drive.delayed[0].knots
-    assert knots.shape[1] <= (0.5 + 1.0) / 0.5 + 2  # half a second of segment, a second of delay, an edge every half second
+    assert (
+        knots.shape[1] <= (0.5 + 1.0) / 0.5 + 2
+    )  # half a second of segment, a second of delay, an edge every half second
 
 
 def test_records_of_different_length_get_segments_of_one_length_and_their_own_coordinates():
@@ -165,7 +170,9 @@ def test_a_steady_record_is_refused():
 
 
 def test_a_model_without_states_is_refused():
-    line = Model("line", {}, {"u": None}, {"y": None}, (Declared("a", None, (0.0, 1.0)),), lambda x, u, p: {"y": p["a"] * u["u"]})
+    line = Model(
+        "line", {}, {"u": None}, {"y": None}, (Declared("a", None, (0.0, 1.0)),), lambda x, u, p: {"y": p["a"] * u["u"]}
+    )
     t = np.arange(5.0)
     with pytest.raises(SimulationError, match="no states"):
         Shooting.of(Problem(line, Recording(t, {"u": Signal(t), "y": Signal(t)})), segments=2)

@@ -1,5 +1,5 @@
-"""Smoothed tables: the rows against quadratics, the cost against its definition, every form of it against each other, answers
-against linear algebra and a smoothing spline."""
+"""Smoothed tables: the rows against quadratics, the cost against its definition, every form of it against each
+other, answers against linear algebra and a smoothing spline."""
 
 from functools import cache
 
@@ -71,7 +71,9 @@ def test_cost_is_that_of_the_data_and_of_the_bends():
     bends = second_differences(np.array(NODES)) @ ((values + 4.0) / 10.0)
     wanted = (np.sum((np.interp(u, NODES, values) - y) ** 2) + 7.0 * np.sum(bends**2)) / len(u)
     assert float(problem.cost(z)) == pytest.approx(wanted, rel=1e-12)
-    assert float(problem.unsmoothed.cost(z)) == pytest.approx(np.mean((np.interp(u, NODES, values) - y) ** 2), rel=1e-12)
+    assert float(problem.unsmoothed.cost(z)) == pytest.approx(
+        np.mean((np.interp(u, NODES, values) - y) ** 2), rel=1e-12
+    )
     np.testing.assert_allclose(problem.residuals(z), np.interp(u, NODES, values) - y, atol=1e-12)
 
 
@@ -94,10 +96,14 @@ def mixed():
     """A moving record and one at rest of a process with a gain that changes with its input."""
     t = np.arange(0.0, 30.0, 0.5)
     u, y = Signal(np.full(len(t), 40.0)), Signal(20.0 * (1 - np.exp(-t / 5.0)))
-    rest = Recording(np.arange(3.0), {"u": Signal(np.array([20.0, 40.0, 60.0])), "y": Signal(np.array([9.0, 20.0, 33.0]))}, "rest")
+    rest = Recording(
+        np.arange(3.0), {"u": Signal(np.array([20.0, 40.0, 60.0])), "y": Signal(np.array([9.0, 20.0, 33.0]))}, "rest"
+    )
     records = {"moving": Recording(t, {"u": u, "y": y}, "moving"), "rest": Experiment(rest, steady=True)}
     model = tabled_first_order(dead_time=False, offset=False)
-    return Problem(model, records, {"K": Parameter((0.1, 1.0), smooth=30.0), "tau": Parameter((1.0, 20.0), value=5.0)}, substeps=1)
+    return Problem(
+        model, records, {"K": Parameter((0.1, 1.0), smooth=30.0), "tau": Parameter((1.0, 20.0), value=5.0)}, substeps=1
+    )
 
 
 @pytest.mark.parametrize("kind", ["steam", "curve", pytest.param("mixed", marks=pytest.mark.slow)])
@@ -184,7 +190,9 @@ def test_dense_nodes_give_a_smoothing_spline():
     nodes = np.linspace(0.0, 10.0, 201)
     u, y = nodes[::4] + 0.0, np.sin(nodes[::4]) + 0.2 * np.random.default_rng(4).normal(size=51)
     h, strength = 0.05, 2.0  # of make_smoothing_spline: sum of squares + strength x integral of f''^2
-    problem = Problem(curve(tuple(nodes)), sampled(u, y), {"f": Parameter((-4.0, 6.0), "V", smooth=strength * 100.0 / h**3)})
+    problem = Problem(
+        curve(tuple(nodes)), sampled(u, y), {"f": Parameter((-4.0, 6.0), "V", smooth=strength * 100.0 / h**3)}
+    )
     values = np.array(list(fit(problem, "least_squares", seed=0, settings={"agree": 1}).values.values()))
     np.testing.assert_allclose(values, make_smoothing_spline(u, y, lam=strength)(nodes), atol=2e-3)
 
@@ -200,7 +208,12 @@ def test_gradients_of_many_points_agree_in_a_batch():
 
 @pytest.mark.parametrize(
     ("smooth", "said"),
-    [(-1.0, "strength of 0 or more"), ("cv", "'cross-validated', 'reml'"), ((1.0, 2.0), "one for each"), (np.nan, "strength of 0 or more")],
+    [
+        (-1.0, "strength of 0 or more"),
+        ("cv", "'cross-validated', 'reml'"),
+        ((1.0, 2.0), "one for each"),
+        (np.nan, "strength of 0 or more"),
+    ],
 )
 def test_a_strength_that_cannot_be_is_refused(smooth, said):
     with pytest.raises(SpaceError, match=said):
@@ -218,7 +231,9 @@ def test_the_key_of_the_study_file(tmp_path):
     from plantfit.spec import parse
 
     u, y = noisy(n=30)
-    (tmp_path / "c.csv").write_text("t,u,y\n" + "".join(f"{i},{a},{b}\n" for i, (a, b) in enumerate(zip(u, y, strict=True))))
+    (tmp_path / "c.csv").write_text(
+        "t,u,y\n" + "".join(f"{i},{a},{b}\n" for i, (a, b) in enumerate(zip(u, y, strict=True)))
+    )
     text = """name = "c"
 [recording.c]
 file = "c.csv"

@@ -12,7 +12,11 @@ from plantfit.recording import from_arrays
 
 NOISE = 0.02
 BENT = pf.equations(
-    "x' = c*(u - x**3)\n y = x", inputs=["u"], states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"c": {"bounds": (0.5, 5.0)}}
+    "x' = c*(u - x**3)\n y = x",
+    inputs=["u"],
+    states={"x": {"initial": 1.0}},
+    outputs=["y"],
+    parameters={"c": {"bounds": (0.5, 5.0)}},
 )
 T = np.arange(0.0, 60.0, 0.2)
 

@@ -1,6 +1,8 @@
-"""Stiff problems with published end values: what is simulated with default steps at given values is exact, or it is said that it is not.
+"""Stiff problems with published end values: what is simulated with default steps at given values is exact, or it is
+said that it is not.
 
-Values from the Test Set for IVP Solvers (F. Mazzia, C. Magherini, release 2.4, 2008). Measured samples are those of scipy's Radau.
+Values from the Test Set for IVP Solvers (F. Mazzia, C. Magherini, release 2.4, 2008). Measured samples are those of
+scipy's Radau.
 """
 
 import numpy as np
@@ -32,7 +34,8 @@ POL = """y1' = y2
 y2' = ((1 - y1^2)*y2 - y1)/k"""
 CASES = {
     "hires": (HIRES, 280.0, [1, 0, 0, 0, 0, 0, 0, 0.0057], [0, 1, 10, 100, 321.8122],
-              [7.371312573325668e-4, 1.442485726316185e-4, 5.888729740967575e-5, 1.175651343283149e-3, 2.386356198831331e-3,
+              [7.371312573325668e-4, 1.442485726316185e-4, 5.888729740967575e-5, 1.175651343283149e-3,
+               2.386356198831331e-3,
                6.238968252742796e-3, 2.849998395185769e-3, 2.850001604814231e-3]),
     "robertson": (ROBERTSON, 0.04, [1, 0, 0], [0, 0.4, 4, 40, 400, 4e3, 4e4, 4e5, 4e6, 4e7, 4e8, 4e9, 4e10, 1e11],
                   [2.083340149701255e-8, 8.333360770334713e-14, 0.9999999791665050]),
@@ -60,7 +63,9 @@ def made(name):
     return problem, np.asarray(problem.space.cube(np.array([k]))), exact
 
 
-@pytest.mark.parametrize("name", [pytest.param(n, marks=pytest.mark.slow) if n in ("hires", "oregonator") else n for n in CASES])
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in ("hires", "oregonator") else n for n in CASES]
+)
 def test_simulated_at_given_values(name):
     problem, z, exact = made(name)
     shown, error = steps_and_error(choose_substeps(problem), z)

@@ -1,7 +1,9 @@
-"""Where the simulation and the tight solver differ, either may be off: the tight one is asked again with tighter tolerances.
+"""Where the simulation and the tight solver differ, either may be off: the tight one is asked again with tighter
+tolerances.
 
-The published model of T cells (Crauste et al., Cell Systems 4 (2017) 306, as in the collection of PEtab) follows an unstable course: errors
-of LSODA with rtol 1e-9 grow to 2 % of an output's range, which DOP853 (rtol 1e-13) and Radau (1e-12) agree on to 1e-9.
+The published model of T cells (Crauste et al., Cell Systems 4 (2017) 306, as in the collection of PEtab) follows an
+unstable course: errors of LSODA with rtol 1e-9 grow to 2 % of an output's range, which DOP853 (rtol 1e-13) and Radau
+(1e-12) agree on to 1e-9.
 """
 
 from pathlib import Path
@@ -21,9 +23,12 @@ from plantfit.simulate.simulator import ADAPTIVE, Simulator
 STUDY = Path(__file__).parents[2] / "benchmarks" / "published_odes" / "studies" / "crauste.toml"
 # where a fit of ours ended
 VALUES = {
-    "delta_EL": 0.3172501181084752, "delta_LM": 0.05353754629992298, "delta_NE": 1.4521301356997174e-05, "mu_EE": 8.827940169186593e-05,
-    "mu_LE": 1.9953300389634984e-06, "mu_LL": 5.4882272150073645e-06, "mu_N": 0.7234126283319495, "mu_P": 0.13577611537534554,
-    "mu_PE": 1.0000817362529829e-10, "mu_PL": 6.0059329074132956e-05, "rho_E": 1.2489056373814955, "rho_P": 0.20822481778505653,
+    "delta_EL": 0.3172501181084752, "delta_LM": 0.05353754629992298, "delta_NE": 1.4521301356997174e-05,
+    "mu_EE": 8.827940169186593e-05,
+    "mu_LE": 1.9953300389634984e-06, "mu_LL": 5.4882272150073645e-06, "mu_N": 0.7234126283319495,
+    "mu_P": 0.13577611537534554,
+    "mu_PE": 1.0000817362529829e-10, "mu_PL": 6.0059329074132956e-05, "rho_E": 1.2489056373814955,
+    "rho_P": 0.20822481778505653,
 }  # fmt: skip
 SCALES = {"EarlyEffector": 2494.2, "LateEffector": 1513.1, "Memory": 7676.7, "Naive": 23.541}
 
@@ -50,7 +55,9 @@ def true_cost(problem):
             g * g * p["rho_P"] - e * g * p["mu_PE"] - late * g * p["mu_PL"] - g * p["mu_P"],
         ]
 
-    found = solve_ivp(rate, (0.0, recording.t[-1]), [8090.0, 0, 0, 0, 1.0], "DOP853", t_eval=recording.t, rtol=1e-13, atol=1e-14).y
+    found = solve_ivp(
+        rate, (0.0, recording.t[-1]), [8090.0, 0, 0, 0, 1.0], "DOP853", t_eval=recording.t, rtol=1e-13, atol=1e-14
+    ).y
     seen: dict[str, Any] = dict(zip(("Naive", "EarlyEffector", "LateEffector", "Memory"), found, strict=False))
     rows = [(seen[o] - recording[f"y_observable_{o}"]) / scale for o, scale in SCALES.items()]
     r = np.concatenate(rows)
@@ -79,7 +86,10 @@ def test_a_simulation_that_is_off_is_still_told():
     assert told.off == pytest.approx(abs(told.cost_reported / true - 1.0), rel=0.01)
     assert told.off > 0.5
     assert not told.confirmed
-    assert verification.error_of(problem, z, "model1_data1").rms_error["y_observable_LateEffector"] > SCALES["LateEffector"]
+    assert (
+        verification.error_of(problem, z, "model1_data1").rms_error["y_observable_LateEffector"]
+        > SCALES["LateEffector"]
+    )
 
 
 def test_what_agrees_is_not_solved_twice(monkeypatch):
@@ -88,7 +98,9 @@ def test_what_agrees_is_not_solved_twice(monkeypatch):
     monkeypatch.setattr(verification, "follow", lambda *a, **k: asked.append(k["rtol"]) or before(*a, **k))
     t = np.linspace(0.0, 5.0, 40)
     parameters = {"tau": {"bounds": (0.5, 2.0), "unit": "s"}}
-    model = equations("x' = (1 - x)/tau\ny = x", inputs=[], states={"x": {"initial": 0.0}}, outputs=["y"], parameters=parameters)
+    model = equations(
+        "x' = (1 - x)/tau\ny = x", inputs=[], states={"x": {"initial": 0.0}}, outputs=["y"], parameters=parameters
+    )
     y = 1.0 - np.exp(-t) + 0.01 * np.random.default_rng(1).normal(size=40)
     problem = Problem(model, Recording(t, {"y": Signal(y)}), substeps=1)
     z = np.asarray(problem.space.cube(np.array([1.0])))

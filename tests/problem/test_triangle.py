@@ -7,7 +7,17 @@ from plantfit.problem.evaluate import triangle as module
 from plantfit.problem.evaluate.triangle import ROWS, triangle
 from plantfit.study import objective
 
-SHAPES = [(3, 7), (7, 3), (ROWS, 5), (2 * ROWS + 1, 1), (2 * ROWS + 1, 12), (5000, 32), (3000, 64), (1000, 90), (600, 0)]
+SHAPES = [
+    (3, 7),
+    (7, 3),
+    (ROWS, 5),
+    (2 * ROWS + 1, 1),
+    (2 * ROWS + 1, 12),
+    (5000, 32),
+    (3000, 64),
+    (1000, 90),
+    (600, 0),
+]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -17,7 +27,9 @@ def test_it_keeps_all_products(shape):
     assert found.shape == (min(shape), shape[1])
     assert np.array_equal(found, np.triu(found))
     scale = np.sqrt(np.sum(rows**2, axis=0))
-    np.testing.assert_allclose(found.T @ found / np.outer(scale, scale), rows.T @ rows / np.outer(scale, scale), atol=1e-13)
+    np.testing.assert_allclose(
+        found.T @ found / np.outer(scale, scale), rows.T @ rows / np.outer(scale, scale), atol=1e-13
+    )
 
 
 def test_it_equals_the_triangle_of_numpy_row_by_row():
@@ -50,7 +62,9 @@ def test_columns_of_zeros_and_of_tiny_numbers(shape):
     found = triangle(rows)
     np.testing.assert_array_equal(found[:, [1, 3]], 0.0)
     np.testing.assert_allclose(
-        found.T @ found, np.where(np.abs(rows) < 1e-200, 0, rows).T @ np.where(np.abs(rows) < 1e-200, 0, rows), atol=1e-10
+        found.T @ found,
+        np.where(np.abs(rows) < 1e-200, 0, rows).T @ np.where(np.abs(rows) < 1e-200, 0, rows),
+        atol=1e-10,
     )
 
 

@@ -1,4 +1,5 @@
-"""Files as loggers, oscilloscopes, PLCs, MATLAB and Excel write them, of simulated plants whose inputs and outputs are known."""
+"""Files as loggers, oscilloscopes, PLCs, MATLAB and Excel write them, of simulated plants whose inputs and outputs
+are known."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -50,7 +51,8 @@ def _heater(seed: int, n: int = 400, h: float = 1.0) -> tuple[np.ndarray, np.nda
     return h * np.arange(n), q, np.round(21 + lag(q, h, 60.0, 0.6, 5) + rng.normal(0, 0.1, n), 2)
 
 
-def _csv(path: Path, headers: list[str], *columns: np.ndarray, sep: str = ",", form: str = "%.6g", top: str = "", encoding: str = "utf-8",
+def _csv(path: Path, headers: list[str], *columns: np.ndarray, sep: str = ",", form: str = "%.6g", top: str = "",
+         encoding: str = "utf-8",
          comma: bool = False) -> None:  # fmt: skip
     rows = [sep.join(c if isinstance(c, str) else form % c for c in row) for row in zip(*columns, strict=True)]
     body = "\n".join(row.replace(".", ",") if comma else row for row in rows)
@@ -74,7 +76,16 @@ def german(path: Path) -> None:
 
 def french(path: Path) -> None:
     t, q, y = _heater(3)
-    _csv(path, ["Temps (s)", "Puissance chauffage (%)", "Température (°C)"], t, q, y, sep=";", comma=True, encoding="utf-8-sig")
+    _csv(
+        path,
+        ["Temps (s)", "Puissance chauffage (%)", "Température (°C)"],
+        t,
+        q,
+        y,
+        sep=";",
+        comma=True,
+        encoding="utf-8-sig",
+    )
 
 
 def pandas_index(path: Path) -> None:
@@ -86,7 +97,15 @@ def pandas_index(path: Path) -> None:
 def date_and_clock(path: Path) -> None:
     t, q, y = _heater(5)
     top = "Device: DL-220\nSerial: 004711\nChannels: 2\n\n"
-    _csv(path, ["Date", "Time", "CH1 temp (degC)", "CH2 heater (%)"], _stamps(t, "%d.%m.%Y"), _stamps(t, "%H:%M:%S"), y, q, top=top)
+    _csv(
+        path,
+        ["Date", "Time", "CH1 temp (degC)", "CH2 heater (%)"],
+        _stamps(t, "%d.%m.%Y"),
+        _stamps(t, "%H:%M:%S"),
+        y,
+        q,
+        top=top,
+    )
 
 
 def iso(path: Path) -> None:
@@ -124,7 +143,9 @@ def scope_two_rows(path: Path) -> None:
     wave = 2.5 + 2.5 * np.sign(np.sin(2 * np.pi * 11 * h * np.arange(n) + 0.3))
     y = lag(wave, h, 8e-3, 0.9) + rng.normal(0, 0.01, n)
     top = "x-axis,1,2\nsecond,Volt,Volt\n"
-    rows = "\n".join(f"{t:.6e},{b:.4f},{a:.4f}" for t, a, b in zip(h * np.arange(n), wave + rng.normal(0, 0.01, n), y, strict=True))
+    rows = "\n".join(
+        f"{t:.6e},{b:.4f},{a:.4f}" for t, a, b in zip(h * np.arange(n), wave + rng.normal(0, 0.01, n), y, strict=True)
+    )
     path.write_text(top + rows + "\n")
 
 
@@ -137,7 +158,11 @@ def plc(path: Path) -> None:
 def plc_long(path: Path) -> None:
     t, q, y = _heater(13)
     stamps = _stamps(t, "%Y-%m-%d %H:%M:%S")
-    rows = [f"{s};{tag};{v:.2f}" for s, a, b in zip(stamps, q, y, strict=True) for tag, v in (("Heater.Out", a), ("Tank.Temp", b))]
+    rows = [
+        f"{s};{tag};{v:.2f}"
+        for s, a, b in zip(stamps, q, y, strict=True)
+        for tag, v in (("Heater.Out", a), ("Tank.Temp", b))
+    ]
     path.write_text("timestamp;tag;value\n" + "\n".join(rows) + "\n")
 
 
@@ -266,7 +291,8 @@ STYLES = [
     Logged("pandas.csv", pandas_index, "time", frozenset({"pwm"}), frozenset({"speed"})),
     Logged("logger.csv", date_and_clock, "Time", frozenset({"CH2 heater (%)"}), frozenset({"CH1 temp (degC)"}), 1.0),
     Logged("iso.csv", iso, "timestamp", frozenset({"heater"}), frozenset({"temperature"}), 1.0),
-    Logged("american.csv", american, "Timestamp", frozenset({"Valve Position (%)"}), frozenset({"Outlet Temp (degC)"}), 1.0),
+    Logged("american.csv", american, "Timestamp", frozenset({"Valve Position (%)"}), frozenset({"Outlet Temp (degC)"}),
+           1.0),
     Logged("datum.csv", german_stamp, "Datum", frozenset({"Ventil"}), frozenset({"Durchfluss"}), 0.02),
     Logged("epoch.csv", epoch, "timestamp_ms", frozenset({"duty"}), frozenset({"rpm"}), 0.02),
     Logged("scope.csv", scope, "TIME", frozenset({"CH1"}), frozenset({"CH2"}), 1e-5),

@@ -1,4 +1,5 @@
-"""Readings that look back, at the times that they tell of: against closed forms and against the virtual bench's exact signals."""
+"""Readings that look back, at the times that they tell of: against closed forms and against the virtual bench's
+exact signals."""
 
 import numpy as np
 import pytest
@@ -18,7 +19,9 @@ def speeds(rig, seed=3, **options):
 
 def test_the_mean_of_a_line_over_a_window_is_the_line_half_a_window_before():
     t, window = np.arange(100) * 0.1, 0.3
-    r = Recording(t, {"mean": Signal(2 * (t - window / 2), "A"), "u": Signal(np.floor(t), "V"), "y": Signal(t**2, "m")}, "run")
+    r = Recording(
+        t, {"mean": Signal(2 * (t - window / 2), "A"), "u": Signal(np.floor(t), "V"), "y": Signal(t**2, "m")}, "run"
+    )
     back = rec.backdate(r, "mean", window / 2, hold=["u"])
     there = np.isfinite(back["mean"])
     assert there.sum() == 98  # two would lie before the start
@@ -52,7 +55,9 @@ def test_each_sample_may_have_a_delay_of_its_own():
 
 @pytest.mark.parametrize("period", [2e-4, 5e-5])  # of about two pulses, and of half a one
 def test_a_motor_that_speeds_up_is_seen_where_it_was(period):
-    rig = DcMotorRig(slot_error=0.0, tick=0.0, duration=0.03, period=period, window=period, substeps=round(period / 1e-6))
+    rig = DcMotorRig(
+        slot_error=0.0, tick=0.0, duration=0.03, period=period, window=period, substeps=round(period / 1e-6)
+    )
     before, after = [], []
     for seed in range(8):  # phases of the disc
         run, r = rig.record(seed), speeds(rig, seed)
@@ -75,7 +80,9 @@ def test_a_period_that_was_read_before_is_left_out():
 
 
 def test_the_mean_speed_of_uneven_slots_is_right_once_their_error_is_known():
-    rig = DcMotorRig(slot_error=0.08, tick=0.0, duration=0.4, period=2.3e-4, window=2.3e-4, substeps=10)  # slots change from turn to turn
+    rig = DcMotorRig(
+        slot_error=0.08, tick=0.0, duration=0.4, period=2.3e-4, window=2.3e-4, substeps=10
+    )  # slots change from turn to turn
     late = slice(round(0.05 / rig.period), None)
     for known, off in ((0.0, 3 * 0.08**2), (0.08, 0.0)):
         means = []
@@ -104,7 +111,9 @@ def test_a_slot_is_recognised_at_every_turn_in_both_directions():
 
 def test_what_cannot_be_is_said_in_a_sentence():
     t = np.arange(4.0)
-    r = Recording(t, {"y": Signal(t), "late": Signal(np.array([0.0, -1.0, 0.0, 0.0]), "s"), "Tp": Signal(t + 1, "s")}, "run")
+    r = Recording(
+        t, {"y": Signal(t), "late": Signal(np.array([0.0, -1.0, 0.0, 0.0]), "s"), "Tp": Signal(t + 1, "s")}, "run"
+    )
     with pytest.raises(RecordingError, match=r"backdate\('y'\): the delay at 1 s is -1 s; give 0 or more"):
         rec.backdate(r, "y", "late")
     with pytest.raises(RecordingError, match="give seconds, or the name of a signal"):

@@ -37,7 +37,9 @@ def test_outliers_found_and_nothing_else():
 def test_outliers_do_not_depend_on_scale_and_offset(gain, offset):
     values = np.random.default_rng(0).standard_normal(2000)
     values[::97] *= 20
-    first, second = (np.isnan(rec.drop_outliers(record(v), "q", threshold=5)["q"]) for v in (values, gain * values + offset))
+    first, second = (
+        np.isnan(rec.drop_outliers(record(v), "q", threshold=5)["q"]) for v in (values, gain * values + offset)
+    )
     np.testing.assert_array_equal(first, second)
     assert first.any()
 
@@ -222,7 +224,9 @@ def test_of_many_marked_samples_it_is_the_nearest_step_and_says_how_many_it_take
 def test_a_coarser_grid_keeps_a_line_up_to_both_ends(factor):
     t = np.arange(10_001) * 0.001
     made = rec.decimate(rec.from_arrays(t, signals={"x": 3.0 * t + 1.0}), factor)
-    np.testing.assert_allclose(made["x"], 3.0 * made.t + 1.0, rtol=0, atol=3.0 * 2e-3 * 0.001 * factor)  # of a step of the new grid
+    np.testing.assert_allclose(
+        made["x"], 3.0 * made.t + 1.0, rtol=0, atol=3.0 * 2e-3 * 0.001 * factor
+    )  # of a step of the new grid
 
 
 @pytest.mark.parametrize(("cutoff", "order"), [(0.2, 2), (1.0, 1), (1.0, 4), (20.0, 2)])
@@ -256,25 +260,39 @@ NO_STEPS = {
 
 
 def steps_of_code():
-    """Names of public functions from a recording to one recording: those of `recording/clean/` and those that Python users call."""
+    """Names of public functions from a recording to one recording: those of `recording/clean/` and those that Python
+    users call."""
     modules = [import_module(f"plantfit.recording.clean.{m.name}") for m in iter_modules(clean.__path__)]
-    own = {n: f for m in modules for n, f in vars(m).items() if inspect.isfunction(f) and f.__module__ == m.__name__ and n[0] != "_"}
+    own = {
+        n: f
+        for m in modules
+        for n, f in vars(m).items()
+        if inspect.isfunction(f) and f.__module__ == m.__name__ and n[0] != "_"
+    }
     functions = own | {n: f for n in rec.__all__ if inspect.isfunction(f := getattr(rec, n))}
     takes = {n: [p.annotation for p in inspect.signature(f).parameters.values()][:1] for n, f in functions.items()}
-    return {n for n, f in functions.items() if takes[n] == [Recording] and inspect.signature(f).return_annotation is Recording}
+    return {
+        n
+        for n, f in functions.items()
+        if takes[n] == [Recording] and inspect.signature(f).return_annotation is Recording
+    }
 
 
 def test_study_files_take_every_cleaning_step():
     steps = steps_of_code()
     assert len(steps) > 20
     missing = sorted(steps - set(CLEANING) - set(NO_STEPS))
-    assert missing == [], f"add {missing} to CLEANING in src/plantfit/spec/recordings.py, or to NO_STEPS here with the reason"
+    assert missing == [], (
+        f"add {missing} to CLEANING in src/plantfit/spec/recordings.py, or to NO_STEPS here with the reason"
+    )
     unknown = [name for name in CLEANING if name not in rec.__all__]
     assert unknown == [], f"add {unknown} to the three lists of src/plantfit/recording/__init__.py"
 
 
 def test_the_page_on_recordings_has_a_row_for_every_cleaning_step():
     page = (Path(__file__).resolve().parents[2] / "docs" / "recordings.md").read_text("utf-8")
-    rows = " ".join(re.findall(r"^\| (`[^|]*) \|", page.split("| step | what it does |")[1].split("\n\n")[0], re.MULTILINE))
+    rows = " ".join(
+        re.findall(r"^\| (`[^|]*) \|", page.split("| step | what it does |")[1].split("\n\n")[0], re.MULTILINE)
+    )
     missing = [name for name in CLEANING if not re.search(rf"`{name}[(`]", rows)]
     assert missing == [], f"add a row for {missing} to the table of steps in docs/recordings.md"

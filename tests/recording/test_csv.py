@@ -19,9 +19,11 @@ SHAPES = {
     "pipe, milliseconds": "t [ms]|u [V]|w [rpm]\n0|0|10\n10|1.5|20.5\n20|-2.25|30\n",
     "unit row": "t;u;w\ns;V;rpm\n0;0;10\n0.01;1.5;20.5\n0.02;-2.25;30\n",
     "white space, unit row": "t   u   w\n s  V  rpm\n 0   0  10\n0.01 1.5  20.5\n0.02  -2.25 30\n",
-    "comments, blanks, quotes": '# bench 3\n"t [s]","u [V]","w [rpm]"\n\n"0",0,10\n# pause\n0.01,"1.5",20.5\n0.02,-2.25,30\n',
+    "comments, blanks, quotes": '# bench 3\n"t [s]","u [V]","w [rpm]"\n\n"0",0,10\n# '
+    'pause\n0.01,"1.5",20.5\n0.02,-2.25,30\n',
     "delimiter at line ends": "t [s],u [V],w [rpm],\n0,0,10,\n0.01,1.5,20.5,\n0.02,-2.25,30,\n",
-    "ISO": "time,u [V],w [rpm]\n2024-03-01T12:00:00,0,10\n2024-03-01T12:00:00.01,1.5,20.5\n2024-03-01T12:00:00.02,-2.25,30\n",
+    "ISO": "time,u [V],w "
+    "[rpm]\n2024-03-01T12:00:00,0,10\n2024-03-01T12:00:00.01,1.5,20.5\n2024-03-01T12:00:00.02,-2.25,30\n",
     "clock past midnight": "time,u [V],w [rpm]\n23:59:59.99,0,10\n00:00:00,1.5,20.5\n00:00:00.01,-2.25,30\n",
     "numpy.savetxt": "# t [s],u [V],w [rpm]\n0.0,0.0,10.0\n1e-2,1.5e0,20.5\n2e-2,-2.25,3e1\n",
 }
@@ -36,7 +38,8 @@ def write(folder, text, name="bench.csv", encoding="utf-8"):
 
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize(
-    ("name", "encoding"), [("bench.csv", "utf-8"), ("bench.txt", "utf-8-sig"), ("bench.csv.gz", "latin-1"), ("b.dat", "utf-16")]
+    ("name", "encoding"),
+    [("bench.csv", "utf-8"), ("bench.txt", "utf-8-sig"), ("bench.csv.gz", "latin-1"), ("b.dat", "utf-16")],
 )
 def test_every_shape_gives_the_same_recording(tmp_path, shape, name, encoding):
     r = rec.read(write(tmp_path, SHAPES[shape], name, encoding))
@@ -126,7 +129,12 @@ def test_errors_name_place_and_value(tmp_path, text, options, message):
 
 @pytest.mark.parametrize(
     ("header", "options"),
-    [("t,u [V]", {"units": {"u": "rpm"}}), ("t [V],u", {"time": 0}), ("t [ms],u", {"time_unit": "s"}), ("t,u", {"time_unit": "V"})],
+    [
+        ("t,u [V]", {"units": {"u": "rpm"}}),
+        ("t [V],u", {"time": 0}),
+        ("t [ms],u", {"time_unit": "s"}),
+        ("t,u", {"time_unit": "V"}),
+    ],
 )
 def test_contradicting_units_are_refused(tmp_path, header, options):
     with pytest.raises(UnitError, match=r"^\S+\.csv: "):
@@ -156,7 +164,9 @@ def test_round_trip_is_exact(tmp_path, name):
     rng = np.random.default_rng(1)
     values = rng.standard_normal(200) * 10.0 ** rng.integers(-12, 12, 200)
     values[3] = np.nan
-    first = rec.from_arrays(np.cumsum(rng.random(200)), signals={"T": (values, "°C"), "d": (values[::-1], "-"), "x": values})
+    first = rec.from_arrays(
+        np.cumsum(rng.random(200)), signals={"T": (values, "°C"), "d": (values[::-1], "-"), "x": values}
+    )
     again = rec.read_csv(rec.to_csv(first, tmp_path / name))
     np.testing.assert_array_equal(again.t, first.t)
     for key, signal in first.signals.items():
@@ -198,7 +208,9 @@ def test_thousands_are_not_taken_for_decimals(tmp_path):
     with pytest.raises(RecordingError, match="part thousands"):
         rec.read(write(tmp_path, "t;n\n0;998\n1;999\n2;1,000\n3;1,001\n"))
     assert rec.read_csv(write(tmp_path, "t;n\n0;998\n1;999\n2;1,000\n3;1,001\n"), decimal=",")["n"][2] == 1.0
-    np.testing.assert_array_equal(rec.read(write(tmp_path, "t;n\n0;100\n1;101,325\n2;101,5\n"))["n"], [100.0, 101.325, 101.5])
+    np.testing.assert_array_equal(
+        rec.read(write(tmp_path, "t;n\n0;100\n1;101,325\n2;101,5\n"))["n"], [100.0, 101.325, 101.5]
+    )
     np.testing.assert_array_equal(rec.read(write(tmp_path, "t;n\n0;2\n1;1,998\n2;1,999\n"))["n"], [2.0, 1.998, 1.999])
 
 
@@ -224,15 +236,29 @@ def test_times_since_1970_are_not_taken_for_seconds(tmp_path, first, unit, step)
     ("header", "name", "unit"),
     [
         *[("t/s", "t", "s"), ("Pm/MW", "Pm", "MW"), ("f/mHz", "f", "mHz"), ("T/°C", "T", "°C"), ("p/bar", "p", "bar")],
-        *[("v/(m/s)", "v", "m/s"), ("n / min^-1", "n", "min^-1"), ("Druck / bar", "Druck", "bar"), ("pA/bar", "pA", "bar")],
-        *[("U_L/V", "U_L", "V"), ("m/kg", "m", "kg"), ("Zeit t/s", "Zeit t", "s"), ("y/%", "y", "%"), ("φ/°", "φ", "°")],
+        *[
+            ("v/(m/s)", "v", "m/s"),
+            ("n / min^-1", "n", "min^-1"),
+            ("Druck / bar", "Druck", "bar"),
+            ("pA/bar", "pA", "bar"),
+        ],
+        *[
+            ("U_L/V", "U_L", "V"),
+            ("m/kg", "m", "kg"),
+            ("Zeit t/s", "Zeit t", "s"),
+            ("y/%", "y", "%"),
+            ("φ/°", "φ", "°"),
+        ],
     ],
 )
 def test_a_quantity_over_its_unit_is_a_name_and_a_unit(header, name, unit):
     assert split_header(header) == (name, unit)
 
 
-RATIOS = "a/b on/off in/out km/h m/s l/min mV/V v_m/s A/F x/y P/V L/D I/O N/A V/F air/F T/T0 Vin/Vout m/s^2 1/min N/m K/min S/N r/min"
+RATIOS = (
+    "a/b on/off in/out km/h m/s l/min mV/V v_m/s A/F x/y P/V L/D I/O N/A V/F air/F T/T0 Vin/Vout m/s^2 1/min N/m "
+    "K/min S/N r/min"
+)
 
 
 @pytest.mark.parametrize("header", [*RATIOS.split(), "flow l/min", "speed m/s"])

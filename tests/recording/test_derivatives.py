@@ -79,7 +79,9 @@ def test_kalman_smoother_has_the_gain_of_a_zero_phase_butterworth(frequency):
     wave = np.sin(2 * np.pi * frequency * EVEN)
     middle = slice(600, 1400)
     found = kalman_smoother(EVEN, wave, 5.0).states[middle, 0]
-    assert found @ wave[middle] / (wave[middle] @ wave[middle]) == pytest.approx(1 / (1 + (frequency / 5.0) ** 6), abs=2e-3)
+    assert found @ wave[middle] / (wave[middle] @ wave[middle]) == pytest.approx(
+        1 / (1 + (frequency / 5.0) ** 6), abs=2e-3
+    )
 
 
 @pytest.mark.parametrize("method", ["central", "savgol", "butterworth", "spline", "kalman"])
@@ -108,11 +110,15 @@ def test_forward_rates_held_between_samples_give_the_signal_back():
     t = uneven(200, period=0.004)
     r = rec.from_arrays(t, signals={"N": (np.floor(1e3 * np.sin(4 * t)), "counts")})
     r = rec.differentiate(r, "N", "rate", method="forward")
-    np.testing.assert_allclose(r["N"][0] + np.concatenate([[0.0], np.cumsum(r["rate"][:-1] * np.diff(t))]), r["N"], atol=1e-9)
+    np.testing.assert_allclose(
+        r["N"][0] + np.concatenate([[0.0], np.cumsum(r["rate"][:-1] * np.diff(t))]), r["N"], atol=1e-9
+    )
     assert r["rate"][-1] == r["rate"][-2]
     assert r.signals["rate"].unit == "counts/s"
     with pytest.raises(RecordingError, match="2 samples are too few for this method; use a longer recording"):
-        rec.differentiate(rec.from_arrays(np.arange(2.0), signals={"y": (np.arange(2.0), "m")}, name="short"), "y", method="central")
+        rec.differentiate(
+            rec.from_arrays(np.arange(2.0), signals={"y": (np.arange(2.0), "m")}, name="short"), "y", method="central"
+        )
     with pytest.raises(RecordingError, match="first derivative only; use 'central'"):
         rec.differentiate(r, "N", "a", method="forward", derivative=2)
 
@@ -162,7 +168,9 @@ def test_encoder_steps_are_found_by_the_likelihood():
 
 
 def test_rule_is_named_in_the_log_of_a_filter():
-    r = rec.from_arrays(EVEN, signals={"q": np.sin(7 * EVEN) + 0.01 * np.random.default_rng(0).standard_normal(len(EVEN))})
+    r = rec.from_arrays(
+        EVEN, signals={"q": np.sin(7 * EVEN) + 0.01 * np.random.default_rng(0).standard_normal(len(EVEN))}
+    )
     cutoff = rec.cutoff_frequency(r, "q", "residual", order=2)
     by_rule, by_number = rec.lowpass(r, "q", "residual"), rec.lowpass(r, "q", cutoff.frequency)
     np.testing.assert_array_equal(by_rule["q"], by_number["q"])

@@ -165,11 +165,17 @@ def open_loop(seed, late):
 
 
 def controlled(seed):
-    """A plant under P, PI or PID control by its measured output, of this sample or the last; None where the loop is not stable."""
+    """A plant under P, PI or PID control by its measured output, of this sample or the last; None where the loop is
+    not stable."""
     rng = np.random.default_rng(1000 + seed)
     (b1, b2), (a1, a2) = sampled_plant(rng, seed // 2 % 2)
     goal = excitation(rng, ("prbs", "filtered")[seed % 2])
-    gain, integral, noise, old = rng.uniform(0.5, 5), (0.0, *1 / rng.uniform(5, 60, 2))[seed % 3], rng.uniform(0.005, 0.05), seed // 4 % 2
+    gain, integral, noise, old = (
+        rng.uniform(0.5, 5),
+        (0.0, *1 / rng.uniform(5, 60, 2))[seed % 3],
+        rng.uniform(0.005, 0.05),
+        seed // 4 % 2,
+    )
     slope = rng.uniform(1, 5) if seed % 3 == 2 else 0.0
     u, x, y, summed = np.zeros(1500), np.zeros(1500), np.zeros(1500), 0.0
     for k in range(3, 1500):
@@ -203,7 +209,8 @@ def test_an_input_that_is_stamped_late_is_not_called_a_closed_loop_alone():
 
 @pytest.mark.parametrize("sines", [4, 15])
 def test_a_sum_of_sines_is_no_feedback(sines):
-    """Five past values do not tell all of it, and an output that it moved long ago tells more; its own longer past tells as much."""
+    """Five past values do not tell all of it, and an output that it moved long ago tells more; its own longer past
+    tells as much."""
     t, fine = 0.1 * np.arange(800), 0.01 * np.arange(8000)
     for seed in range(20):
         rng = np.random.default_rng(seed)
@@ -221,7 +228,9 @@ def test_an_output_smoothed_over_later_samples_is_named_beside_a_loop():
     assert feedback_look(recorded(y, u), "u", "y") is None
     look = feedback_look(recorded(smoothed, u), "u", "y")
     assert look is not None
-    assert "smoothed or interpolated over later samples" in look.sentence or "smoothed over later samples" in look.sentence
+    assert (
+        "smoothed or interpolated over later samples" in look.sentence or "smoothed over later samples" in look.sentence
+    )
 
 
 def test_control_by_the_output_is_still_told():
@@ -239,7 +248,8 @@ def test_control_by_the_output_is_still_told():
 
 
 def known_beforehand(kind, n, rng):
-    """Excitations whose long past tells them: a random-phase multisine of two periods, a sweep, sines, filtered noise, held levels."""
+    """Excitations whose long past tells them: a random-phase multisine of two periods, a sweep, sines, filtered
+    noise, held levels."""
     t = np.arange(n)
     if kind == "multisine":
         f = np.arange(1, n // 4) / (n // 2)
@@ -344,13 +354,15 @@ def _turning(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
 
 
 def test_an_encoder_that_turns_round_is_not_clipped_and_one_that_ends_is():
-    """Equal samples where a smooth angle turns are the steps of its encoder; each record beside itself cut off at a height of its own."""
+    """Equal samples where a smooth angle turns are the steps of its encoder; each record beside itself cut off at a
+    height of its own."""
     rng, alarms, told = np.random.default_rng(1), 0, 0
     for _ in range(200):
         t, y, step = _turning(rng)
         cut_off = np.minimum(y, np.quantile(y, rng.uniform(0.8, 0.98)))
         found = [
-            any(k.kind == "clipped" for k in signal_looks(recorded(np.round(v / step) * step, 0 * t, t), "y", True)) for v in (y, cut_off)
+            any(k.kind == "clipped" for k in signal_looks(recorded(np.round(v / step) * step, 0 * t, t), "y", True))
+            for v in (y, cut_off)
         ]
         alarms, told = alarms + found[0], told + found[1]
     assert alarms <= 4  # 15 before the way to the turn was looked at

@@ -12,14 +12,18 @@ GEAR, PULSES = 43 / 9, 500
 
 
 def made(t, **signals):
-    return Recording(t, {name: Signal(v) if isinstance(v, np.ndarray) else Signal(*v) for name, v in signals.items()}, "run")
+    return Recording(
+        t, {name: Signal(v) if isinstance(v, np.ndarray) else Signal(*v) for name, v in signals.items()}, "run"
+    )
 
 
 def test_duty_in_counts_shares_and_percent_give_one_voltage():
     counts = np.array([-255.0, -64.0, 0.0, 1.0, 128.0, 255.0])
     t = np.arange(6.0)
     for scale in (255.0, 1.0, 100.0):
-        r = rec.duty_to_voltage(made(t, d=counts / 255 * scale), "d", "V", supply=12.0, full_scale=scale, efficiency=0.98)
+        r = rec.duty_to_voltage(
+            made(t, d=counts / 255 * scale), "d", "V", supply=12.0, full_scale=scale, efficiency=0.98
+        )
         np.testing.assert_allclose(r["V"], 0.98 * 12 * counts / 255, atol=1e-12)
         assert r.signals["V"].unit == "V"
     share = np.linspace(-1, 1, 1001)
@@ -27,7 +31,9 @@ def test_duty_in_counts_shares_and_percent_give_one_voltage():
     error = r["V"] - 10 * share
     assert np.max(np.abs(error)) <= 10 / 255 / 2 + 1e-12
     assert len(np.unique(r["V"])) == 511
-    np.testing.assert_array_equal(rec.duty_to_voltage(made(np.arange(1001.0), d=share), "d", "V", 10.0, 1.0, bits=None)["V"], 10 * share)
+    np.testing.assert_array_equal(
+        rec.duty_to_voltage(made(np.arange(1001.0), d=share), "d", "V", 10.0, 1.0, bits=None)["V"], 10 * share
+    )
 
 
 def test_a_sagging_battery_is_taken_from_its_signal():
@@ -103,8 +109,12 @@ def test_odometry_drives_a_circle_exactly_and_a_spiral_as_a_fine_integral():
     wheels["R"][5] = np.nan  # one arc over the gap
     r = rec.odometry(made(t, **wheels), "L", "R", counts, radius, track, start=(1.0, 2.0, 0.3))
     there = np.arange(13) != 5
-    np.testing.assert_allclose(r["x"][there], (1 + v / turn * (np.sin(0.3 + turn * t) - np.sin(0.3)))[there], atol=1e-12)
-    np.testing.assert_allclose(r["y"][there], (2 - v / turn * (np.cos(0.3 + turn * t) - np.cos(0.3)))[there], atol=1e-12)
+    np.testing.assert_allclose(
+        r["x"][there], (1 + v / turn * (np.sin(0.3 + turn * t) - np.sin(0.3)))[there], atol=1e-12
+    )
+    np.testing.assert_allclose(
+        r["y"][there], (2 - v / turn * (np.cos(0.3 + turn * t) - np.cos(0.3)))[there], atol=1e-12
+    )
     np.testing.assert_allclose(r["heading"][there], (0.3 + turn * t)[there], atol=1e-12)
     assert r["distance"][-1] == pytest.approx(v * t[-1], rel=1e-12)
     assert np.isnan(r["x"][5])
@@ -115,13 +125,24 @@ def test_rounded_counts_leave_the_pose_near_the_true_one():
     t = np.arange(20_001) * 1e-3
     left, right = 0.4 * t + 0.1 * np.sin(t), 0.5 * t
     to_counts = counts / (2 * np.pi * radius * ratio)
-    r = rec.odometry(made(t, L=np.floor(left * to_counts), R=np.floor(right * to_counts)), "L", "R", counts, radius, track, ratio)
+    r = rec.odometry(
+        made(t, L=np.floor(left * to_counts), R=np.floor(right * to_counts)), "L", "R", counts, radius, track, ratio
+    )
     heading = (right - left) / track
     speed = 0.5 * (0.4 + 0.1 * np.cos(t) + 0.5)
-    x = np.concatenate([[0], np.cumsum(np.diff(t) * 0.5 * ((speed * np.cos(heading))[1:] + (speed * np.cos(heading))[:-1]))])
+    x = np.concatenate(
+        [[0], np.cumsum(np.diff(t) * 0.5 * ((speed * np.cos(heading))[1:] + (speed * np.cos(heading))[:-1]))]
+    )
     assert np.max(np.abs(r["x"] - x)) < 5e-4
     assert np.max(np.abs(r["heading"] - heading)) < 2 / to_counts / track
 
 
 def test_all_of_them_are_steps_of_a_study_file():
-    assert {"duty_to_voltage", "counts_to_angle", "counts_to_speed", "period_to_speed", "moving_rms", "odometry"} <= set(CLEANING)
+    assert {
+        "duty_to_voltage",
+        "counts_to_angle",
+        "counts_to_speed",
+        "period_to_speed",
+        "moving_rms",
+        "odometry",
+    } <= set(CLEANING)

@@ -103,7 +103,10 @@ def test_times_of_arrays():
 
 
 def test_arrays_as_earlier_programs_gave_them():
-    for old in (pf.from_arrays(T, signals={"u": (U, "V")}), pf.from_arrays(t=T, signals={"u": pf.Signal(U, "V")}, name="recording")):
+    for old in (
+        pf.from_arrays(T, signals={"u": (U, "V")}),
+        pf.from_arrays(t=T, signals={"u": pf.Signal(U, "V")}, name="recording"),
+    ):
         new = pf.from_arrays({"t": (T, "s"), "u": (U, "V")})
         np.testing.assert_array_equal(old.t, new.t)
         np.testing.assert_array_equal(old["u"], new["u"])
@@ -111,9 +114,13 @@ def test_arrays_as_earlier_programs_gave_them():
 
 
 def test_the_two_ways_are_not_mixed():
-    with pytest.raises(RecordingError, match=r"signals gives 'u' an array, but names an array here; put it among the arrays"):
+    with pytest.raises(
+        RecordingError, match=r"signals gives 'u' an array, but names an array here; put it among the arrays"
+    ):
         pf.from_arrays({"t": T}, signals={"u": U})
-    with pytest.raises(RecordingError, match=r"beside times, signals are arrays by name; .* write from_arrays\(\{'t': t"):
+    with pytest.raises(
+        RecordingError, match=r"beside times, signals are arrays by name; .* write from_arrays\(\{'t': t"
+    ):
         pf.from_arrays(T, signals={"u": "U1"})
     with pytest.raises(RecordingError, match="beside times, signals are arrays by name"):
         pf.from_arrays(T)  # type: ignore[call-overload]
@@ -131,7 +138,10 @@ def test_the_two_ways_are_not_mixed():
     [
         np.datetime64("2024-01-01T00:00:00") + (1000 * T).astype("timedelta64[ms]"),
         (1000 * T).astype("timedelta64[ms]"),
-        np.array([datetime.datetime(2024, 1, 1, tzinfo=datetime.UTC) + datetime.timedelta(seconds=s) for s in T], dtype=object),
+        np.array(
+            [datetime.datetime(2024, 1, 1, tzinfo=datetime.UTC) + datetime.timedelta(seconds=s) for s in T],
+            dtype=object,
+        ),
     ],
 )
 def test_dates_and_durations_in_the_index_are_the_time(index):

@@ -14,7 +14,9 @@ N = 200
 
 def rows(separator=",", number="{:.17g}"):
     rng = np.random.default_rng(1)
-    values = np.column_stack([np.arange(N) * 0.01, rng.normal(size=(N, 2)) * 10.0 ** rng.integers(-30, 30, size=(N, 2))])
+    values = np.column_stack(
+        [np.arange(N) * 0.01, rng.normal(size=(N, 2)) * 10.0 ** rng.integers(-30, 30, size=(N, 2))]
+    )
     return [separator.join(number.format(v) for v in row) for row in values]
 
 
@@ -45,7 +47,9 @@ QUICK = {  # read at once
     "missing words on top": but(5, "0.03,n/a,2"),
     "empty lines on top": "\n\n" + PLAIN,
     "empty lines at the end": PLAIN + "\n \n",
-    "a column of words": "\n".join([f"{HEADER},note", *(f"{line},{'ok' if k % 3 else 'Ü'}" for k, line in enumerate(LINES[1:]))]),
+    "a column of words": "\n".join(
+        [f"{HEADER},note", *(f"{line},{'ok' if k % 3 else 'Ü'}" for k, line in enumerate(LINES[1:]))]
+    ),
     "an empty column": "\n".join(f"{line}," for line in LINES),
     "stamps": "\n".join(["t,u", *(f"2024-05-31T13:05:{k / 10:04.1f},{k}" for k in range(N))]),
     "time goes back": but(120, "0.5,1,2"),

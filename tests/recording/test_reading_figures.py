@@ -1,4 +1,5 @@
-"""Two million samples are read and checked in under twice the time and four times the memory that polars takes to read the file."""
+"""Two million samples are read and checked in under twice the time and four times the memory that polars takes to
+read the file."""
 
 import pytest
 from benchmarks import reading

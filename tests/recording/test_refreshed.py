@@ -1,4 +1,5 @@
-"""Outputs that are read more seldom than they are recorded: told with the line that keeps the fresh samples, and no others."""
+"""Outputs that are read more seldom than they are recorded: told with the line that keeps the fresh samples, and no
+others."""
 
 import numpy as np
 import pytest
@@ -35,7 +36,11 @@ def test_repeats_and_straight_lines_are_told_with_their_first_fresh_sample(noise
         first = int(rng.integers(0, every))
         y = plant(seed, noise)[1]
         held = y[np.maximum((np.arange(N) - first) // every * every + first, 0)]
-        for kind, values in (("held", held), ("held", np.round(held, 2)), ("filled", np.interp(T, T[first::every], y[first::every]))):
+        for kind, values in (
+            ("held", held),
+            ("held", np.round(held, 2)),
+            ("filled", np.interp(T, T[first::every], y[first::every])),
+        ):
             look = refreshed_look(record(values), "y")
             assert look is not None
             assert (look.kind, look.figures["every"], look.figures["first"]) == (kind, every, first)
@@ -46,7 +51,13 @@ def test_plain_outputs_are_left_alone():
     for seed in range(60):
         y = plant(seed, [0.0, 0.001, 0.01, 0.1][seed % 4])[1]
         smoothed = np.convolve(np.pad(y, 4, mode="edge"), np.ones(9) / 9, "valid")
-        for values in (y, *(np.round(y / d) * d for d in (0.01, 0.1, 0.5)), smoothed, np.clip(y, 3.0, 7.0), np.where(T > 40, np.nan, y)):
+        for values in (
+            y,
+            *(np.round(y / d) * d for d in (0.01, 0.1, 0.5)),
+            smoothed,
+            np.clip(y, 3.0, 7.0),
+            np.where(T > 40, np.nan, y),
+        ):
             assert refreshed_look(record(values), "y") is None
 
 

@@ -41,7 +41,8 @@ HERE = Path(__file__).parents[2] / "src" / "plantfit" / "cases"
 
 
 def nameless(seed):
-    """(kind of input, u (n,), y (n,)) of a first- or second-order plant with noise; some inputs measured, some outputs rounded."""
+    """(kind of input, u (n,), y (n,)) of a first- or second-order plant with noise; some inputs measured, some
+    outputs rounded."""
     rng = np.random.default_rng(seed)
     n = int(rng.integers(150, 3000))
     t, tau = np.arange(n), float(np.exp(rng.uniform(np.log(2), np.log(n / 8))))
@@ -51,7 +52,9 @@ def nameless(seed):
         "prbs": lambda: prbs(rng, n, held, -1, 1),
         "steps": lambda: steps(rng, n, held, 0, 10),
         "step": lambda: (t > n // 5) * 3.0,
-        "sines": lambda: sum(np.sin(2 * np.pi * t / p + rng.uniform(0, 6)) for p in rng.uniform(4 * tau / 3, 6 * tau, 4)),
+        "sines": lambda: sum(
+            np.sin(2 * np.pi * t / p + rng.uniform(0, 6)) for p in rng.uniform(4 * tau / 3, 6 * tau, 4)
+        ),
         "noise": lambda: lag(rng.normal(0, 1, n), 1.0, tau / 4),
         "ramps": lambda: np.interp(t, np.linspace(0, n, 8), rng.uniform(0, 5, 8)),
     }[kind]()
@@ -68,7 +71,10 @@ def nameless(seed):
 
 def in_a_table(**columns):
     n = len(next(iter(columns.values())))
-    cells = [pl.Series("t", np.arange(n) * 1.0), *(pl.Series(name, np.asarray(v, dtype=float)) for name, v in columns.items())]
+    cells = [
+        pl.Series("t", np.arange(n) * 1.0),
+        *(pl.Series(name, np.asarray(v, dtype=float)) for name, v in columns.items()),
+    ]
     return Table("x", named_columns(["t", *columns], cells))
 
 
@@ -98,7 +104,8 @@ def test_two_noises_are_never_sure():
 
 
 def test_names_that_lie_lose_against_what_the_columns_do():
-    """A column that is called a temperature and jumps, and one that is called a voltage and follows, are at least unsure."""
+    """A column that is called a temperature and jumps, and one that is called a voltage and follows, are at least
+    unsure."""
     for seed in range(20):
         rng = np.random.default_rng(seed)
         u = prbs(rng, 800, 40, 0, 5)
@@ -125,7 +132,9 @@ def test_a_supply_that_nothing_moves_is_unsure_and_what_it_moves_is_not(seed):
     valve, slow = steps(rng, n, 40, 0, 1), np.cumsum(rng.normal(0, 0.05, n))
     supply = 60.0 + lag(slow, 1.0, 40.0)
     outlet = lag(supply, 1.0, 8.0) - lag(valve, 20.0, 8.0)
-    table = in_a_table(valve_u=valve, temp1_degC=supply + rng.normal(0, 0.02, n), temp2_degC=outlet + rng.normal(0, 0.02, n))
+    table = in_a_table(
+        valve_u=valve, temp1_degC=supply + rng.normal(0, 0.02, n), temp2_degC=outlet + rng.normal(0, 0.02, n)
+    )
     roles = {c.header: c for c in roles_of(table).columns}
     assert not roles["temp1_degC"].sure
     assert "disturbance" in roles["temp1_degC"].why
@@ -150,7 +159,8 @@ def test_index_constant_copy_and_set_point():
     roles = {r.header: r for r in roles_of(in_a_table(**columns)).columns}
     kinds = {h: r.kind for h, r in roles.items()}
     assert kinds == {
-        "t": "time", "Sample": "index", "u": "input", "fan": "constant", "y": "output", "y_filt": "copy", "y_ref": "set point",
+        "t": "time", "Sample": "index", "u": "input", "fan": "constant", "y": "output", "y_filt": "copy",
+        "y_ref": "set point",
     }  # fmt: skip
     assert roles["fan"].why == "3 throughout"
 
@@ -175,7 +185,10 @@ def test_days_and_months():
 
     assert day(["13/02/2024 10:00", "14/02/2024 10:00"]) == (["02-13", "02-14"], None)
     assert day(["02/13/2024 10:00", "02/14/2024 10:00"]) == (["02-13", "02-14"], None)
-    assert day(["01/02/2024 23:59:59", "02/02/2024 00:00:01"]) == (["02-01", "02-02"], None)  # the day after, not the month
+    assert day(["01/02/2024 23:59:59", "02/02/2024 00:00:01"]) == (
+        ["02-01", "02-02"],
+        None,
+    )  # the day after, not the month
     assert day(["01/02/2024 10:00"])[1] is None  # one date: its order does not matter
     assert day(["03.04.2024 10:00:00,5"])[0] == ["04-03"]
     night, noon = timestamps(["01/02/2024 12:00:00 AM", "01/02/2024 12:00:01 PM"])[0]
@@ -217,7 +230,8 @@ def test_a_long_table_becomes_wide_and_other_tables_stay(tmp_path):
 
 
 def sampled(gaps_of_u, gaps_of_c, name="u", n=240):
-    """An input that is held, a lag that is measured throughout, and a slower one, c; every so many samples are there (1: all)."""
+    """An input that is held, a lag that is measured throughout, and a slower one, c; every so many samples are there
+    (1: all)."""
     rng = np.random.default_rng(4)
     u = steps(rng, n, 20, 0, 10)
     y, c = lag(u, 1.0, 6.0), lag(u, 1.0, 25.0)
@@ -254,6 +268,8 @@ def test_a_table_of_which_each_row_holds_one_column_keeps_its_input():
     u = steps(rng, 240, 20, 0, 10)
     y, z = lag(u, 1.0, 6.0), lag(u, 1.0, 25.0)
     cells = [pl.Series([f"{a:.4f}" if k % 3 == j else None for k, a in enumerate(v)]) for j, v in enumerate((u, y, z))]
-    roles = roles_of(Table("x.csv", named_columns(["time", "u", "y", "z"], [pl.Series([f"{k}" for k in range(240)]), *cells])))
+    roles = roles_of(
+        Table("x.csv", named_columns(["time", "u", "y", "z"], [pl.Series([f"{k}" for k in range(240)]), *cells]))
+    )
     assert headers(roles, "input") == {"u"}
     assert headers(roles, "output") == {"y", "z"}

@@ -77,7 +77,9 @@ def test_readings_in_fine_steps_look_rounded_too():
     assert rounded_step(np.array(texts)) == pytest.approx(0.00244, rel=1e-3)
 
 
-@pytest.mark.parametrize("kind", ["smooth", "two levels", "staircase", "random levels", "uneven levels", "fine levels", "noisy", "ramps"])
+@pytest.mark.parametrize(
+    "kind", ["smooth", "two levels", "staircase", "random levels", "uneven levels", "fine levels", "noisy", "ramps"]
+)
 def test_commands_and_smooth_signals_do_not(kind):
     rng, t = np.random.default_rng(3), np.linspace(0, 6, 600)
     slow = np.sin(2 * np.pi * t)

@@ -16,15 +16,27 @@ def example(samples: int = 800, seed: int = 3) -> dict[str, Any]:
     return {
         "name": "gearmotor",
         "verdict": [
-            {"level": "good", "sentence": "The model explains 97.1 % of speed w on data it never saw.", "figures": {"fit_percent": 97.1}},
+            {
+                "level": "good",
+                "sentence": "The model explains 97.1 % of speed w on data it never saw.",
+                "figures": {"fit_percent": 97.1},
+            },
             {"level": "good", "sentence": "6 of 8 runs found the same minimum.", "figures": {"runs": 8, "share": 0.75}},
             {
                 "level": "warning",
                 "sentence": "Tf lies at its lower bound of 1e-06 N*m; its interval is not valid.",
                 "figures": {"bound": 1e-6},
             },
-            {"level": "bad", "sentence": "Ks is not determined: the cost changes by less than 0.01 % between its bounds.", "figures": {}},
-            {"level": "info", "sentence": "The simulation error is 0.3 % of the residual.", "figures": {"ratio": 0.003}},
+            {
+                "level": "bad",
+                "sentence": "Ks is not determined: the cost changes by less than 0.01 % between its bounds.",
+                "figures": {},
+            },
+            {
+                "level": "info",
+                "sentence": "The simulation error is 0.3 % of the residual.",
+                "figures": {"ratio": 0.003},
+            },
         ],
         "recordings": recordings,
         "scores": _scores(recordings),
@@ -40,7 +52,12 @@ def example(samples: int = 800, seed: int = 3) -> dict[str, Any]:
         "runs": runs,
         "basins": [
             {"cost": 0.0412, "runs": 6, "share": 0.75, "parameters": TRUTH},
-            {"cost": 0.19, "runs": 2, "share": 0.25, "parameters": {name: 1.4 * value for name, value in TRUTH.items()}},
+            {
+                "cost": 0.19,
+                "runs": 2,
+                "share": 0.25,
+                "parameters": {name: 1.4 * value for name, value in TRUTH.items()},
+            },
         ],
         "simulation": {
             "stepper": "rosenbrock",
@@ -51,7 +68,8 @@ def example(samples: int = 800, seed: int = 3) -> dict[str, Any]:
             },
         },
         "reproduction": {
-            "spec": 'name = "gearmotor"\n\n[recording.train]\nfile = "gearmotor.csv"\ntime = "t [ms]"\n\n[search]\nseed = 1\n',
+            "spec": 'name = "gearmotor"\n\n[recording.train]\nfile = "gearmotor.csv"\ntime = "t '
+            '[ms]"\n\n[search]\nseed = 1\n',
             "seed": 1,
             "versions": {"plantfit": "0.1.0", "jax": "0.10.2", "numpy": "2.4.6", "python": "3.11.9"},
             "cpu": "x86-64, 2 cores",
@@ -74,7 +92,11 @@ def _recording(name: str, n: int, fit_share: float, rng: np.random.Generator) ->
     known = [None if np.isnan(v) else v for v in measured.tolist()]
     return {
         "name": name,
-        "log": [f"Read {n} rows from gearmotor.csv.", "Resampled to 100 Hz.", "Removed 3 outliers of w (over 6 standard deviations)."],
+        "log": [
+            f"Read {n} rows from gearmotor.csv.",
+            "Resampled to 100 Hz.",
+            "Removed 3 outliers of w (over 6 standard deviations).",
+        ],
         "t": t.tolist(),
         "inputs": {"u": {"unit": "V", "values": u.tolist()}},
         "outputs": {
@@ -113,7 +135,9 @@ def _scores(recordings: list[dict[str, Any]]) -> list[dict[str, Any]]:
                         "n": int(np.isfinite(error).sum()),
                         "rmse": float(np.sqrt(np.nanmean(error**2))),
                         "bias": float(np.nanmean(error)),
-                        "fit_percent": float(100 * (1 - np.sqrt(np.nansum(error**2) / np.nansum((y - np.nanmean(y)) ** 2)))),
+                        "fit_percent": float(
+                            100 * (1 - np.sqrt(np.nansum(error**2) / np.nansum((y - np.nanmean(y)) ** 2)))
+                        ),
                     }
                 )
     return rows
@@ -170,7 +194,9 @@ def _runs(rng: np.random.Generator) -> list[dict[str, Any]]:
     for k in range(8):
         method, run = ("pso", k) if k < 6 else ("lm", k - 6)
         final = 0.19 if k in (2, 7) else 0.0412 * (1 + 1e-4 * k)
-        evaluations = np.unique(np.geomspace(20 if method == "pso" else 5, 5000 if method == "pso" else 400, 40).astype(int))
+        evaluations = np.unique(
+            np.geomspace(20 if method == "pso" else 5, 5000 if method == "pso" else 400, 40).astype(int)
+        )
         falling = final + (30 * rng.uniform(0.5, 2)) * np.exp(-np.linspace(0, 9, len(evaluations)))
         falling[-1] = final
         spread = {"Rm": 0.01, "Kt": 0.1, "J": 0.1, "Tf": 0.0, "Ks": 2.0}
@@ -186,7 +212,10 @@ def _runs(rng: np.random.Generator) -> list[dict[str, Any]]:
                 "seconds": 1.9 if method == "pso" else 0.21,
                 "failures": 3 if k == 1 else 0,
                 "parameters": {n: v * float(np.exp(spread[n] * rng.standard_normal())) for n, v in TRUTH.items()},
-                "history": {"evaluations": evaluations.astype(float).tolist(), "cost": np.minimum.accumulate(falling).tolist()},
+                "history": {
+                    "evaluations": evaluations.astype(float).tolist(),
+                    "cost": np.minimum.accumulate(falling).tolist(),
+                },
             }
         )
     return runs

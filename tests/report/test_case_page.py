@@ -7,7 +7,10 @@ from chromium import drawn
 from plantfit.report.case_page import render_case_page, write_case_page
 from plantfit.report.figures.style import axis, layout
 
-FIGURE = {"data": [{"x": [0, 1], "y": [1, 3]}], "layout": layout(200, xaxis=axis("time [s]"), yaxis=axis("angle [rad]"))}
+FIGURE = {
+    "data": [{"x": [0, 1], "y": [1, 3]}],
+    "layout": layout(200, xaxis=axis("time [s]"), yaxis=axis("angle [rad]")),
+}
 RECORD = {
     "title": "An arm <virtual rig>",
     "subtitle": "one & two",
@@ -16,7 +19,12 @@ RECORD = {
             "title": "What it tells",
             "sentences": ["Gap below 1e-3 & falling."],
             "tables": [
-                {"caption": "Costs", "columns": ["method", "gap"], "rows": [["pso", "1.2e-4"], ["cga", ""]], "note": "1000 runs"},
+                {
+                    "caption": "Costs",
+                    "columns": ["method", "gap"],
+                    "rows": [["pso", "1.2e-4"], ["cga", ""]],
+                    "note": "1000 runs",
+                },
                 {"caption": "Words", "columns": ["method", "what"], "rows": [["pso", "swarm"]]},
             ],
             "figures": [{"figure": FIGURE, "label": "Angle over time."}],

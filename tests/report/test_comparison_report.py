@@ -37,7 +37,9 @@ def points(figure) -> int:
 
 @pytest.fixture(scope="module")
 def record():
-    return compared([ProblemRuns("bench", tuple(two_methods(25)), ("p0", "p1", "p2"), floor=0.012, studies=(3,))], asked=[0.05])
+    return compared(
+        [ProblemRuns("bench", tuple(two_methods(25)), ("p0", "p1", "p2"), floor=0.012, studies=(3,))], asked=[0.05]
+    )
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +50,10 @@ def page(record):
 def test_every_part_of_a_comparison_is_there(page):
     text = page[: page.index('<script type="application/json"')]
     for words in (
-        "50 runs of early and late on 1 problem", "late beats early", "Pairs of methods", "Convergence", "Target 0.05 (asked for)",
-        "Target 0.012 (noise floor)", "Sorted final costs", "Parameters of the best runs", "Distinct answers of the same cost", "Study 3.",
+        "50 runs of early and late on 1 problem", "late beats early", "Pairs of methods", "Convergence",
+        "Target 0.05 (asked for)",
+        "Target 0.012 (noise floor)", "Sorted final costs", "Parameters of the best runs",
+        "Distinct answers of the same cost", "Study 3.",
     ):  # fmt: skip
         assert words in text
     figures = figures_in(page)
@@ -119,7 +123,9 @@ def test_csv_holds_every_digit(record):
     late = record.problems[0].methods[1]
     assert [r["method"] for r in rows] == ["early", "late"]
     columns = {"best": "minimum", "worst": "maximum", "mean": "mean", "median": "median", "std": "std", "SEM": "sem"}
-    assert {name: float(rows[1][name]) for name in columns} == {name: getattr(late.cost, key) for name, key in columns.items()}
+    assert {name: float(rows[1][name]) for name in columns} == {
+        name: getattr(late.cost, key) for name, key in columns.items()
+    }
     assert float(rows[1]["95 % CI high"]) == late.cost.normal_interval[1]
     assert (float(rows[1]["evaluations"]), float(rows[1]["seconds"])) == (2000.0, late.seconds.mean)
 

@@ -46,7 +46,9 @@ def test_every_colour_is_defined_in_the_style_sheet(record):
 
     css = resources.files("plantfit.report").joinpath("templates", "style.css").read_text()
     light, dark = css.split("@media (prefers-color-scheme: dark)")
-    used = {name for figure in every_figure(record) for name in re.findall(r"var\((--[a-z0-9-]+)\)", json.dumps(figure))}
+    used = {
+        name for figure in every_figure(record) for name in re.findall(r"var\((--[a-z0-9-]+)\)", json.dumps(figure))
+    }
     assert used
     for name in used:
         assert f"{name}:" in light
@@ -130,7 +132,11 @@ def test_cost_of_zero_falls_back_to_a_linear_axis(record):
 
 
 def test_waterfall_is_sorted(record):
-    dots = [(x, y) for line in figures.waterfall_figure(record.runs)["data"] for x, y in zip(line["x"], line["y"], strict=True)]
+    dots = [
+        (x, y)
+        for line in figures.waterfall_figure(record.runs)["data"]
+        for x, y in zip(line["x"], line["y"], strict=True)
+    ]
     assert [x for x, _ in sorted(dots)] == list(range(1, 9))
     assert [y for _, y in sorted(dots)] == sorted(y for _, y in dots)
 
@@ -141,7 +147,9 @@ def test_long_names_of_categories_stand_in_lines_and_are_no_markup():
     assert axis["ticktext"] == ["CMA-ES", "least squares,<br>exact, random<br>starts", "a&lt;b&gt;"]
 
 
-@pytest.mark.parametrize(("names", "rows"), [(["PSO", "CGA"], 1), (["least squares, exact, random starts"] * 4, 2), ([], 1)])
+@pytest.mark.parametrize(
+    ("names", "rows"), [(["PSO", "CGA"], 1), (["least squares, exact, random starts"] * 4, 2), ([], 1)]
+)
 def test_a_legend_of_several_rows_has_room_above(names, rows):
     plain = style.layout(340)
     assert style.with_legend(plain, names)["margin"]["t"] == plain["margin"]["t"] + 20 * (rows - 1)

@@ -9,11 +9,22 @@ from plantfit.recording.looks.look import Look
 from plantfit.report import render_html
 from plantfit.report.figures import look_figure, residual_change_figure, share_figure
 
-SENTENCE = "A dead time of 0.200 ± 0.001 s on u explains 99 % of what is left (RMSE 2.21 to 0.0737 K): very likely missing."
+SENTENCE = (
+    "A dead time of 0.200 ± 0.001 s on u explains 99 % of what is left (RMSE 2.21 to 0.0737 K): very likely missing."
+)
 
 
 def tried(name, explained, **more):
-    return {"name": name, "unit": "s", "value": 0.2, "standard_error": None, "explained": explained, "rmse": 2.21, "rmse_with": 1.0, **more}
+    return {
+        "name": name,
+        "unit": "s",
+        "value": 0.2,
+        "standard_error": None,
+        "explained": explained,
+        "rmse": 2.21,
+        "rmse_with": 1.0,
+        **more,
+    }
 
 
 def findings(found=("dead time of u",), untried=()):
@@ -21,14 +32,22 @@ def findings(found=("dead time of u",), untried=()):
     before = 2 * np.sin(2 * t) * np.exp(-((t % 5) / 2))
     rows = [
         tried("dead time of u", 0.9989, standard_error=0.001, unseen_rmse=1.58, unseen_rmse_with=0.0741),
-        *(tried(f"{kind} of u", s) for kind, s in [("further lag", 0.94), ("dead zone", 0.31), ("backlash", 0.2), ("saturation", 0.02)]),
-        *(tried(name, s) for name, s in [("offset of y", 0.004), ("upper end of the sensor of y", 0.0), ("drift of y", 0.0)]),
+        *(
+            tried(f"{kind} of u", s)
+            for kind, s in [("further lag", 0.94), ("dead zone", 0.31), ("backlash", 0.2), ("saturation", 0.02)]
+        ),
+        *(
+            tried(name, s)
+            for name, s in [("offset of y", 0.004), ("upper end of the sensor of y", 0.0), ("drift of y", 0.0)]
+        ),
     ]
     diagnosis = {
         "state": "part" if untried else "whole",
         "verdict": [{"level": "warning", "sentence": SENTENCE, "figures": {}}],
         "rounds": [{"beside": [], "found": list(found), "untried": list(untried), "tried": rows}],
-        "write": ["[model.extensions]", "dead_time = { u = [0, 1] }", "[parameters.dead_time_u]", "start = 0.2"] if found else [],
+        "write": ["[model.extensions]", "dead_time = { u = [0, 1] }", "[parameters.dead_time_u]", "start = 0.2"]
+        if found
+        else [],
         "next": 'plantfit run study.toml --try "dead time of u"' if found else "",
         "with": ["dead time of u"],
         "residuals": [
@@ -43,15 +62,24 @@ def findings(found=("dead time of u",), untried=()):
         ],
     }
     look = {
-        "kind": "clipped", "level": "warning", "recording": "a", "signal": "y", "begin": 3.25, "end": 17.5, "figures": {},
-        "sentence": "y lies exactly at its upper end of 12 K in 60 samples.", "write": "extensions = { sensor_high = { y = [11, 13] } }",
+        "kind": "clipped", "level": "warning", "recording": "a", "signal": "y", "begin": 3.25, "end": 17.5,
+        "figures": {},
+        "sentence": "y lies exactly at its upper end of 12 K in 60 samples.",
+        "write": "extensions = { sensor_high = { y = [11, 13] } }",
     }  # fmt: skip
     return {**example(samples=300), "diagnosis": diagnosis, "data": [look]}
 
 
 def test_the_report_shows_what_was_tried_and_where_the_data_are_odd():
     page = render_html(findings())
-    for text in ("What may be missing", "Looks at the data", "99.9 %", "upper end of the sensor of y", "3.25 to 17.5 s", "sensor_high"):
+    for text in (
+        "What may be missing",
+        "Looks at the data",
+        "99.9 %",
+        "upper end of the sensor of y",
+        "3.25 to 17.5 s",
+        "sensor_high",
+    ):
         assert text in page, text
     assert "--try &#34;dead time of u&#34;" in page
     assert "dead_time = { u = [0, 1] }" in page
@@ -124,7 +152,8 @@ def test_steps_of_the_clock_are_drawn_and_what_is_no_place_is_not():
 
 
 @pytest.mark.parametrize(("kind", "seconds", "low", "high", "end", "samples"), [
-    ("short", 39.9, 60.0, 90.0, 60.0, 400), ("sampled slowly", 0.1, 0.001, 0.08, 0.08, 20), ("time unit", 0.1, 0.0001, 0.0008, 0.0008, 20),
+    ("short", 39.9, 60.0, 90.0, 60.0, 400), ("sampled slowly", 0.1, 0.001, 0.08, 0.08, 20),
+    ("time unit", 0.1, 0.0001, 0.0008, 0.0008, 20),
     ("time unit", 39.9, 6000.0, 90000.0, 6000.0, 400),
 ])  # fmt: skip
 def test_a_record_is_drawn_beside_the_time_that_the_model_asks_for(kind, seconds, low, high, end, samples):
@@ -144,13 +173,20 @@ def test_what_an_output_tells_of_an_input_is_drawn_beside_what_is_new_in_it():
     u = np.concatenate([[0.0], 2.0 * y[:-1]]) + 0.5 * rng.normal(size=400)  # a controller with noise of its own
     look = Look("feedback", "warning", "a", "u", ".", 0.0, 39.9, other="y")
     output = {"unit": "V", "measured": y.tolist(), "simulated": y.tolist()}
-    recording = {"name": "a", "t": T.tolist(), "inputs": {"u": {"unit": "A", "values": u.tolist()}}, "outputs": {"y": output}}
+    recording = {
+        "name": "a",
+        "t": T.tolist(),
+        "inputs": {"u": {"unit": "A", "values": u.tolist()}},
+        "outputs": {"y": output},
+    }
     figure = look_figure(look, Recording.model_validate(recording))
     assert figure is not None
     new, told = (np.array(line["y"], dtype=float) for line in figure["data"])
     assert np.corrcoef(new, told)[0, 1] > 0.9
     assert np.std(new - told) == pytest.approx(0.5, rel=0.2)
-    assert look_figure(Look("feedback", "warning", "a", "u", ".", 0.0, 39.9), Recording.model_validate(recording)) is None
+    assert (
+        look_figure(Look("feedback", "warning", "a", "u", ".", 0.0, 39.9), Recording.model_validate(recording)) is None
+    )
 
 
 def test_levels_are_drawn_near():

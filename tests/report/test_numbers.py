@@ -90,6 +90,8 @@ def test_units_read_well():
     assert with_unit("gain", None) == "gain"
 
 
-@pytest.mark.parametrize(("value", "text"), [(0.0213, "21 ms"), (3.214, "3.21 s"), (150.0, "2 min 30 s"), (7200.0, "2 h"), (None, "–")])
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0213, "21 ms"), (3.214, "3.21 s"), (150.0, "2 min 30 s"), (7200.0, "2 h"), (None, "–")]
+)
 def test_durations(value, text):
     assert seconds(value) == text

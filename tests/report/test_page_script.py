@@ -10,10 +10,25 @@ import plantfit
 from plantfit.report.case_page import render_case_page
 
 ROOM = Path(plantfit.__file__).parent
-PUBLISHED = "79542150855a52c567260e3137095dbe2b744e6d702a5cabe67da246942fba7a"  # of plotly-cartesian.min.js 4.1.1 on npm
-KINDS = {"scatter", "bar", "box", "heatmap", "histogram", "histogram2d", "histogram2dcontour", "image", "pie", "contour",
+PUBLISHED = (
+    "79542150855a52c567260e3137095dbe2b744e6d702a5cabe67da246942fba7a"  # of plotly-cartesian.min.js 4.1.1 on npm
+)
+KINDS = {"scatter", "bar", "box", "heatmap", "histogram", "histogram2d", "histogram2dcontour", "image", "pie",
+         "contour",
          "scatterternary", "violin", "waterfall", "funnel"}  # fmt: skip
-SHAPES = {"line", "rect", "circle", "path", "log", "linear", "category", "date", "data", "percent", "constant"}  # of layouts and error bars
+SHAPES = {
+    "line",
+    "rect",
+    "circle",
+    "path",
+    "log",
+    "linear",
+    "category",
+    "date",
+    "data",
+    "percent",
+    "constant",
+}  # of layouts and error bars
 
 
 def page():

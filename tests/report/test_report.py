@@ -55,7 +55,18 @@ def figures_in(text: str) -> dict:
 
 
 def test_sections_stand_in_order(page):
-    wanted = ["verdict", "fit", "scores", "residuals", "parameters", "combinations", "search", "simulation", "cleaning", "reproduction"]
+    wanted = [
+        "verdict",
+        "fit",
+        "scores",
+        "residuals",
+        "parameters",
+        "combinations",
+        "search",
+        "simulation",
+        "cleaning",
+        "reproduction",
+    ]
     assert [i for i in page.ids if i in wanted] == wanted
     assert len(page.ids) == len(set(page.ids))
 
@@ -82,7 +93,11 @@ def test_many_directions_are_one_table_without_figures():
     findings = example(samples=50)
     drawn_once = len(figures_in(render_html(findings)))
     findings["combinations"] = [
-        {"sentence": f"said {k}", "weights": {"Rm": 1.0, "Kt": -0.5, "J": 0.4, "Tf": 0.3, "Ks": 0.2}, "relative_sd": 1.0 + k}
+        {
+            "sentence": f"said {k}",
+            "weights": {"Rm": 1.0, "Kt": -0.5, "J": 0.4, "Tf": 0.3, "Ks": 0.2},
+            "relative_sd": 1.0 + k,
+        }
         for k in range(50)
     ]
     text = render_html(findings)
@@ -124,7 +139,10 @@ def test_names_from_outside_are_text_only():
 
 def test_commands_in_sentences_have_the_type_of_commands():
     assert html.coded("Run `plantfit check a.toml` first.") == "Run <code>plantfit check a.toml</code> first."
-    assert html.coded(f"`{EVIL}` and {EVIL}, a lone ` too") == f"<code>{escape(EVIL)}</code> and {escape(EVIL)}, a lone ` too"
+    assert (
+        html.coded(f"`{EVIL}` and {EVIL}, a lone ` too")
+        == f"<code>{escape(EVIL)}</code> and {escape(EVIL)}, a lone ` too"
+    )
 
 
 def test_embedded_json_cannot_end_its_element_and_reads_back():
@@ -170,11 +188,15 @@ def test_long_recordings_are_decimated_and_say_so(tmp_path):
 def test_many_recordings_stay_small_and_say_nothing_twice():
     findings, log = example(samples=4000), ["Read from {}.csv.", "One comment line was skipped.", "Time from 't' in s."]
     first = findings["recordings"][0]
-    findings["recordings"] = [{**first, "name": f"r{k}", "log": [line.format(f"r{k}") for line in log]} for k in range(10)]
+    findings["recordings"] = [
+        {**first, "name": f"r{k}", "log": [line.format(f"r{k}") for line in log]} for k in range(10)
+    ]
     findings["recordings"][3]["log"] = ["Something else was done."]
     findings["recordings"].append({**example(samples=2000)["recordings"][0], "name": "short", "log": []})
     text = render_html(findings)
-    assert len(text.encode()) < 1.5e6, "a figure for each recording makes the page too large: limit how many there are, as MOST_INTERVALS"
+    assert len(text.encode()) < 1.5e6, (
+        "a figure for each recording makes the page too large: limit how many there are, as MOST_INTERVALS"
+    )
     page = Page(text).text
     for once in ("Shown decimated", "samples used to fit", *log[1:]):
         assert page.count(once) == 1, once
@@ -255,7 +277,9 @@ def test_chromium_draws_every_figure_without_a_share_button(tmp_path):
     document = drawn(write_report(example(samples=200), tmp_path / "report.html"), tmp_path / "profile")
     page = Page(document)
     count = len(figures_in(document))
-    assert count == 17, f"the example page has {count} figures: write this number here if a figure was added to the report on purpose"
+    assert count == 17, (
+        f"the example page has {count} figures: write this number here if a figure was added to the report on purpose"
+    )
     assert sum("main-svg" in (attrs.get("class") or "") for tag, attrs in page.tags if tag == "svg") >= count
     titles = [attrs.get("data-title") or "" for _, attrs in page.tags]
     assert any("Download plot" in title for title in titles)  # the bar is there, so that the next line can fail

@@ -16,7 +16,11 @@ def swing():
 
 
 def figure(panels=True):
-    lines = [Panel("angle [deg]", {"LQR": np.degrees(T), "MPC": -T}), Panel("voltage [V]", {"MPC": T**2, "<b>": T})] if panels else []
+    lines = (
+        [Panel("angle [deg]", {"LQR": np.degrees(T), "MPC": -T}), Panel("voltage [V]", {"MPC": T**2, "<b>": T})]
+        if panels
+        else []
+    )
     return strobe_figure(T, swing(), [0.0, 0.5, 1.5], lines, "arm")
 
 

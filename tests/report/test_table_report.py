@@ -22,16 +22,19 @@ def table(recording: str | None = "high", over=("y",), nodes=(NODES,), **changes
     status = [STATES[k % 4] for k in range(n)]
     sure = [s != "at bound" for s in status]
     return {
-        "name": "k", "unit": "bar/%", "over": list(over), "over_units": ["bar"] * len(over), "nodes": [list(v) for v in nodes],
+        "name": "k", "unit": "bar/%", "over": list(over), "over_units": ["bar"] * len(over),
+        "nodes": [list(v) for v in nodes],
         "recording": recording, "values": base, "status": status,
         "low": [v - 0.2 if s else None for v, s in zip(base, sure, strict=True)],
-        "high": [v + (9.0 if k % 4 == 3 else 0.3) if s else None for k, (v, s) in enumerate(zip(base, sure, strict=True))],
+        "high": [v + (9.0 if k % 4 == 3 else 0.3) if s else None for k,
+                 (v, s) in enumerate(zip(base, sure, strict=True))],
     } | changes  # fmt: skip
 
 
 def entry(k, recording="high"):
     return {
-        "name": f"k[{k}][{recording}]", "parameter": "k", "recording": recording, "index": [k], "unit": "bar/%", "value": 1.0 + 0.1 * k,
+        "name": f"k[{k}][{recording}]", "parameter": "k", "recording": recording, "index": [k], "unit": "bar/%",
+        "value": 1.0 + 0.1 * k,
         "standard_error": 0.1, "low": 0.8, "high": 1.2, "lower_bound": 0.0, "upper_bound": 2.0, "status": STATES[k % 4],
     }  # fmt: skip
 
@@ -116,7 +119,10 @@ def test_the_report_folds_entries_and_keeps_single_parameters_in_sight():
 
 def test_many_parameters_do_not_make_a_wide_table_of_minima():
     names = [f"k[{k}]" for k in range(300)]
-    basins = [{"cost": c, "runs": 1, "share": 0.5, "parameters": {n: 1.0 + c * (k in (7, 9)) for k, n in enumerate(names)}} for c in (1, 2)]
+    basins = [
+        {"cost": c, "runs": 1, "share": 0.5, "parameters": {n: 1.0 + c * (k in (7, 9)) for k, n in enumerate(names)}}
+        for c in (1, 2)
+    ]
     shown = basins_table(read_findings({"name": "x", "basins": basins}).basins)
     assert len(shown.head) == 3 + 8
     assert {"k[7]", "k[9]"} <= set(shown.head)

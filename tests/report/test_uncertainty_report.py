@@ -11,10 +11,13 @@ BUDGET = {
     "of": "w", "kind": "signal", "unit": "rad/s", "at": 40.0, "recordings": ["train"], "combined": 0.5, "expanded": 1.0,
     "degrees_of_freedom": 9.4, "coverage_factor": 2.26,
     "sources": [
-        {"name": "tacho", "kind": "B", "shape": "rectangular", "limit": 0.0173, "unit": "1", "divisor": 1.732, "standard": 0.01,
-         "sensitivity": 40.0, "contribution": 0.4, "expanded": 0.8, "share": 0.64, "degrees_of_freedom": None, "acts": "gain"},
+        {"name": "tacho", "kind": "B", "shape": "rectangular", "limit": 0.0173, "unit": "1", "divisor": 1.732,
+         "standard": 0.01,
+         "sensitivity": 40.0, "contribution": 0.4, "expanded": 0.8, "share": 0.64, "degrees_of_freedom": None,
+         "acts": "gain"},
         {"name": "zero", "kind": "A", "shape": "normal", "limit": 0.3, "unit": "rad/s", "divisor": 1.0, "standard": 0.3,
-         "sensitivity": 1.0, "contribution": 0.3, "expanded": 0.6, "share": 0.36, "degrees_of_freedom": 4.0, "acts": "offset"},
+         "sensitivity": 1.0, "contribution": 0.3, "expanded": 0.6, "share": 0.36, "degrees_of_freedom": 4.0,
+         "acts": "offset"},
     ],
 }  # fmt: skip
 

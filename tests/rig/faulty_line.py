@@ -1,4 +1,5 @@
-"""A serial line with faults between a board and a recorder: flipped bits, lost bytes, stalls, and a plug that is pulled."""
+"""A serial line with faults between a board and a recorder: flipped bits, lost bytes, stalls, and a plug that is
+pulled."""
 
 import contextlib
 import os
@@ -13,9 +14,11 @@ import numpy as np
 
 
 class FaultyLine:
-    """`port` is a link to a pseudo-terminal that passes bytes to and from `board`; `events` are (after s, "stall"|"unplug", for s).
+    """`port` is a link to a pseudo-terminal that passes bytes to and from `board`; `events` are (after s,
+    "stall"|"unplug", for s).
 
-    `flip` and `drop` are probabilities for every byte of either direction; time counts from the first byte of the recorder.
+    `flip` and `drop` are probabilities for every byte of either direction; time counts from the first byte of the
+    recorder.
     """
 
     def __init__(self, board: str, port: Path, *, seed: int, flip: float = 0.0, drop: float = 0.0, events=()):

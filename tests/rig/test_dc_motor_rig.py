@@ -19,7 +19,14 @@ PULSE = 2 * np.pi * RIG.ratio / RIG.pulses  # of the motor, rad
 
 def test_the_exact_motion_agrees_with_a_tight_solver():
     p, volts = ROBOT_MOTOR, RUN.exact["V"][0]
-    rate = lambda _, x: [(volts - p["Rm"] * x[0] - p["Kb"] * x[1]) / p["Lm"], (p["Kt"] * x[0] - p["Cm"] * x[1]) / p["Jm"], x[1]]  # noqa: E731
+
+    def rate(_, x):
+        return [
+            (volts - p["Rm"] * x[0] - p["Kb"] * x[1]) / p["Lm"],
+            (p["Kt"] * x[0] - p["Cm"] * x[1]) / p["Jm"],
+            x[1],
+        ]
+
     t = RUN.exact.t[:100]
     x = solve_ivp(rate, (0, t[-1]), [0, 0, 0], method="DOP853", rtol=1e-12, atol=1e-13, t_eval=t).y
     np.testing.assert_allclose(RUN.exact["i"][:100], x[0], atol=1e-8)
@@ -32,11 +39,20 @@ def test_the_exact_motion_agrees_with_a_tight_solver():
 
 @pytest.mark.parametrize("winding", [2.75e-6, 1e-3])
 def test_a_winding_far_quicker_than_the_steps_is_followed(winding):
-    """The motor of the Control Tutorials for MATLAB and Simulink (ctms.engin.umich.edu, Motor Position), whose winding takes 0.7 us."""
+    """The motor of the Control Tutorials for MATLAB and Simulink (ctms.engin.umich.edu, Motor Position), whose
+    winding takes 0.7 us."""
     p = {"Rm": 4.0, "Lm": winding, "Kb": 0.0274, "Kt": 0.0274, "Jm": 3.2284e-6, "Cm": 3.5077e-6, "Tf": 0.0}
     rig = replace(board_rig(p), period=0.1, substeps=200)
-    run = rig.record(1, rec.Recording(np.arange(6) * 0.1, {"V": rec.Signal(np.array([3.0, -3.0, 6.0, 0.0, -1.0, -1.0]), "V")}))
-    rate = lambda _, x, u: [(u - p["Rm"] * x[0] - p["Kb"] * x[1]) / p["Lm"], (p["Kt"] * x[0] - p["Cm"] * x[1]) / p["Jm"]]  # noqa: E731
+    run = rig.record(
+        1, rec.Recording(np.arange(6) * 0.1, {"V": rec.Signal(np.array([3.0, -3.0, 6.0, 0.0, -1.0, -1.0]), "V")})
+    )
+
+    def rate(_, x, u):
+        return [
+            (u - p["Rm"] * x[0] - p["Kb"] * x[1]) / p["Lm"],
+            (p["Kt"] * x[0] - p["Cm"] * x[1]) / p["Jm"],
+        ]
+
     x, found = np.zeros(2), []
     for u in run.exact["V"][:-1]:
         x = solve_ivp(rate, (0, 0.1), x, method="Radau", rtol=1e-9, atol=1e-10, args=(u,)).y[:, -1]
@@ -91,7 +107,9 @@ def test_pulses_of_a_shaft_that_turns_back_are_taken_off_and_a_rest_times_out():
     t = np.linspace(0, 1.0, 100_001)
     angle = 0.5 + 2.0 * np.sin(3 * t)  # turns back at t = pi/6
     seen = capture(t, angle, t[::100], 100, np.zeros(100), 0.0, 0.05)
-    np.testing.assert_array_equal(seen.counts, np.floor(angle[::100] * 100 / (2 * np.pi)) - np.floor(angle[0] * 100 / (2 * np.pi)))
+    np.testing.assert_array_equal(
+        seen.counts, np.floor(angle[::100] * 100 / (2 * np.pi)) - np.floor(angle[0] * 100 / (2 * np.pi))
+    )
     turn = np.abs(t[::100] - np.pi / 6) < 0.005
     assert np.all(np.abs(seen.period[turn]) > 0.01)
     moving = (np.abs(np.cos(3 * t[::100])) > 0.5) & (t[::100] > 0.1)

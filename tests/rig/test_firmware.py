@@ -1,4 +1,5 @@
-"""The firmware by its protocol alone: checksums, commands that are wrong or repeated, noise; and compiled for real boards."""
+"""The firmware by its protocol alone: checksums, commands that are wrong or repeated, noise; and compiled for real
+boards."""
 
 import contextlib
 import os
@@ -35,7 +36,8 @@ class Host:
         self.write(encode(*fields))
 
     def write(self, data, seconds=10.0):
-        """All of it, taking in what the board says meanwhile: on a busy machine a pseudo terminal is full for a while."""
+        """All of it, taking in what the board says meanwhile: on a busy machine a pseudo terminal is full for a
+        while."""
         until = time.monotonic() + seconds
         while data:
             assert time.monotonic() < until, f"{len(data)} bytes could not be written within {seconds} s"
@@ -94,7 +96,8 @@ def test_another_version_is_told(board):
 
 
 @pytest.mark.parametrize(
-    "fields", [("S", 1, 0, 1, 5, 0), ("S", 1, 1, 0, 5, 0), ("S", 1, 1, 1, 5, 6), ("S", 1), ("S", -1, 1, 1, 1, 0), ("Q",)]
+    "fields",
+    [("S", 1, 0, 1, 5, 0), ("S", 1, 1, 0, 5, 0), ("S", 1, 1, 1, 5, 6), ("S", 1), ("S", -1, 1, 1, 1, 0), ("Q",)],
 )
 def test_wrong_commands_are_refused(board, fields):
     board.say(*fields)
@@ -157,18 +160,25 @@ def test_noise_never_moves_the_motor(program, tmp_path):
 @pytest.mark.parametrize("target", ["stm32", "arduino"])
 def test_boards_compile(target, tmp_path):
     compiler = {"stm32": "arm-none-eabi-gcc", "arduino": "avr-g++"}[target]
-    if shutil.which(compiler) is None or (target == "arduino" and not os.path.isdir("/usr/share/arduino/hardware/arduino/avr")):
+    if shutil.which(compiler) is None or (
+        target == "arduino" and not os.path.isdir("/usr/share/arduino/hardware/arduino/avr")
+    ):
         pytest.skip(f"{compiler} or its core is not on this machine: the firmware for {target} is not compiled")
-    done = subprocess.run(["make", "-C", FIRMWARE, target, f"BUILD={tmp_path}"], capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        ["make", "-C", FIRMWARE, target, f"BUILD={tmp_path}"], capture_output=True, text=True, timeout=120
+    )
     assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow
 def test_the_arduino_program_records_on_a_simulated_processor(tmp_path):
-    """The Uno's own binary in real time: every sample of 200 a second comes, and the PWM register follows the excitation."""
+    """The Uno's own binary in real time: every sample of 200 a second comes, and the PWM register follows the
+    excitation."""
     if shutil.which("avr-g++") is None or not os.path.isdir("/usr/include/simavr"):
         pytest.skip("avr-g++ or simavr is not on this machine: the Arduino's program is not run")
-    subprocess.run(["make", "-C", FIRMWARE, "simavr", f"BUILD={tmp_path}"], check=True, capture_output=True, timeout=200)
+    subprocess.run(
+        ["make", "-C", FIRMWARE, "simavr", f"BUILD={tmp_path}"], check=True, capture_output=True, timeout=200
+    )
     excitation = prbs(8.0, 50, 4, hold=4, seed=1)
     with running(tmp_path / "uno_simavr", tmp_path / "uno.elf", tmp_path / "truth") as port:
         told = record(port, tmp_path / "run.csv", excitation)

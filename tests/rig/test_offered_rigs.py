@@ -1,4 +1,5 @@
-"""Rigs by name with constants of the user's own: exact to other solvers and closed forms, with a truth that says all of it."""
+"""Rigs by name with constants of the user's own: exact to other solvers and closed forms, with a truth that says all
+of it."""
 
 import json
 import math
@@ -54,7 +55,9 @@ def test_the_truth_says_every_number_with_its_unit(name):
 
 def test_the_page_on_virtual_rigs_has_a_row_for_every_rig():
     rows = re.findall(
-        r"^\| `(\w+)` \|", (Path(__file__).resolve().parents[2] / "docs" / "virtual-rigs.md").read_text("utf-8"), re.MULTILINE
+        r"^\| `(\w+)` \|",
+        (Path(__file__).resolve().parents[2] / "docs" / "virtual-rigs.md").read_text("utf-8"),
+        re.MULTILINE,
     )
     missing = [name for name in names() if name not in rows]
     assert missing == [], f"add a row for {missing} to the table of rigs in docs/virtual-rigs.md"
@@ -169,7 +172,12 @@ def test_a_study_at_the_truth_is_at_the_floor_of_the_noise(tmp_path, name, optio
     ("name", "options", "error", "sentence"),
     [
         ("pendobot", {}, SimulationError, "Did you mean 'pendubot'"),
-        ("pendubot", {"constants": {"m2": -0.1}}, SimulationError, r"m2 = -0\.1 kg cannot be \(mass of link 2\); give a number above 0 kg"),
+        (
+            "pendubot",
+            {"constants": {"m2": -0.1}},
+            SimulationError,
+            r"m2 = -0\.1 kg cannot be \(mass of link 2\); give a number above 0 kg",
+        ),
         ("pendubot", {"constants": {"m2": 0}}, SimulationError, "m2 = 0 kg cannot be"),
         ("pendubot", {"constants": {"m2": math.nan}}, SimulationError, "m2 = nan kg cannot be"),
         ("pendubot", {"constants": {"m2": "0.1 V"}}, UnitError, "is in 'V', but m2 .* is in 'kg'"),
@@ -209,7 +217,8 @@ TUNED = {
 
 
 def test_a_tuned_controller_drives_the_motor_by_what_its_encoder_says(tmp_path):
-    """The voltages that were recorded are those of a PID in plain floats on the recorded readings, and the motion is theirs."""
+    """The voltages that were recorded are those of a PID in plain floats on the recorded readings, and the motion is
+    theirs."""
     from plantfit.rig.offered.dc_motor import board_rig
 
     (tmp_path / "motor-tune.json").write_text(json.dumps(TUNED))
@@ -241,12 +250,15 @@ def test_a_tuned_controller_drives_the_motor_by_what_its_encoder_says(tmp_path):
 
 @pytest.mark.parametrize("kind", ["lqi", "mpc"])
 def test_an_lqi_and_an_mpc_drive_the_motor_as_well(capsys, monkeypatch, tmp_path, kind):
-    """By command: the voltages are those of the controller on the recorded readings, and its load takes friction away."""
+    """By command: the voltages are those of the controller on the recorded readings, and its load takes friction
+    away."""
     from plantfit.rig.offered.dc_motor import TRUTH, board_rig
     from plantfit.rig.offered.tuned import read_tuned
 
     damping = TRUTH["Cm"] + TRUTH["Kt"] * TRUTH["Kb"] / TRUTH["Rm"]
-    model = pf.equations("w' = (K*V - w)/tau", inputs=["V"], states=["w"], outputs=["w"], parameters=["K", "tau"], name="motor")
+    model = pf.equations(
+        "w' = (K*V - w)/tau", inputs=["V"], states=["w"], outputs=["w"], parameters=["K", "tau"], name="motor"
+    )
     values = {"K": TRUTH["Kt"] / TRUTH["Rm"] / damping, "tau": TRUTH["Jm"] / damping}
     wishes = Wishes(40.0, 20.0, 0.5, 0.02, -9.0, 9.0, controller=kind)
     file = tuned_file(tmp_path, model, values, wishes, (0.3, 10.0, 0.3, 0.2), ("rad/s", "V"))
@@ -258,7 +270,10 @@ def test_an_lqi_and_an_mpc_drive_the_motor_as_well(capsys, monkeypatch, tmp_path
     record, exact = pf.read_csv(tmp_path / "m.csv"), pf.read_csv(tmp_path / "m.exact.csv")
     assert exact["w"][-50:] == pytest.approx(40.0, rel=0.02)
     assert exact["w"][len(record) // 2 - 50 : len(record) // 2 - 1] == pytest.approx(20.0, rel=0.04)
-    assert any(f"In a loop with the {kind.upper()} of {file.name} (1 states and the load estimated" in line for line in record.log)
+    assert any(
+        f"In a loop with the {kind.upper()} of {file.name} (1 states and the load estimated" in line
+        for line in record.log
+    )
     rig = board_rig(TRUTH)
     rig = type(rig)(**{**{n: getattr(rig, n) for n in rig.__dataclass_fields__}, "period": 0.02, "substeps": 40})
     raw = rig.record(4, pf.from_arrays({"t": record.t, "V": record["V"]}, units={"V": "V"}))
@@ -279,7 +294,9 @@ def test_set_points_of_a_loop_are_given_in_any_unit_and_slips_are_told(tmp_path)
     with pytest.raises(SimulationError, match="cannot be driven by a tuned controller yet; dc_motor can"):
         record_rig("pendubot", controller=tmp_path / "motor-tune.json")
     (tmp_path / "bad.json").write_text("{}")
-    with pytest.raises(SimulationError, match=r"bad.json' is not a controller; name a file NAME-tune.json that `plantfit tune` wrote"):
+    with pytest.raises(
+        SimulationError, match=r"bad.json' is not a controller; name a file NAME-tune.json that `plantfit tune` wrote"
+    ):
         record_rig("dc_motor", controller=tmp_path / "bad.json")
     with pytest.raises(SimulationError, match="cannot be read"):
         record_rig("dc_motor", controller=tmp_path / "none.json")

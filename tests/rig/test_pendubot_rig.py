@@ -40,7 +40,9 @@ def test_every_sample_follows_from_the_one_before_by_a_tight_solver():
         # ten samples on: the solver starts anew where the voltage jumps
         y = x[k]
         for j in range(k, k + 10):
-            y = solve_ivp(lambda _, x, V=exact["V"][j]: printed_rate(x, V), (0, 1e-3), y, method="DOP853", rtol=1e-12, atol=1e-13).y[:, -1]
+            y = solve_ivp(
+                lambda _, x, V=exact["V"][j]: printed_rate(x, V), (0, 1e-3), y, method="DOP853", rtol=1e-12, atol=1e-13
+            ).y[:, -1]
         np.testing.assert_allclose(x[k + 10], y, rtol=0, atol=2e-11)
 
 

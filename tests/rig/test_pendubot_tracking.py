@@ -1,4 +1,5 @@
-"""A pendubot follows poses through its motor: as well as by the torque itself, worse with wrong constants, never beyond the bridge."""
+"""A pendubot follows poses through its motor: as well as by the torque itself, worse with wrong constants, never
+beyond the bridge."""
 
 import numpy as np
 import pytest
@@ -59,7 +60,9 @@ def test_the_motion_between_samples_is_that_of_a_tight_solver():
 
     x = np.stack([np.asarray(run.states[n]) for n in ("theta1", "theta2", "omega1", "omega2", "i")], axis=1)
     for k in (500, 1500, 2200, 2900):
-        after = solve_ivp(rate, (0, RIG.period), x[k], args=(float(run.u["V"][k]),), method="DOP853", rtol=1e-11, atol=1e-13).y[:, -1]
+        after = solve_ivp(
+            rate, (0, RIG.period), x[k], args=(float(run.u["V"][k]),), method="DOP853", rtol=1e-11, atol=1e-13
+        ).y[:, -1]
         np.testing.assert_allclose(x[k + 1], after, atol=2e-8)
 
 

@@ -1,4 +1,5 @@
-"""A loop closed over the serial line: the host-compiled firmware with its simulated motor, held to the controller run again."""
+"""A loop closed over the serial line: the host-compiled firmware with its simulated motor, held to the controller
+run again."""
 
 import json
 import sys
@@ -27,7 +28,15 @@ PERIOD = 0.05
 TUNED = {
     "output": {"name": "angle", "unit": "rad"},
     "input": {"name": "V", "unit": "V"},
-    "wishes": {"period": PERIOD, "lower": -10.0, "upper": 10.0, "anti_windup": "clamping", "set_point": 25.0, "step": 15.0, "horizon": 5.0},
+    "wishes": {
+        "period": PERIOD,
+        "lower": -10.0,
+        "upper": 10.0,
+        "anti_windup": "clamping",
+        "set_point": 25.0,
+        "step": 15.0,
+        "horizon": 5.0,
+    },
     "controllers": [{"Kp": 0.15, "Ki": 0.0, "Kd": 0.004, "b": 1.0, "filter_time": 0.02}],
 }
 
@@ -46,7 +55,18 @@ def tuned(tmp_path):
 
 def test_the_board_is_driven_to_its_set_points(capsys, monkeypatch, program, tuned, tmp_path):
     with running(program, "--truth", tmp_path / "truth", "--watchdog", 3000) as port:
-        said = call(capsys, monkeypatch, "record", "--port", port, "--controller", tuned, "--out", tmp_path / "run.csv", "--json")
+        said = call(
+            capsys,
+            monkeypatch,
+            "record",
+            "--port",
+            port,
+            "--controller",
+            tuned,
+            "--out",
+            tmp_path / "run.csv",
+            "--json",
+        )
     assert said.code == 0, said.err
     assert json.loads(said.out)["stopped"] is True
     got, truth = read_csv(tmp_path / "run.csv"), read_truth(tmp_path / "truth")
@@ -57,7 +77,10 @@ def test_the_board_is_driven_to_its_set_points(capsys, monkeypatch, program, tun
     assert got["angle"][middle][-1] == pytest.approx(10.0, abs=stuck + 0.5)
     assert np.mean(got["angle"][last]) == pytest.approx(25.0, abs=stuck + 0.5)
     assert_driven_as_read(read_tuned(tuned).running(), got, truth)
-    assert any("Driven from angle by the PID of motor-tune.json, every 0.05 s; set points: angle = 10, 25 rad" in line for line in got.log)
+    assert any(
+        "Driven from angle by the PID of motor-tune.json, every 0.05 s; set points: angle = 10, 25 rad" in line
+        for line in got.log
+    )
     assert any(f"The controller on this computer gave {len(got)} commands" in line for line in got.log)
 
 
@@ -74,20 +97,27 @@ def assert_driven_as_read(controller, got, truth):
 
 @pytest.mark.parametrize("kind", ["lqi", "mpc"])
 def test_an_lqi_and_an_mpc_drive_the_board_as_well(capsys, monkeypatch, program, tmp_path, kind):
-    """For the motor that the host's firmware simulates (firmware/host/sim_motor.c), without its winding and its dry friction."""
+    """For the motor that the host's firmware simulates (firmware/host/sim_motor.c), without its winding and its dry
+    friction."""
     damping = 1.2e-5 + 0.025**2 / 2.8
     text = "angle' = w\nw' = (K*V - w)/tau"
-    model = equations(text, inputs=["V"], states=["angle", "w"], outputs=["angle"], parameters=["K", "tau"], name="motor")
+    model = equations(
+        text, inputs=["V"], states=["angle", "w"], outputs=["angle"], parameters=["K", "tau"], name="motor"
+    )
     values = {"K": 0.98 * 0.025 / 2.8 / damping, "tau": 2.5e-5 / damping}
     wishes = Wishes(25.0, 15.0, 0.1, PERIOD, -10.0, 10.0, controller=kind, horizon=5.0)
     file = tuned_file(tmp_path, model, values, wishes, (1.0, 1.0, 0.3, 0.3), ("rad", "V"))
     with running(program, "--truth", tmp_path / "truth", "--watchdog", 3000) as port:
-        said = call(capsys, monkeypatch, "record", "--port", port, "--controller", file, "--out", tmp_path / "run.csv", "--json")
+        said = call(
+            capsys, monkeypatch, "record", "--port", port, "--controller", file, "--out", tmp_path / "run.csv", "--json"
+        )
     assert said.code == 0, said.err
     got, truth = read_csv(tmp_path / "run.csv"), read_truth(tmp_path / "truth")
     assert set(np.unique(got["angle_set"])) == {10.0, 25.0}
     assert np.mean(got["angle"][(got.t > 1.9) & (got.t < 2.4)]) == pytest.approx(10.0, abs=1.0)
-    assert np.mean(got["angle"][got.t > 4.5]) == pytest.approx(25.0, abs=1.0)  # its load takes dry friction away, but for hunting
+    assert np.mean(got["angle"][got.t > 4.5]) == pytest.approx(
+        25.0, abs=1.0
+    )  # its load takes dry friction away, but for hunting
     assert_driven_as_read(read_tuned(file).running(), got, truth)
     assert any(f"Driven from angle by the {kind.upper()} of {file.name}, every 0.05 s" in line for line in got.log)
 
@@ -117,7 +147,8 @@ def _loop(file, seconds=1.0, **more):
     tuned = read_tuned(file)
     s = tuned.settings
     loop = Loop(
-        tuned.running(), s.period, tuned.output, tuned.output_unit, tuned.input, tuned.input_unit, s.lower, s.upper, np.zeros(1),
+        tuned.running(), s.period, tuned.output, tuned.output_unit, tuned.input, tuned.input_unit, s.lower, s.upper,
+        np.zeros(1),
         np.full(1, 5.0), seconds, "",
     )  # fmt: skip
     return replace(loop, **more)
@@ -155,7 +186,9 @@ def test_units_of_the_study_and_of_the_board_may_differ(tuned):
     from plantfit.rig.board.protocol import Sample
 
     echo = Echo()
-    loop = _loop(tuned, controller=echo, output_unit="deg", input_unit="mV", lower=-9e3, upper=9e3, set_points=np.array([90.0]))
+    loop = _loop(
+        tuned, controller=echo, output_unit="deg", input_unit="mV", lower=-9e3, upper=9e3, set_points=np.array([90.0])
+    )
     pilot = Pilot(loop, board, 50)
     pilot.begin(7)
     pilot.take(Sample(7, 0, 0, -1, 0, (155,)), 0.0)

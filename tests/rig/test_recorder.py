@@ -85,7 +85,8 @@ def test_the_simulated_motor_obeys_its_equations(program, tmp_path):
 
 
 def test_a_recording_gives_the_motor_back(program, tmp_path):
-    """R and K from V = R i + K w, by least squares over what was recorded, the first milliseconds after a step left out."""
+    """R and K from V = R i + K w, by least squares over what was recorded, the first milliseconds after a step left
+    out."""
     with running(program, "--watchdog", 2000) as port:
         record(port, tmp_path / "run.csv", prbs(9.0, 100, 2, hold=8, seed=5))
     r = differentiate(read_csv(tmp_path / "run.csv"), "angle", "w")
@@ -147,9 +148,12 @@ def test_a_minute_of_faults(program, tmp_path):
     told, line, truth, seconds = faulty(program, tmp_path, excitation, flip=1e-4, drop=1e-4, events=events)
     got, share = held_to_truth(tmp_path / "run.csv", truth)
     print(
-        f"\n{told.samples} samples came, {told.lost} lost in {told.gaps} gaps ({100 * (1 - share):.2f} %), {told.garbled} garbled here, "
-        f"{told.refused} on the board; {line.flipped} bits flipped, {line.dropped} bytes dropped; {told.reconnects} reconnects, "
-        f"{told.watchdogs} watchdog stops, {told.starved} starved; recorder {seconds:.1f} s of processor in {told.seconds:.0f} s"
+        f"\n{told.samples} samples came, {told.lost} lost in {told.gaps} gaps ({100 * (1 - share):.2f} %), "
+        f"{told.garbled} garbled here, "
+        f"{told.refused} on the board; {line.flipped} bits flipped, {line.dropped} bytes dropped; {told.reconnects} "
+        f"reconnects, "
+        f"{told.watchdogs} watchdog stops, {told.starved} starved; recorder {seconds:.1f} s of processor in "
+        f"{told.seconds:.0f} s"
     )
     assert told.samples > 55_000
     assert line.flipped > 150
@@ -188,7 +192,9 @@ def test_a_silent_machine_stops_the_motor(program, tmp_path):
 def test_stopping_stops_the_motor_first(program, tmp_path):
     excitation = Recording(np.arange(100) / 10, {"V": Signal(np.full(100, 6.0), "V")}, "constant")
     until = time.monotonic() + 1.2
-    with running(program, "--truth", tmp_path / "truth", "--watchdog", 5000) as port:  # the watchdog is too slow to help
+    with running(
+        program, "--truth", tmp_path / "truth", "--watchdog", 5000
+    ) as port:  # the watchdog is too slow to help
         told = record(port, tmp_path / "run.csv", excitation, stopping=lambda: time.monotonic() > until)
     truth = read_truth(tmp_path / "truth")
     assert told.stopped
@@ -292,7 +298,10 @@ def test_a_board_that_stays_away_ends_the_recording(program, tmp_path):
     ],
 )
 def test_what_the_board_cannot_do_is_refused_before_it_moves(program, tmp_path, make, words):
-    with running(program, "--truth", tmp_path / "truth") as port, pytest.raises((BoardError, RecordingError), match=words):
+    with (
+        running(program, "--truth", tmp_path / "truth") as port,
+        pytest.raises((BoardError, RecordingError), match=words),
+    ):
         record(port, tmp_path / "run.csv", **make())
     assert (tmp_path / "truth").read_text() == ""
     assert list(tmp_path.iterdir()) == [tmp_path / "truth"]

@@ -1,4 +1,5 @@
-"""A robot on two wheels: closed forms of straights and circles, another solver for its motors, and wheels fitted to its camera."""
+"""A robot on two wheels: closed forms of straights and circles, another solver for its motors, and wheels fitted to
+its camera."""
 
 import numpy as np
 import pytest
@@ -44,7 +45,10 @@ def test_unequal_wheels_follow_the_integral_of_their_path():
     pace, heading = CubicSpline(t, 0.5 * (left + right)).derivative(), CubicSpline(t, (right - left) / 0.15)
     end = t[-1]
     for axis, turn in (("x", np.cos), ("y", np.sin)):
-        whole = sum(quad(lambda s, f=turn: pace(s) * f(heading(s)), a, a + end / 40, limit=400)[0] for a in np.arange(40) * end / 40)
+        whole = sum(
+            quad(lambda s, f=turn: pace(s) * f(heading(s)), a, a + end / 40, limit=400)[0]
+            for a in np.arange(40) * end / 40
+        )
         assert made.exact[axis][-1] == pytest.approx(whole, abs=2e-6)
 
 

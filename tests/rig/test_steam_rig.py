@@ -54,7 +54,11 @@ def test_instrument_errors_keep_within_the_data_sheet_and_are_one_set_up():
     np.testing.assert_allclose(drawn.std(axis=(0, 2)), limits / np.sqrt(3), rtol=0.1)
     low, high = (rig.record(u, 7, 60.0) for u in (20, 90))
     line = np.polyfit(
-        *(np.r_[low.exact["y"], high.exact["y"]], np.r_[low.recording["y"] - low.exact["y"], high.recording["y"] - high.exact["y"]]), 1
+        *(
+            np.r_[low.exact["y"], high.exact["y"]],
+            np.r_[low.recording["y"] - low.exact["y"], high.recording["y"] - high.exact["y"]],
+        ),
+        1,
     )
     assert line[1] == pytest.approx(drawn[7, :, 0].sum(), abs=1e-5)
     assert np.polyval(line, 39.0) == pytest.approx(drawn[7, :, 1].sum(), abs=1e-4)

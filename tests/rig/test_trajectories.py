@@ -12,7 +12,9 @@ PATH = RestToRest(1.0, (Move(1.0, 2.0, 3.0), Move(5.0, 4.0, -1.0)), smoothness=5
 
 
 def test_moves_are_the_incomplete_beta_function():
-    expected = 1.0 + 2.0 * betainc(6, 6, np.clip((T - 1.0) / 2.0, 0, 1)) - 4.0 * betainc(6, 6, np.clip((T - 5.0) / 4.0, 0, 1))
+    expected = (
+        1.0 + 2.0 * betainc(6, 6, np.clip((T - 1.0) / 2.0, 0, 1)) - 4.0 * betainc(6, 6, np.clip((T - 5.0) / 4.0, 0, 1))
+    )
     np.testing.assert_allclose(PATH(T), expected, atol=1e-12)
 
 
@@ -20,7 +22,9 @@ def test_moves_are_the_incomplete_beta_function():
 def test_derivatives_are_those_of_the_value_and_continuous(order):
     slope = np.gradient(PATH(T, order - 1), T)
     scale = np.max(np.abs(PATH(T, order)))
-    inner = np.all(np.abs(T[:, None] - [1.0, 3.0, 5.0, 9.0]) > 3e-4, axis=1)  # away from where the next derivative jumps
+    inner = np.all(
+        np.abs(T[:, None] - [1.0, 3.0, 5.0, 9.0]) > 3e-4, axis=1
+    )  # away from where the next derivative jumps
     np.testing.assert_allclose(PATH(T, order)[inner][1:-1], slope[inner][1:-1], atol=1e-6 * scale)
     assert np.max(np.abs(np.diff(PATH(T, order)))) < 1e-2 * scale  # no jump at the ends of a move
 

@@ -16,9 +16,15 @@ from plantfit.models.model import Model
 
 
 def tuned_file(
-    folder: Path, model: Model, values: dict[str, float], wishes: Wishes, weights: tuple[float, ...], units: tuple[str, str]
+    folder: Path,
+    model: Model,
+    values: dict[str, float],
+    wishes: Wishes,
+    weights: tuple[float, ...],
+    units: tuple[str, str],
 ) -> Path:
-    """An LQI or MPC, as the wishes say, of these weights for a model of one output and one input; `units` are theirs."""
+    """An LQI or MPC, as the wishes say, of these weights for a model of one output and one input; `units` are
+    theirs."""
     (output,), (input_,) = model.outputs, model.inputs
     loop = OneLoop(model, output, input_, {}, {n: np.array([v]) for n, v in values.items()})
     rest = loop.at_rest(wishes.set_point, (wishes.lower, 0.0, wishes.upper))
@@ -29,7 +35,8 @@ def tuned_file(
         shape = PlanShape.of(plant, small, wishes)
         plan, given = {"moves": shape.lengths}, shape.predictive(*weights)
     record = {
-        "output": {"name": output, "unit": units[0]}, "input": {"name": input_, "unit": units[1]}, "wishes": wishes.__dict__,
+        "output": {"name": output, "unit": units[0]}, "input": {"name": input_, "unit": units[1]},
+        "wishes": wishes.__dict__,
         "controllers": [settings(given)], "plan": plan,
     }  # fmt: skip
     file = folder / f"{wishes.controller}-tune.json"

@@ -44,4 +44,10 @@ MOTOR = (2.0, 1e-3, 0.05, 1e-4, 1e-5)
 @cache
 def tank() -> VectorModel:
     """A tank that empties through a hole, fed late: h' = q - a sqrt(h)."""
-    return plant("h", "q", "a Td", lambda x, u, p: {"h": u["late"] - p["a"] * jnp.sqrt(x["h"])}, delays=(Delay("late", "q", "Td"),))
+    return plant(
+        "h",
+        "q",
+        "a Td",
+        lambda x, u, p: {"h": u["late"] - p["a"] * jnp.sqrt(x["h"])},
+        delays=(Delay("late", "q", "Td"),),
+    )

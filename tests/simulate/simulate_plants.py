@@ -9,7 +9,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Declared, Delay, Model
 
 P = {
-    "a0": 0.3, "a1": 1.2, "a2": -0.2, "a3": 0.07, "T1": 0.02, "T2": 1.5, "c": 0.05, "b": 0.2, "d": 0.1, "e": 0.0, "x10": 0.5, "x20": -0.3,
+    "a0": 0.3, "a1": 1.2, "a2": -0.2, "a3": 0.07, "T1": 0.02, "T2": 1.5, "c": 0.05, "b": 0.2, "d": 0.1, "e": 0.0,
+    "x10": 0.5, "x20": -0.3,
     "Td": 0.37,
 }  # fmt: skip
 

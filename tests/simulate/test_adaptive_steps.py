@@ -35,14 +35,21 @@ def problem_of(text, free, *, t=T, u=U, y=None, **options):
 
 
 def sampled_coarsely(noise=0.0):
-    """Friction that sticks within 1 mm/s, samples of half a second, and the exact speed; with noise also as what was measured."""
+    """Friction that sticks within 1 mm/s, samples of half a second, and the exact speed; with noise also as what was
+    measured."""
     t, rng = np.arange(300) * 0.5, np.random.default_rng(6)
     u = rng.uniform(-3, 3, 300)
     problem = problem_of(RUBBED, RUBBING, t=t, u=u)
-    followed = follow(problem.predictor.stepping(), {k: np.asarray(v) for k, v in TRUTH.items()}, next(iter(problem.whole_drives.values())))
+    followed = follow(
+        problem.predictor.stepping(),
+        {k: np.asarray(v) for k, v in TRUTH.items()},
+        next(iter(problem.whole_drives.values())),
+    )
     assert followed.stopped is None
     exact = followed.outputs["y"]
-    return problem_of(RUBBED, RUBBING, t=t, u=u, y=exact + noise * rng.standard_normal(300)) if noise else problem, exact
+    return problem_of(
+        RUBBED, RUBBING, t=t, u=u, y=exact + noise * rng.standard_normal(300)
+    ) if noise else problem, exact
 
 
 def adaptively(problem, fineness=1):
@@ -106,7 +113,8 @@ def test_the_pair_has_order_three(text):
 
 @pytest.mark.parametrize("text", ["x' = v\nv' = (k*u - x - a*v)/b\ny = x", "x' = (k*u - x - a*x^3)/b\ny = x"])
 def test_what_rounding_leaves_at_rest_asks_for_no_steps(text):
-    """Of 200 plants at rest, with time constants from 0.1 ms to 1000 s, all intervals are good in one step; moved by a tenth, few are."""
+    """Of 200 plants at rest, with time constants from 0.1 ms to 1000 s, all intervals are good in one step; moved by
+    a tenth, few are."""
     rng = np.random.default_rng(1)
     problem = problem_of(text, {"k": (0.1, 1.5), "a": (0.1, 160.0), "b": (1e-3, 160.0)})
     vector = problem.predictor.stepping().vector
@@ -134,7 +142,9 @@ def test_derivatives_run_in_native_loops_whatever_the_number_of_states(count, mo
     for place in ("plantfit.native.scan.scan_used", "plantfit.native.primitive._scan"):
         monkeypatch.setattr(place, refused)
     chain = [f"x{i}' = ({'u' if i == 0 else f'x{i - 1}'} - x{i} - a*x{i}^3)/b" for i in range(count)]
-    problem = problem_of("\n".join([*chain, f"y = x{count - 1}"]), {"a": (0.1, 2.0), "b": (0.1, 2.0)}, t=T[:20] * 6, u=U[:20])
+    problem = problem_of(
+        "\n".join([*chain, f"y = x{count - 1}"]), {"a": (0.1, 2.0), "b": (0.1, 2.0)}, t=T[:20] * 6, u=U[:20]
+    )
     costs, gradients = adaptively(problem, 4).values_and_gradients(np.random.default_rng(0).random((3, 2)))
     assert np.all(np.isfinite(np.asarray(costs)))
     assert np.all(np.isfinite(np.asarray(gradients)))
@@ -192,7 +202,11 @@ def test_states_that_begin_at_zero_one_behind_another_take_few_steps(monkeypatch
 def test_sharp_friction_is_followed_where_equal_steps_are_far_off():
     problem, exact = sampled_coarsely()
     found = errors(problem, TRUTH, (1, 2, 4, 8))
-    own, p, drive = problem.predictor.stepping(), {k: np.asarray(v) for k, v in TRUTH.items()}, next(iter(problem.whole_drives.values()))
+    own, p, drive = (
+        problem.predictor.stepping(),
+        {k: np.asarray(v) for k, v in TRUTH.items()},
+        next(iter(problem.whole_drives.values())),
+    )
     equal = np.asarray(replace(own, substeps=64).outputs(p, drive)["y"]) - exact
     assert np.sum(np.abs(exact) < 1e-3) > 40  # it sticks
     assert found[1] < 1e-3 * np.std(exact)
@@ -215,7 +229,11 @@ def pair_of(vector, fineness=1):
     """A step (x, u, h, p), and an interval at once."""
 
     def of(step):
-        return jax.jit(lambda x, u, h, p: step(vector.rate, x, (u, 0.0), (u, 0.0), h, p, False, vector.pattern, steps.tolerance(fineness)))
+        return jax.jit(
+            lambda x, u, h, p: step(
+                vector.rate, x, (u, 0.0), (u, 0.0), h, p, False, vector.pattern, steps.tolerance(fineness)
+            )
+        )
 
     return of(steps._trial), of(steps._at_once)
 
@@ -234,11 +252,20 @@ def followed(vector, p, x, u, fineness):
             last = length >= 1.0 - done
             later, error, noise, bent, way = pair(tuple(x), float(u[k]), length * PERIOD, p)
             size = [max(s, abs(float(b))) for s, b in zip(largest, later, strict=True)]
-            soon = [max(s, steps.SOON * PERIOD * abs(float(w))) if v == 0.0 else s for v, s, w in zip(begun, size, way, strict=True)]
+            soon = [
+                max(s, steps.SOON * PERIOD * abs(float(w))) if v == 0.0 else s
+                for v, s, w in zip(begun, size, way, strict=True)
+            ]
             over = [max(float(e) - float(n), 0.0) for e, n in zip(error, noise, strict=True)]
             share = [e / (steps.tolerance(fineness) * max(s, 1e-300)) for e, s in zip(over, soon, strict=True)]
-            strained = any(bool(b) and s > steps.SEEN and a <= c for b, s, a, c in zip(bent, share, soon, size, strict=True))
-            factor = steps.SHORTEST if strained else np.clip(steps.SAFETY * max(max(share), 1e-6) ** -0.25, steps.SHORTEST, steps.LONGEST)
+            strained = any(
+                bool(b) and s > steps.SEEN and a <= c for b, s, a, c in zip(bent, share, soon, size, strict=True)
+            )
+            factor = (
+                steps.SHORTEST
+                if strained
+                else np.clip(steps.SAFETY * max(max(share), 1e-6) ** -0.25, steps.SHORTEST, steps.LONGEST)
+            )
             if max(share) <= 1.0 and not strained:
                 done, x, largest = 1.0 if last else done + length, [float(v) for v in later], size
                 ends.append(length)
@@ -362,7 +389,8 @@ def test_an_edge_of_a_dead_time_ends_a_step():
     u = np.repeat(np.random.default_rng(1).uniform(-1, 1, 10), 30)
     model = pf.equations(
         "x' = (K*delay(u, L) - x - x^3)/tau\ny = x", inputs=["u"], states=["x"], outputs=["y"],
-        parameters={"K": {"bounds": (0.5, 4)}, "tau": {"bounds": (0.2, 2)}, "L": {"unit": "s", "bounds": (0.0, 2.0)}}, name="late",
+        parameters={"K": {"bounds": (0.5, 4)}, "tau": {"bounds": (0.2, 2)}, "L": {"unit": "s", "bounds": (0.0, 2.0)}},
+        name="late",
     )  # fmt: skip
     record = pf.from_arrays({"t": t, "u": u, "y": np.zeros(300)}, time="t")
     problem = pf.Problem(model, record, stepper="adaptive", substeps=8)
@@ -372,7 +400,10 @@ def test_an_edge_of_a_dead_time_ends_a_step():
     np.testing.assert_allclose(problem.predict(values)["y"], exact, atol=2e-4 * np.ptp(exact))
     z, place = problem.space.cube(values), problem.space.names.index("L")
     jacobian = np.asarray(problem.residuals_and_jacobian(z)[1])[:, place] / 2.0  # by s: the box is 2 s wide
-    later, sooner = (follow(problem.predictor.stepping(), {**p, "L": np.asarray(0.437 + d)}, drive).outputs["y"] for d in (1e-4, -1e-4))
+    later, sooner = (
+        follow(problem.predictor.stepping(), {**p, "L": np.asarray(0.437 + d)}, drive).outputs["y"]
+        for d in (1e-4, -1e-4)
+    )
     slope = (later - sooner) / 2e-4
     assert np.sqrt(np.mean((jacobian - slope) ** 2)) < 0.01 * np.sqrt(np.mean(slope**2))
 
@@ -380,7 +411,8 @@ def test_an_edge_of_a_dead_time_ends_a_step():
 def test_steps_in_a_closed_form():
     """x' = -x^2 from 1 has x = 1/(1 + t): one interval of 50, many steps."""
     model = pf.equations(
-        "x' = -k*x^2 + 0*u\ny = x", inputs=["u"], states={"x": {"initial": 1}}, outputs=["y"], parameters={"k": {"bounds": (0.5, 2)}},
+        "x' = -k*x^2 + 0*u\ny = x", inputs=["u"], states={"x": {"initial": 1}}, outputs=["y"],
+        parameters={"k": {"bounds": (0.5, 2)}},
         name="decay",
     )  # fmt: skip
     record = pf.from_arrays({"t": np.array([0.0, 50.0, 51.0]), "u": np.zeros(3), "y": np.zeros(3)}, time="t")

@@ -59,7 +59,8 @@ def rounded(value, quantum):
 
 
 def plain_loop(sensor, actuator, reference, gains, noise, torque):
-    """The motor's loop written out with lists, for a PID that clamps at the actuator's limits: (y, command, u), each (n,)."""
+    """The motor's loop written out with lists, for a PID that clamps at the actuator's limits: (y, command, u), each
+    (n,)."""
     ohms, inductance, k, b, j = MOTOR.values()
     big = np.zeros((4, 4))
     big[0], big[1, :2], big[1, 3] = [-ohms / inductance, -k / inductance, 1 / inductance, 0], [k / j, -b / j], -1 / j
@@ -109,7 +110,14 @@ def test_equals_a_plain_loop(chain, stepper):
     noise = np.r_[0.0, rng.normal(size=n - 1)]
     controller = pid(PERIOD, lower=actuator.lower, upper=actuator.upper)
     loop = closed_loop(
-        motor(load=True), controller, period=PERIOD, input="V", sensor=sensor, actuator=actuator, stepper=stepper, substeps=20
+        motor(load=True),
+        controller,
+        period=PERIOD,
+        input="V",
+        sensor=sensor,
+        actuator=actuator,
+        stepper=stepper,
+        substeps=20,
     )
     ours = loop.simulate(GAINS, MOTOR, reference, inputs={"T": torque}, noise=noise)
     y, command, u = plain_loop(sensor, actuator, reference, GAINS, noise, torque)
@@ -176,14 +184,18 @@ def test_time_may_enter_a_linear_plant():
         output=lambda x, u, p: {"y": x["y"]},
     )
     for stepper in ("exact", "rk4"):
-        seen = closed_loop(ramp, pid(0.5), period=0.5, stepper=stepper).simulate(Gains(0.0), {"k": 3.0}, 0.0, samples=20)
+        seen = closed_loop(ramp, pid(0.5), period=0.5, stepper=stepper).simulate(
+            Gains(0.0), {"k": 3.0}, 0.0, samples=20
+        )
         np.testing.assert_allclose(seen.y, 1.5 * np.asarray(seen.t) ** 2, rtol=1e-12, atol=1e-12)
 
 
 def test_an_output_that_reads_the_input_sees_the_one_that_is_held():
     loop = closed_loop(motor(feedthrough=2.0), pid(PERIOD), period=PERIOD)
     seen = loop.simulate(GAINS, MOTOR, 100.0, samples=50)
-    np.testing.assert_allclose(seen.y, seen.states["w"] + 2.0 * np.r_[0.0, np.asarray(seen.u)[:-1]], rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(
+        seen.y, seen.states["w"] + 2.0 * np.r_[0.0, np.asarray(seen.u)[:-1]], rtol=1e-12, atol=1e-12
+    )
 
 
 def batch(loop, count=7):
@@ -204,7 +216,9 @@ def batch(loop, count=7):
 
 @pytest.mark.parametrize("stepper", ["exact", "rosenbrock"])
 def test_batches_over_everything_equal_single_loops(stepper):
-    loop = closed_loop(motor(), pid(PERIOD, lower=0.0, upper=255.0), period=PERIOD, actuator=Actuator.pwm(12.0), stepper=stepper)
+    loop = closed_loop(
+        motor(), pid(PERIOD, lower=0.0, upper=255.0), period=PERIOD, actuator=Actuator.pwm(12.0), stepper=stepper
+    )
     rows, one = batch(loop)
     many = jax.vmap(lambda row: one(loop.simulate, row))(rows)
     for n in range(7):
@@ -216,7 +230,13 @@ def test_batches_over_everything_equal_single_loops(stepper):
 @pytest.mark.parametrize("chain", ["bare", "pwm", "very late", "slow sensor"])
 def test_metrics_without_the_trajectory_equal_those_with_it(chain):
     sensor, actuator = CHAINS[chain]
-    loop = closed_loop(motor(), pid(PERIOD, lower=actuator.lower, upper=actuator.upper), period=PERIOD, sensor=sensor, actuator=actuator)
+    loop = closed_loop(
+        motor(),
+        pid(PERIOD, lower=actuator.lower, upper=actuator.upper),
+        period=PERIOD,
+        sensor=sensor,
+        actuator=actuator,
+    )
     rows, one = batch(loop)
     observer = step_observer()
     folded = jax.vmap(lambda row: one(lambda *a, **k: loop.observe(observer, *a, **k), row))(rows)
@@ -234,7 +254,9 @@ def test_an_observer_sees_every_sample_once():
     loop, reference = closed_loop(motor(), pid(PERIOD), period=PERIOD), np.linspace(1.0, 90.0, 33)
     folded, stored = loop.observe(total, GAINS, MOTOR, reference), loop.simulate(GAINS, MOTOR, reference)
     assert folded[0] == 33
-    np.testing.assert_allclose(folded[1:], [stored.t.sum(), stored.y.sum(), stored.u.sum(), reference.sum()], rtol=1e-12)
+    np.testing.assert_allclose(
+        folded[1:], [stored.t.sum(), stored.y.sum(), stored.u.sum(), reference.sum()], rtol=1e-12
+    )
 
 
 def test_gradients_by_gains_and_plant_equal_differences():
@@ -274,7 +296,9 @@ def test_other_values_do_not_compile_again():
 
 
 def test_a_controller_of_ones_own():
-    relay = Controller(lambda y, p: jnp.asarray(0.0), lambda s, y, r, p: (s + 1.0, jnp.where(r > y, p["high"], -p["high"])))
+    relay = Controller(
+        lambda y, p: jnp.asarray(0.0), lambda s, y, r, p: (s + 1.0, jnp.where(r > y, p["high"], -p["high"]))
+    )
     seen = closed_loop(motor(), relay, period=PERIOD).simulate({"high": 9.0}, MOTOR, 100.0, samples=100)
     assert set(np.asarray(seen.command)) == {-9.0, 9.0}
     np.testing.assert_array_equal(np.asarray(seen.command) > 0, np.asarray(seen.measured) < 100.0)

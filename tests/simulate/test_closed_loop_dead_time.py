@@ -26,7 +26,9 @@ OPEN = Controller(lambda y, p: (), lambda state, y, reference, p: (state, refere
 
 
 def lag(text="y' = (K*delay(u, Td) + 0.3*delay(u, Tb) - y)/tau", parameters=("K", "tau", "Td", "Tb")):
-    return equations(text + "\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=list(parameters), name="lag")
+    return equations(
+        text + "\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=list(parameters), name="lag"
+    )
 
 
 def one(gain=2.0, tau=3.0, late=0.0, later=0.0):
@@ -37,9 +39,12 @@ def test_whole_samples_are_those_of_a_late_actuator():
     plain = lag("y' = (K*u - y)/tau", ("K", "tau"))
     late = lag("y' = (K*delay(u, Td) - y)/tau", ("K", "tau", "Td"))
     for stepper, counts in (("exact", (0, 7)), ("rosenbrock", (7,))):
-        loop = closed_loop(late, pid(PERIOD, lower=-1, upper=1), period=PERIOD, longest_delay=1.0, stepper=stepper, substeps=4)
+        loop = closed_loop(
+            late, pid(PERIOD, lower=-1, upper=1), period=PERIOD, longest_delay=1.0, stepper=stepper, substeps=4
+        )
         for samples in counts:
-            other = closed_loop(plain, pid(PERIOD, lower=-1, upper=1), period=PERIOD, actuator=Actuator(delay=samples), stepper=stepper,
+            other = closed_loop(plain, pid(PERIOD, lower=-1, upper=1), period=PERIOD, actuator=Actuator(delay=samples),
+                                stepper=stepper,
                                 substeps=4)  # fmt: skip
             a = loop.simulate(GAINS, {"K": 2.0, "tau": 3.0, "Td": samples * PERIOD}, 1.0, samples=200)
             b = other.simulate(GAINS, {"K": 2.0, "tau": 3.0}, 1.0, samples=200)
@@ -80,7 +85,9 @@ def test_batches_over_dead_times_and_their_derivative():
 def steam(nodes, openings):
     plain = steam_chamber(nodes=nodes, opening_nodes=openings)
     td = Table("Td", ("u",), (tuple(openings),), "s")
-    parameters = tuple(Declared("Td", "s", (0.1, 1.0), shape=td.shape) if p.name == "Td" else p for p in plain.parameters)
+    parameters = tuple(
+        Declared("Td", "s", (0.1, 1.0), shape=td.shape) if p.name == "Td" else p for p in plain.parameters
+    )
     return replace(plain, parameters=parameters, tables=(*plain.tables, td))
 
 
@@ -124,9 +131,18 @@ def test_a_dead_time_over_the_input_against_a_tight_solver():
         (lambda: closed_loop(lag(), OPEN, period=PERIOD, longest_delay=-1.0), "longest_delay = -1"),
         (lambda: loop_at(1.2), r"the dead time 'Td' is 1.2; the loop keeps inputs for 1 s"),
         (lambda: loop_at(-0.1), "times of 0 s or more"),
-        (lambda: closed_loop(steam([0.0, 20.0], [10.0, 90.0]), OPEN, period=PERIOD, stepper="exact"), "or its dead time changes"),
-        (lambda: closed_loop(load(), OPEN, period=PERIOD, input="u", longest_delay=1.0), "delays 'v', which this loop does not drive"),
-        (lambda: closed_loop(seen_late(), OPEN, period=PERIOD, longest_delay=1.0), "an output reads a delayed input itself"),
+        (
+            lambda: closed_loop(steam([0.0, 20.0], [10.0, 90.0]), OPEN, period=PERIOD, stepper="exact"),
+            "or its dead time changes",
+        ),
+        (
+            lambda: closed_loop(load(), OPEN, period=PERIOD, input="u", longest_delay=1.0),
+            "delays 'v', which this loop does not drive",
+        ),
+        (
+            lambda: closed_loop(seen_late(), OPEN, period=PERIOD, longest_delay=1.0),
+            "an output reads a delayed input itself",
+        ),
     ],
 )
 def test_bad_input_is_named(call, words):
@@ -147,8 +163,17 @@ def loop_at(late):
 
 
 def load():
-    return equations("y' = u + delay(v, Td) - y\nz = y", inputs=["u", "v"], states=["y"], outputs=["z"], parameters=["Td"], name="load")
+    return equations(
+        "y' = u + delay(v, Td) - y\nz = y",
+        inputs=["u", "v"],
+        states=["y"],
+        outputs=["z"],
+        parameters=["Td"],
+        name="load",
+    )
 
 
 def seen_late():
-    return equations("y' = u - y\nz = y + delay(u, Td)", inputs=["u"], states=["y"], outputs=["z"], parameters=["Td"], name="seen")
+    return equations(
+        "y' = u - y\nz = y + delay(u, Td)", inputs=["u"], states=["y"], outputs=["z"], parameters=["Td"], name="seen"
+    )

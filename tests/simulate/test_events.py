@@ -11,7 +11,14 @@ from plantfit.errors import ModelError, SimulationError
 from plantfit.models.parts.switching import Backlash, Event, Friction
 from plantfit.simulate.simulator import Simulator
 from plantfit.simulate.steps.steppers import rk4, rosenbrock
-from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction, with_backlash, with_events, with_friction
+from plantfit.simulate.steps.switching import (
+    bind_backlash,
+    bind_event,
+    bind_friction,
+    with_backlash,
+    with_events,
+    with_friction,
+)
 
 import jax
 import jax.numpy as jnp
@@ -53,7 +60,12 @@ def ball(q, times, event=BOUNCE, most=2):
 
 
 @pytest.mark.parametrize(
-    "event", [BOUNCE, Event("b", lambda x, u, p: -3.0 * x["y"], BOUNCE.then, "rising"), Event("b", BOUNCE.when, BOUNCE.then, "both")]
+    "event",
+    [
+        BOUNCE,
+        Event("b", lambda x, u, p: -3.0 * x["y"], BOUNCE.then, "rising"),
+        Event("b", BOUNCE.when, BOUNCE.then, "both"),
+    ],
 )
 def test_ball_bounces_at_the_right_times_with_the_right_energy(event):
     times = 0.05 * np.arange(60)
@@ -91,7 +103,8 @@ def test_a_crossing_that_changes_nothing_about_its_surface_happens_once(rate, le
 
 
 def test_a_step_that_would_pass_the_surface_leaves_no_nan_in_derivatives():
-    """A tank that is filled again when nearly empty; the slope of the square root below zero is NaN, and no step that counts goes there."""
+    """A tank that is filled again when nearly empty; the slope of the square root below zero is NaN, and no step
+    that counts goes there."""
     v = plant("h", "u", "a", lambda x, u, p: {"h": -p["a"] * jnp.sqrt(jnp.maximum(x["h"], 0.0))})
     event = Event("fill", lambda x, u, p: x["h"] - 4e-4, lambda x, u, p: {"h": 1.0})
     step, times = with_events(rk4, [bind_event(event, v)]), 0.02 * np.arange(120)
@@ -116,7 +129,9 @@ def test_impact_exactly_on_a_sample():
     np.testing.assert_allclose(y[4:8], [bounced(t, 1.0, 2.0, 0.5)[0] for t in (1.0, 1.25, 1.5, 1.75)], atol=1e-12)
     slope = jax.jit(jax.jacfwd(lambda q: ball(q, 0.25 * np.arange(7))))(jnp.array([2.0, 0.5, 1.0]))[0, -1]
     d = 1e-6  # dropped lower, at t = 1.5
-    assert slope[2] == pytest.approx((bounced(1.5, 1 + d, 2.0, 0.5)[0] - bounced(1.5, 1 - d, 2.0, 0.5)[0]) / (2 * d), rel=1e-6)
+    assert slope[2] == pytest.approx(
+        (bounced(1.5, 1 + d, 2.0, 0.5)[0] - bounced(1.5, 1 - d, 2.0, 0.5)[0]) / (2 * d), rel=1e-6
+    )
 
 
 def test_too_many_events_are_nan_and_not_a_ball_below_the_floor():
@@ -216,7 +231,9 @@ def test_a_force_below_breakaway_never_moves_the_mass():
 def test_mass_slides_on_for_its_momentum_and_stops():
     """v0 = 1: stops after m v0 / Fc at m v0^2 / (2 Fc), inside a step."""
     step = with_friction(rk4, bind_friction(DRY, MASS))
-    run = jax.jit(lambda q: jnp.stack(step(MASS.rate, (0.0, q[2]), (0.0, 0.0), (0.0, 0.0), 1.0, (q[0], q[1], q[1]), False)))
+    run = jax.jit(
+        lambda q: jnp.stack(step(MASS.rate, (0.0, q[2]), (0.0, 0.0), (0.0, 0.0), 1.0, (q[0], q[1], q[1]), False))
+    )
     q = jnp.array([0.5, 0.7, 1.0])
     np.testing.assert_allclose(run(q), [0.5 / 1.4, 0.0], atol=1e-14)
     slopes = jax.jit(jax.jacrev(run))(q)
@@ -280,5 +297,8 @@ def test_a_step_is_traced_once_wherever_it_stands():
 def test_a_matrix_exponential_is_refused_where_it_would_leave_friction_out():
     text = "v' = (F - friction(v, Fc))/m\ny = v"
     model = pf.equations(text, inputs=["F"], states=["v"], outputs=["y"], parameters=["Fc", "m"], check=False)
-    with pytest.raises(SimulationError, match="dry friction or backlash, which no matrix exponential follows; use stepper = 'exponential'"):
+    with pytest.raises(
+        SimulationError,
+        match="dry friction or backlash, which no matrix exponential follows; use stepper = 'exponential'",
+    ):
         Simulator.of(model, stepper="exact")

@@ -16,7 +16,12 @@ PLANT = equations(
     inputs=["u"],
     states={"x1": {"initial": 0.2}, "x2": {"initial": -0.1}},
     outputs=["x1"],
-    parameters={"k": {"bounds": (1.0, 100.0)}, "w": {"bounds": (1.0, 200.0)}, "d": {"bounds": (0.01, 5.0)}, "c": {"bounds": (-1.0, 1.0)}},
+    parameters={
+        "k": {"bounds": (1.0, 100.0)},
+        "w": {"bounds": (1.0, 200.0)},
+        "d": {"bounds": (0.01, 5.0)},
+        "c": {"bounds": (-1.0, 1.0)},
+    },
 )
 P = {"k": 30.0, "w": 40.0, "d": 0.05, "c": 0.7}
 T = 0.1 * np.arange(60)
@@ -49,11 +54,15 @@ def test_a_fit_with_dead_time_has_the_derivatives_of_its_exact_answer():
     _, gradient = problem.value_and_gradient(moved)
     np.testing.assert_allclose(gradient, 2 * jacobian.T @ r / len(r), rtol=1e-8, atol=1e-12)
     h = 1e-6
-    numeric = [(float(problem.cost(moved + h * e)) - float(problem.cost(moved - h * e))) / (2 * h) for e in np.eye(len(z))]
+    numeric = [
+        (float(problem.cost(moved + h * e)) - float(problem.cost(moved - h * e))) / (2 * h) for e in np.eye(len(z))
+    ]
     np.testing.assert_allclose(gradient, numeric, rtol=1e-5, atol=1e-7)
 
 
 def test_a_nonlinear_model_is_refused_in_one_sentence():
-    model = equations("x' = -k*x^3", states={"x": {"initial": 1.0}}, outputs=["x"], parameters={"k": {"bounds": (0.1, 1.0)}})
+    model = equations(
+        "x' = -k*x^3", states={"x": {"initial": 1.0}}, outputs=["x"], parameters={"k": {"bounds": (0.1, 1.0)}}
+    )
     with pytest.raises(SimulationError, match="no step is exact"):
         Simulator.of(model, stepper="exact")

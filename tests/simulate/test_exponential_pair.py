@@ -33,7 +33,9 @@ def test_it_solves_the_equation(name, d):
     matrix = np.eye(2) - 2 / 3 * z + z @ z / 6
     wanted = np.linalg.solve(matrix, f + np.array(d) / 2 - z @ (f + d) / 6)
     rows = [[float(a) for a in row] for row in z]  # zeros stay Python floats, as the pattern of a model leaves them
-    found = solution([[a and jnp.asarray(a) for a in row] for row in rows], (1.0, 1.0, [*map(jnp.asarray, f)]), (0.5, 1.0, d))
+    found = solution(
+        [[a and jnp.asarray(a) for a in row] for row in rows], (1.0, 1.0, [*map(jnp.asarray, f)]), (0.5, 1.0, d)
+    )
     condition = np.linalg.cond(matrix)
     np.testing.assert_allclose(found, wanted, rtol=1e-14 * max(10.0, condition))
     residual = matrix @ np.asarray(found) - (f + np.array(d) / 2 - z @ (f + d) / 6)
@@ -51,7 +53,10 @@ def exact_slopes(z, f, d, w):
     v = solved(matrix, [a + b / 2 - c / 6 for a, b, c in zip(f, d, times(z, moved), strict=True)])
     adjoint = solved([list(column) for column in zip(*matrix, strict=True)], w)
     zv, zw = times(z, v), times([list(column) for column in zip(*z, strict=True)], adjoint)
-    by_z = [[a * (part(2, 3) * v[j] - (zv[j] + moved[j]) / 6) - b * v[j] / 6 for j in range(n)] for a, b in zip(adjoint, zw, strict=True)]
+    by_z = [
+        [a * (part(2, 3) * v[j] - (zv[j] + moved[j]) / 6) - b * v[j] / 6 for j in range(n)]
+        for a, b in zip(adjoint, zw, strict=True)
+    ]
     by_f = [a - b / 6 for a, b in zip(adjoint, zw, strict=True)]
     by_d = [a / 2 - b / 6 for a, b in zip(adjoint, zw, strict=True)]
     return [np.array(a, dtype=float) for a in (by_z, by_f, by_d)]
@@ -64,15 +69,19 @@ def solved(matrix, right):
         pivot = max(range(c, len(rows)), key=lambda r: abs(rows[r][c]))
         rows[c], rows[pivot] = rows[pivot], rows[c]
         rows[c] = [a / rows[c][c] for a in rows[c]]
-        rows = [row if r == c else [a - row[c] * b for a, b in zip(row, rows[c], strict=True)] for r, row in enumerate(rows)]
+        rows = [
+            row if r == c else [a - row[c] * b for a, b in zip(row, rows[c], strict=True)] for r, row in enumerate(rows)
+        ]
     return [row[-1] for row in rows]
 
 
 @pytest.mark.parametrize(
-    ("n", "stiffness", "bar"), [(1, 1e8, 1e-14), (2, 1.0, 1e-14), (2, 1e3, 1e-12), (2, 1e6, 1e-9), (3, 1.0, 1e-13), (3, 1e3, 1e-10)]
+    ("n", "stiffness", "bar"),
+    [(1, 1e8, 1e-14), (2, 1.0, 1e-14), (2, 1e3, 1e-12), (2, 1e6, 1e-9), (3, 1.0, 1e-13), (3, 1e3, 1e-10)],
 )
 def test_derivatives_of_stiff_steps_are_exact_but_for_rounding(n, stiffness, bar):
-    """Against fractions: forwards and backwards, by Z, the rates and their change, of eigenvectors that lie anywhere."""
+    """Against fractions: forwards and backwards, by Z, the rates and their change, of eigenvectors that lie
+    anywhere."""
     rng = np.random.default_rng(n)
     for _ in range(20):
         turned = np.linalg.qr(rng.normal(size=(n, n)))[0]
@@ -81,7 +90,10 @@ def test_derivatives_of_stiff_steps_are_exact_but_for_rounding(n, stiffness, bar
         wanted = exact_slopes(z, f, d, w)
 
         def weighed(z, f, d, w=w):
-            return sum(a * b for a, b in zip(w, solution([[*row] for row in z], (1.0, 1.0, [*f]), (0.5, 1.0, [*d])), strict=True))
+            return sum(
+                a * b
+                for a, b in zip(w, solution([[*row] for row in z], (1.0, 1.0, [*f]), (0.5, 1.0, [*d])), strict=True)
+            )
 
         for of in (jax.grad, jax.jacfwd):
             for found, one in zip(of(weighed, argnums=(0, 1, 2))(z, f, d), wanted, strict=True):

@@ -15,14 +15,17 @@ STEP = 1e-30
 
 
 def chain(n, dense):
-    """n states, each fed by the one before it (and by all others when `dense`), a cubic loss; u enters the first, v the last."""
+    """n states, each fed by the one before it (and by all others when `dense`), a cubic loss; u enters the first, v
+    the last."""
     names = [f"x{i}" for i in range(n)]
     weights = np.random.default_rng(n).normal(size=(n, n)) * (1.0 if dense else np.eye(n, k=-1)) - 2.0 * np.eye(n)
 
     def derivative(x, u, p):
         feed = {0: u["u"]} | {n - 1: u["v"]}
         return {
-            a: sum(weights[i, j] * x[b] for j, b in enumerate(names) if weights[i, j]) - p["c"] * x[a] * x[a] * x[a] + feed.get(i, 0.0)
+            a: sum(weights[i, j] * x[b] for j, b in enumerate(names) if weights[i, j])
+            - p["c"] * x[a] * x[a] * x[a]
+            + feed.get(i, 0.0)
             for i, a in enumerate(names)
         }
 
@@ -43,7 +46,9 @@ def formula(derivative, names, x, u0, u1, h, c):
 
 def one_step(vector, x, u0, u1, h, c, varying, pattern):
     full = lambda u: (*u, 0.0)  # time  # noqa: E731
-    return np.array(exponential(vector.rate, tuple(map(jnp.asarray, x)), full(u0), full(u1), h, (jnp.asarray(c),), varying, pattern))
+    return np.array(
+        exponential(vector.rate, tuple(map(jnp.asarray, x)), full(u0), full(u1), h, (jnp.asarray(c),), varying, pattern)
+    )
 
 
 @pytest.mark.parametrize("dense", [False, True])
@@ -57,7 +62,9 @@ def test_a_step_is_the_formula_with_and_without_a_pattern(n, varying, dense):
     for h in (0.0, 0.03, 2.0, 500.0):
         expected = formula(derivative, vector.states, x, u0, u1, h, 0.3)
         for pattern in (vector.pattern, None):
-            np.testing.assert_allclose(one_step(vector, x, u0, u1, h, 0.3, varying, pattern), expected, rtol=1e-10, atol=1e-11)
+            np.testing.assert_allclose(
+                one_step(vector, x, u0, u1, h, 0.3, varying, pattern), expected, rtol=1e-10, atol=1e-11
+            )
 
 
 def test_elimination_swaps_rows_where_the_first_pivot_vanishes():
@@ -66,7 +73,10 @@ def test_elimination_swaps_rows_where_the_first_pivot_vanishes():
     names = ("x0", "x1", "x2")
 
     def derivative(x, u, p):
-        return {n: sum(a[i, j] * x[m] for j, m in enumerate(names)) + (u["u"] if i == 0 else 0.0) for i, n in enumerate(names)}
+        return {
+            n: sum(a[i, j] * x[m] for j, m in enumerate(names)) + (u["u"] if i == 0 else 0.0)
+            for i, n in enumerate(names)
+        }
 
     vector = plant("x0 x1 x2", "u v", "c", derivative)
     x, u = np.array([1.0, -2.0, 0.5]), np.array([0.3, 0.0])
@@ -84,7 +94,9 @@ def final(vector, x0, u, steps, varying, c, duration=2.0):
 
     def body(x, row):
         a, b = row
-        return exponential(vector.rate, x, (a[0], a[1], 0.0), (b[0], b[1], 0.0), duration / steps, (c,), varying, vector.pattern), None
+        return exponential(
+            vector.rate, x, (a[0], a[1], 0.0), (b[0], b[1], 0.0), duration / steps, (c,), varying, vector.pattern
+        ), None
 
     return np.array(jax.lax.scan(body, tuple(map(jnp.asarray, x0)), (values[:-1], values[1:]))[0])
 
@@ -125,7 +137,9 @@ def test_one_huge_step_lands_at_rest(n):
 def test_decay_is_the_rational_function_of_radau():
     vector = plant("x", "u", "a", lambda x, u, p: {"x": -p["a"] * x["x"]})
     for z in (-0.1, -1.0, -10.0, -1e3, -1e6):
-        step = exponential(vector.rate, (jnp.asarray(1.0),), (0.0, 0.0), (0.0, 0.0), 1.0, (jnp.asarray(-z),), False, vector.pattern)
+        step = exponential(
+            vector.rate, (jnp.asarray(1.0),), (0.0, 0.0), (0.0, 0.0), 1.0, (jnp.asarray(-z),), False, vector.pattern
+        )
         assert float(step[0]) == pytest.approx((1 + z / 3) / (1 - 2 * z / 3 + z * z / 6), rel=1e-9)
         assert abs(float(step[0])) < 1.0
 

@@ -22,7 +22,11 @@ LOW, HIGH = 0.3, 1.2
 def closed_form(t, tau):
     """x' = -x(t - tau), x = 1 until 0: sum over k of (-1)^k (t - (k - 1) tau)^k / k! (R. D. Driver 1977, p. 227)."""
     return (
-        sum(np.where(t >= (k - 1) * tau, (-1) ** k * np.maximum(t - (k - 1) * tau, 0.0) ** k / factorial(k), 0.0) for k in range(1, 20)) + 1
+        sum(
+            np.where(t >= (k - 1) * tau, (-1) ** k * np.maximum(t - (k - 1) * tau, 0.0) ** k / factorial(k), 0.0)
+            for k in range(1, 20)
+        )
+        + 1
     )
 
 
@@ -32,7 +36,9 @@ def pure(tau, t=T, substeps=1, stepper="rk4", bounds=(LOW, HIGH)):
     grid = history_grid(t, substeps, jumps, [tau])
     u = (jnp.zeros(grid.sample.shape),)
     slots = ring_length(t, substeps, jumps, [bounds[1]])
-    x = delayed_rollout(STEPPERS[stepper].step, lambda x, u, p: (-u[0],), (1.0,), u, u, (), grid.times, [Lag(0, 0, tau)], slots)
+    x = delayed_rollout(
+        STEPPERS[stepper].step, lambda x, u, p: (-u[0],), (1.0,), u, u, (), grid.times, [Lag(0, 0, tau)], slots
+    )
     return x[0][grid.rank]
 
 
@@ -48,7 +54,10 @@ def test_pure_delay_against_its_polynomials(tau):
 @pytest.mark.parametrize("stepper", FIXED)
 def test_error_falls_with_the_order_of_the_stepper(stepper):
     order = STEPPERS[stepper].order
-    errors = [np.max(np.abs(jax.jit(lambda d, n=n: pure(d, substeps=n, stepper=stepper))(0.437) - closed_form(T, 0.437))) for n in (1, 2)]
+    errors = [
+        np.max(np.abs(jax.jit(lambda d, n=n: pure(d, substeps=n, stepper=stepper))(0.437) - closed_form(T, 0.437)))
+        for n in (1, 2)
+    ]
     assert errors[1] < errors[0] / 2.0 ** (order - 0.6)
     assert errors[1] < 10.0 ** (1 - 2 * order)
 

@@ -53,10 +53,17 @@ def test_motor_matrices_against_scipy(h, varying, method):
 def test_a_ramp_with_a_constant_is_followed_exactly():
     """Units of the input do not matter: the same plant fed in volts and in microvolts."""
     for unit in (1.0, 1e6):
-        v = plant("x y", "u", "T c", lambda x, u, p, unit=unit: {"x": (u["u"] / unit - x["x"]) / p["T"] + p["c"], "y": x["x"]})
+        v = plant(
+            "x y", "u", "T c", lambda x, u, p, unit=unit: {"x": (u["u"] / unit - x["x"]) / p["T"] + p["c"], "y": x["x"]}
+        )
         got = stepped(v, (0.3, 2.0), 0.7, True, (1.0, -1.0), (0.5 * unit, 0.0), (3.0 * unit, 0.7))
         truth = solve_ivp(
-            lambda t, z: [(0.5 + 2.5 * t / 0.7 - z[0]) / 0.3 + 2.0, z[0]], (0, 0.7), [1.0, -1.0], rtol=1e-11, atol=1e-12, method="DOP853"
+            lambda t, z: [(0.5 + 2.5 * t / 0.7 - z[0]) / 0.3 + 2.0, z[0]],
+            (0, 0.7),
+            [1.0, -1.0],
+            rtol=1e-11,
+            atol=1e-12,
+            method="DOP853",
         ).y[:, -1]
         np.testing.assert_allclose(got, truth, rtol=1e-9)
 
@@ -100,5 +107,7 @@ def test_maps_for_many_lengths_and_candidates():
     together = jax.vmap(lambda m: jnp.stack(advance(m, x, u0, u1)))(maps)
     alone = [jnp.stack(advance(maps_of(motor(), MOTOR, float(h), True), x, u0, u1)) for h in lengths]
     np.testing.assert_allclose(together, jnp.stack(alone), rtol=1e-12)
-    batch = jax.jit(jax.vmap(lambda r: jnp.stack(exact_step(motor(), (r, *MOTOR[1:]), 0.01, True)(x, u0, u1))))(jnp.array([1.0, MOTOR[0]]))
+    batch = jax.jit(jax.vmap(lambda r: jnp.stack(exact_step(motor(), (r, *MOTOR[1:]), 0.01, True)(x, u0, u1))))(
+        jnp.array([1.0, MOTOR[0]])
+    )
     np.testing.assert_allclose(batch[1], alone[1], rtol=1e-12)

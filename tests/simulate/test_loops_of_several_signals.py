@@ -1,4 +1,5 @@
-"""Loops over several outputs and inputs, each with its own sensor and actuator, against a plain loop over the samples."""
+"""Loops over several outputs and inputs, each with its own sensor and actuator, against a plain loop over the
+samples."""
 
 import numpy as np
 import pytest
@@ -27,7 +28,12 @@ def carts() -> Model:
     """Two carts of 1 kg joined by a spring; forces F, G and a load T on the second."""
     text = "q' = v\ns' = w\nv' = F - k*(q - s) - c*v\nw' = G + T + k*(q - s) - c*w"
     return equations(
-        text, inputs=["F", "G", "T"], states=["q", "s", "v", "w"], outputs=["s", "q"], parameters=dict.fromkeys("kc"), name="carts"
+        text,
+        inputs=["F", "G", "T"],
+        states=["q", "s", "v", "w"],
+        outputs=["s", "q"],
+        parameters=dict.fromkeys("kc"),
+        name="carts",
     )
 
 
@@ -149,11 +155,19 @@ def one_number():
         (lambda: loop(sensor={"q": Sensor()}), "one for each of"),
         (lambda: loop(actuator=3.0), "actuator is 3.0"),
         (
-            lambda: loop().simulate(GAINS, PLANT, {"q": 0.0, "s": 0.0}, samples=5, inputs={"T": 0.0}, noise=np.zeros(5)),
+            lambda: loop().simulate(
+                GAINS, PLANT, {"q": 0.0, "s": 0.0}, samples=5, inputs={"T": 0.0}, noise=np.zeros(5)
+            ),
             "mapping with an array",
         ),
-        (lambda: loop().simulate(GAINS, PLANT, {"q": 0.0, "s": 0.0}, samples=5, inputs={"T": 0.0}, noise={"v": 0.0}), "noise names 'v'"),
-        (lambda: loop().simulate(GAINS, PLANT, {"q": 0.0, "s": np.zeros(4)}, samples=5, inputs={"T": 0.0}), "reference s has 4 values"),
+        (
+            lambda: loop().simulate(GAINS, PLANT, {"q": 0.0, "s": 0.0}, samples=5, inputs={"T": 0.0}, noise={"v": 0.0}),
+            "noise names 'v'",
+        ),
+        (
+            lambda: loop().simulate(GAINS, PLANT, {"q": 0.0, "s": np.zeros(4)}, samples=5, inputs={"T": 0.0}),
+            "reference s has 4 values",
+        ),
         (lambda: loop().simulate(GAINS, PLANT, {}, inputs={"T": 0.0}), "give samples = N"),
         (lambda: one_number().simulate(0.0, PLANT, {}, samples=5, inputs={"T": 0.0}), "commands one number"),
         (
@@ -170,7 +184,9 @@ def test_bad_input_is_named(call, words):
 
 
 def test_a_plant_with_dry_friction_is_refused():
-    block = equations("v' = F - friction(v, 1.0, 1.0)", inputs=["F"], states=["v"], outputs=["v"], parameters={}, name="block")
+    block = equations(
+        "v' = F - friction(v, 1.0, 1.0)", inputs=["F"], states=["v"], outputs=["v"], parameters={}, name="block"
+    )
     assert not block.smooth
     with pytest.raises(SimulationError, match="dry friction"):
         closed_loop(block, FEEDBACK, period=PERIOD)

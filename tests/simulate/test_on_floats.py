@@ -1,4 +1,5 @@
-"""The rate on floats against the compiled one: library models, equations with every function, and where no number comes out."""
+"""The rate on floats against the compiled one: library models, equations with every function, and where no number
+comes out."""
 
 import sys
 from pathlib import Path
@@ -24,7 +25,7 @@ EVERY = """
 x' = -k*x + sin(u) + cos(x)*tanh(z) + exp(-x^2) + sqrt(abs(z) + 1) + log(2 + x^2) + atan2(x, u + 3) + asin(0.3*tanh(u))
 z' = max(x, u) - min(z, 2)*sign(u) + (x if u > 0.2 and not z > 9 else -z) + abs(x)^1.7 + floor(3*u) + x/(1 + z^2) + tan(0.1*x) + k*t
 y = x
-"""
+"""  # noqa: E501
 
 
 def own(text):
@@ -51,12 +52,16 @@ def test_library_models_have_the_same_rate(name, options):
     p = values(model)
     rng = np.random.default_rng(1)
     for size in (0.3, 1.0, 1.0, 3.0, 100.0):  # within tables, and beyond both of their ends
-        plain, compiled = both(model, p, rng.uniform(-size, size, count), rng.uniform(-1, 1, count), rng.uniform(), size)
+        plain, compiled = both(
+            model, p, rng.uniform(-size, size, count), rng.uniform(-1, 1, count), rng.uniform(), size
+        )
         np.testing.assert_allclose(plain, compiled, rtol=1e-12, atol=1e-14)
 
 
 def test_every_function_of_an_equation_is_the_same():
-    model = pf.equations(EVERY, inputs=["u"], states=["x", "z"], outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}})
+    model = pf.equations(
+        EVERY, inputs=["u"], states=["x", "z"], outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}}
+    )
     rng = np.random.default_rng(2)
     for _ in range(50):
         plain, compiled = both(model, {"k": 0.7}, rng.uniform(-2, 2, 2), rng.uniform(-2, 2, 2), rng.uniform())
@@ -92,10 +97,15 @@ def test_arrays_of_an_own_model_are_lines_of_numbers():
         place = jnp.clip(jnp.floor(2.0 * u["u"]).astype(int), 0, 1)
         bent = jax.lax.dynamic_index_in_dim(p["gain"], place, keepdims=False)
         total = jnp.max(jnp.concatenate([forced, p["gain"][::-1]])) + bent
-        return {"a": forced[0] + total + p["gain"] @ state, "b": (matrix @ state)[1] + jnp.transpose(matrix)[0, 1] * forced[1]}
+        return {
+            "a": forced[0] + total + p["gain"] @ state,
+            "b": (matrix @ state)[1] + jnp.transpose(matrix)[0, 1] * forced[1],
+        }
 
     declared = (Declared("gain", None, (-5.0, 5.0), shape=(2,)),)
-    model = Model("own", {"a": None, "b": None}, {"u": None}, {"y": None}, declared, lambda x, u, p: {"y": x["a"]}, moved)
+    model = Model(
+        "own", {"a": None, "b": None}, {"u": None}, {"y": None}, declared, lambda x, u, p: {"y": x["a"]}, moved
+    )
     rng = np.random.default_rng(3)
     for _ in range(20):
         plain, compiled = both(model, {"gain": rng.normal(size=2)}, rng.uniform(-2, 2, 2), np.zeros(2), 0.0)

@@ -44,7 +44,9 @@ def test_every_sample_is_placed_once_and_rows_never_mix_records(seed):
     # where a sample is said to be stand its measurement, its score and its time
     m, i, r = np.unravel_index(place, c.scored[0].shape)
     scored = np.concatenate([k.scored[0] for k in tracks])
-    np.testing.assert_array_equal(c.measured[0][m, i, r], np.where(scored, np.concatenate([k.measured[0] for k in tracks]), 0.0))
+    np.testing.assert_array_equal(
+        c.measured[0][m, i, r], np.where(scored, np.concatenate([k.measured[0] for k in tracks]), 0.0)
+    )
     np.testing.assert_array_equal(c.scored[0][m, i, r], scored)
     np.testing.assert_array_equal(c.t[m, i + 1, r], np.concatenate([k.drive.t for k in tracks]))
     assert np.sum(c.scored[0]) == np.sum(scored)

@@ -93,7 +93,8 @@ def decay() -> Model:
 def test_rosenbrock_is_l_stable(rate):
     simulator = Simulator.of(decay())
     y = np.asarray(simulator.outputs({"rate": rate}, simulator.drive(np.arange(4.0), {"u": np.zeros(4)}))["y"])
-    # at infinity the amplification is about (1 + sqrt 2) (2 / rate) for gamma = 1 - 1/sqrt 2; held well under by 20 / rate
+    # at infinity the amplification is about (1 + sqrt 2) (2 / rate) for gamma = 1 - 1/sqrt 2; held well under by 20 /
+    # rate
     assert abs(y[1]) < 20.0 / rate
     assert np.all(np.abs(y[2:]) <= abs(y[1]))
 
@@ -107,7 +108,9 @@ def test_small_solver_equals_numpy(n):
             matrix[0, 0] = matrix[1, 1] = 0.0  # needs pivots
         ours = factored([[jnp.asarray(v) for v in row] for row in matrix])(list(right))
         expected = np.linalg.solve(matrix, right)
-        np.testing.assert_allclose(ours, expected, rtol=1e-11 * np.linalg.cond(matrix), atol=1e-13 * np.linalg.cond(matrix))
+        np.testing.assert_allclose(
+            ours, expected, rtol=1e-11 * np.linalg.cond(matrix), atol=1e-13 * np.linalg.cond(matrix)
+        )
 
 
 def test_a_chain_of_four_states_with_zero_pivots_follows_its_exponential():
@@ -119,7 +122,9 @@ def test_a_chain_of_four_states_with_zero_pivots_follows_its_exponential():
         inputs={},
         outputs={"y": None},
         parameters=(),
-        derivative=lambda x, u, p: {n: sum(chain[i, j] * x[m] for j, m in enumerate(names)) for i, n in enumerate(names)},
+        derivative=lambda x, u, p: {
+            n: sum(chain[i, j] * x[m] for j, m in enumerate(names)) for i, n in enumerate(names)
+        },
         output=lambda x, u, p: {"y": x["x0"]},
         initial_state=lambda p, u0, y0: dict.fromkeys(names, 1.0),
     )
@@ -148,7 +153,9 @@ def test_step_doubling_estimates_the_true_error(hold):
 def test_the_check_of_a_long_record_says_how_far_it_went():
     t, u = record()
     simulator = Simulator.of(stiff())
-    checked = check_steps(simulator, {k: float(v) for k, v in P.items()}, simulator.drive(t, {"u": u}), evaluations=2000)
+    checked = check_steps(
+        simulator, {k: float(v) for k, v in P.items()}, simulator.drive(t, {"u": u}), evaluations=2000
+    )
     assert 0 < checked.last < len(t) - 1
     assert checked.stopped is None
 

@@ -106,7 +106,11 @@ def test_forward_and_reverse_derivatives_agree(stepper):
     t, u = record()
     drive = simulator.drive(t, {"u": u})
     names, rng = list(P), np.random.default_rng(5)
-    vector, move, weight = jnp.array([P[n] for n in names]), jnp.array(rng.normal(size=len(P))), jnp.array(rng.normal(size=len(t)))
+    vector, move, weight = (
+        jnp.array([P[n] for n in names]),
+        jnp.array(rng.normal(size=len(P))),
+        jnp.array(rng.normal(size=len(t))),
+    )
 
     def outputs(v):
         return simulator.outputs(dict(zip(names, v, strict=True)), drive)["y"]

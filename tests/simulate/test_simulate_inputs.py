@@ -80,7 +80,10 @@ def test_merged_grid_is_sorted_and_holds_every_sample_and_edge():
     rng = np.random.default_rng(1)
     for _ in range(20):
         t = np.cumsum(rng.uniform(0.1, 1.0, 30))
-        knots, delays = (np.sort(rng.choice(t, 6, replace=False)), np.sort(rng.choice(t, 3, replace=False))), tuple(rng.uniform(0, 8, 2))
+        knots, delays = (
+            (np.sort(rng.choice(t, 6, replace=False)), np.sort(rng.choice(t, 3, replace=False))),
+            tuple(rng.uniform(0, 8, 2)),
+        )
         steps = merge(t, knots, delays)
         grid = np.r_[np.asarray(steps.start), np.asarray(steps.start)[-1] + np.asarray(steps.length)[-1]]
         wanted = np.sort(np.concatenate([t, *(np.minimum(k + d, t[-1]) for k, d in zip(knots, delays, strict=True))]))
@@ -125,7 +128,8 @@ def test_more_substeps_come_closer_and_refined_is_the_same_as_asking():
     errors = [np.max(np.abs(outputs(Simulator.of(stiff(), substeps=m), P, t, u) - truth)) for m in (2, 4, 8, 16)]
     assert all(b < 0.5 * a for a, b in itertools.pairwise(errors))
     np.testing.assert_array_equal(
-        outputs(Simulator.of(stiff(), substeps=2).refined(3), P, t, u), outputs(Simulator.of(stiff(), substeps=6), P, t, u)
+        outputs(Simulator.of(stiff(), substeps=2).refined(3), P, t, u),
+        outputs(Simulator.of(stiff(), substeps=6), P, t, u),
     )
 
 

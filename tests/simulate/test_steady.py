@@ -22,7 +22,8 @@ def tanh_pair():
     def derivative(x, u, p):
         return {
             "a": (p["g"] * jnp.tanh(u["u"] - x["b"]) - x["a"]) / 0.01,
-            "b": x["a"] - p["c"] * jnp.interp(x["b"], jnp.array([-2.0, 0.0, 1.0, 3.0]), jnp.array([-1.0, 0.0, 2.0, 3.0])),
+            "b": x["a"]
+            - p["c"] * jnp.interp(x["b"], jnp.array([-2.0, 0.0, 1.0, 3.0]), jnp.array([-1.0, 0.0, 2.0, 3.0])),
         }
 
     return plant("a b", "u", "g c", derivative)
@@ -52,7 +53,9 @@ def test_saturating_and_tabulated_laws_against_brentq():
     def table(x):
         return np.interp(x, [-2.0, 0.0, 1.0, 3.0], [-1.0, 0.0, 2.0, 3.0])
 
-    expected = np.array([brentq(lambda y, v=v: 1.5 * np.tanh(v - y) - 0.8 * table(y), -10, 10, xtol=1e-14) for v in u], dtype=float)
+    expected = np.array(
+        [brentq(lambda y, v=v: 1.5 * np.tanh(v - y) - 0.8 * table(y), -10, 10, xtol=1e-14) for v in u], dtype=float
+    )
     np.testing.assert_allclose(b, expected, atol=1e-10)
     np.testing.assert_allclose(a, 0.8 * table(expected), atol=1e-10)
 

@@ -1,4 +1,5 @@
-"""The tight solver of the check: events, friction, play and late states against closed forms, whole records, and what it refuses."""
+"""The tight solver of the check: events, friction, play and late states against closed forms, whole records, and
+what it refuses."""
 
 import numpy as np
 import pytest
@@ -52,20 +53,26 @@ def played(t):
 
 def late(t):
     """x' = -x(t - 1) from 1, by the method of steps."""
-    return np.where(t < 1, 1 - t, np.where(t < 2, 1 - t + (t - 1) ** 2 / 2, 1 - t + (t - 1) ** 2 / 2 - (t - 2) ** 3 / 6))
+    return np.where(
+        t < 1, 1 - t, np.where(t < 2, 1 - t + (t - 1) ** 2 / 2, 1 - t + (t - 1) ** 2 / 2 - (t - 2) ** 3 / 6)
+    )
 
 
 CASES = {
     "bounces": (
-        "x' = v\nv' = -g\nwhen falling(x): v = -c*v\ny = x", {"g": 9.81, "c": 0.8}, T[:50], {"states": {"x": {"initial": 1.0}, "v": None}},
+        "x' = v\nv' = -g\nwhen falling(x): v = -c*v\ny = x", {"g": 9.81, "c": 0.8}, T[:50],
+        {"states": {"x": {"initial": 1.0}, "v": None}},
         lambda t: np.array([bounced(s, 9.81, 0.8) for s in t]),
     ),
-    "doses": ("x' = -k*x\nwhen rising(t - 2): x = x + 1\nwhen rising(t - a): x = x + 1\ny = x", {"k": 1.0, "a": 1.23}, T, {},
+    "doses": ("x' = -k*x\nwhen rising(t - 2): x = x + 1\nwhen rising(t - a): x = x + 1\ny = x", {"k": 1.0, "a": 1.23},
+              T, {},
               lambda t: decaying(t, (2.0, 1.23))),
     "friction": ("x' = 2 - friction(x, k*t)\ny = x", {"k": 1.0}, T, {}, sliding),
     "play": ("x = play(2*sin(t), g)\ny = x", {"g": 0.2}, T, {}, played),
-    "late": ("x' = -delay(x, L)\ny = x", {"L": 1.0}, T[:60], {"states": {"x": {"initial": 1.0}}, "longest": {"L": 2.0}}, late),
-    "held": ("x' = (u - x)/tau\ny = x", {"tau": 0.5}, T, {"inputs": {"u": np.ones(len(T))}}, lambda t: 1 - np.exp(-t / 0.5)),
+    "late": ("x' = -delay(x, L)\ny = x", {"L": 1.0}, T[:60], {"states": {"x": {"initial": 1.0}}, "longest": {"L": 2.0}},
+             late),
+    "held": ("x' = (u - x)/tau\ny = x", {"tau": 0.5}, T, {"inputs": {"u": np.ones(len(T))}},
+             lambda t: 1 - np.exp(-t / 0.5)),
 }  # fmt: skip
 
 
@@ -115,7 +122,9 @@ def test_a_pole_is_told_by_time_and_state_and_never_raises(t):
 
 def test_an_answer_behind_a_pole_is_refused_and_exponential_growth_is_not():
     t = np.array([0.0, 0.8, 1.6, 2.4])
-    model = pf.equations(POLE, states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.5, 2.0)}}, check=False)
+    model = pf.equations(
+        POLE, states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.5, 2.0)}}, check=False
+    )
     problem = Problem(model, from_arrays(t, signals={"y": np.zeros(4)}, name="run"), substeps=1)
     found = checked_cost(problem, problem.space.cube(np.array([1.0])))
     assert found.cost_checked == np.inf
@@ -133,18 +142,25 @@ def test_the_checked_cost_is_that_of_the_exact_solution():
     model = pf.equations("x' = (u - x)/tau - 0.2*x^3\ny = x\nw = x + u", inputs=["u"], states=["x"], outputs=["y", "w"],
                          parameters={"tau": {"bounds": (0.05, 2.0)}}, check=False)  # fmt: skip
     records = {
-        n: from_arrays(t, signals={"u": np.where(np.arange(len(t)) % 4 < 2, 1.5, -0.5), "y": np.sin(t) / 9, "w": np.cos(t)})
+        n: from_arrays(
+            t, signals={"u": np.where(np.arange(len(t)) % 4 < 2, 1.5, -0.5), "y": np.sin(t) / 9, "w": np.cos(t)}
+        )
         for n, t in (("a", 0.4 * np.arange(40)), ("b", 0.3 * np.arange(25)))
     }
     problem = Problem(model, records, substeps=1, balance="recordings", scales={"y": 0.3, "w": 2.0})
     z = problem.space.cube(np.array([0.1]))
-    coarse, fine = checked_cost(problem, z), Problem(model, records, substeps=512, balance="recordings", scales={"y": 0.3, "w": 2.0})
+    coarse, fine = (
+        checked_cost(problem, z),
+        Problem(model, records, substeps=512, balance="recordings", scales={"y": 0.3, "w": 2.0}),
+    )
     assert coarse.cost_reported == pytest.approx(float(problem.cost(z)), rel=1e-12)
     assert coarse.cost_checked == pytest.approx(float(fine.cost(z)), rel=1e-7)
     assert not coarse.confirmed
     assert coarse.refused is None
     assert checked_cost(fine, z).confirmed
-    again = Problem(model, records, substeps=1, balance="recordings", scales={"y": 0.3, "w": 2.0})  # nothing is kept there
+    again = Problem(
+        model, records, substeps=1, balance="recordings", scales={"y": 0.3, "w": 2.0}
+    )  # nothing is kept there
     some = checked_cost(again, z, evaluations=500)
     assert 0 < some.samples < coarse.samples
     assert some.refused is None

@@ -24,7 +24,9 @@ def outputs(model, p=None, t=T, inputs=None, substeps=1, stepper="exponential", 
 
 
 def counter(condition, kind="rising", **more):
-    return pf.equations(f"c' = 0\nwhen {kind}({condition}): c = c + 1", states={"c": ""}, outputs={"c": ""}, check=False, **more)
+    return pf.equations(
+        f"c' = 0\nwhen {kind}({condition}): c = c + 1", states={"c": ""}, outputs={"c": ""}, check=False, **more
+    )
 
 
 @pytest.mark.parametrize(("stepper", "substeps"), [(name, 1 + 4 * k) for k, name in enumerate(FIXED)])
@@ -81,7 +83,8 @@ def test_an_event_at_the_very_start_is_refused_in_words():
 
 
 def test_friction_that_depends_on_time():
-    """v' = F - friction(v, k*t): stuck until... from F = 2 with k = 1: v' = 2 - t while it moves; it stops at t = 4 and stays."""
+    """v' = F - friction(v, k*t): stuck until... from F = 2 with k = 1: v' = 2 - t while it moves; it stops at t = 4
+    and stays."""
     text = "v' = 2 - friction(v, k*t)"
     model = pf.equations(text, states={"v": ""}, outputs={"v": ""}, parameters={"k": {"value": 1.0}}, check=False)
     t = np.arange(0.0, 7.0, 0.37)
@@ -103,7 +106,11 @@ def test_tables_over_time_end_steps_at_their_nodes():
     """x' = k(t), k a hat: exact with one step per sample, though the nodes lie between samples."""
     tables = {"k": {"over": ["t"], "nodes": [[0.0, 3.3, 7.7, 11.1]], "unit": "1/s"}}
     model = pf.equations(
-        "x' = k(t)", states={"x": ""}, outputs={"x": ""}, tables=tables, parameters={"k": {"value": [0.0, 2.0, -1.0, 0.5]}}
+        "x' = k(t)",
+        states={"x": ""},
+        outputs={"x": ""},
+        tables=tables,
+        parameters={"k": {"value": [0.0, 2.0, -1.0, 0.5]}},
     )
     times, values = np.array([0.0, 3.3, 7.7, 11.1, 25.0]), np.array([0.0, 2.0, -1.0, 0.5, 0.5])
     fine = np.unique(np.r_[np.linspace(0, 22.5, 22501), times[:-1]])
@@ -113,7 +120,9 @@ def test_tables_over_time_end_steps_at_their_nodes():
 
 
 def test_t_in_initial_values_is_when_the_simulation_begins():
-    model = pf.equations("x' = 1/tau", states={"x": {"unit": "", "initial": "t/tau"}}, outputs={"x": ""}, parameters={"tau": "s"})
+    model = pf.equations(
+        "x' = 1/tau", states={"x": {"unit": "", "initial": "t/tau"}}, outputs={"x": ""}, parameters={"tau": "s"}
+    )
     t = np.array([3.0, 4.0, 6.0])
     np.testing.assert_allclose(outputs(model, {"tau": 2.0}, t)["x"], t / 2)
     np.testing.assert_allclose(outputs(model, {"tau": 2.0}, t, initial_time=-5.0)["x"], t / 2)
@@ -122,7 +131,8 @@ def test_t_in_initial_values_is_when_the_simulation_begins():
 LAG = pf.equations(
     "x' = (K*u - x)/tau\ny = x + delay(u, L)", inputs={"u": ""}, states={"x": ""}, outputs={"y": ""},
     parameters={
-        "K": {"bounds": (0.1, 9.0)}, "tau": {"unit": "s", "bounds": (0.5, 20.0)}, "L": {"unit": "s", "bounds": (0, 5), "value": 1.5}
+        "K": {"bounds": (0.1, 9.0)}, "tau": {"unit": "s", "bounds": (0.5, 20.0)},
+        "L": {"unit": "s", "bounds": (0, 5), "value": 1.5}
     },
 )  # fmt: skip
 
@@ -184,7 +194,8 @@ y = blood/V
 
 
 def test_the_dose_in_the_middle_of_the_record_is_found():
-    """Two doses of 100, at the start and at 12: today's second one never came, and 6.0, 0.009, 12.4 were called determined."""
+    """Two doses of 100, at the start and at 12: today's second one never came, and 6.0, 0.009, 12.4 were called
+    determined."""
     ka, ke, V = 1.2, 0.15, 8.0
     t = np.array([0.5, 1.0, 2.0, 4.0, 6.0, 8.0, 10.0, 11.0, 12.5, 13.0, 14.0, 16.0, 18.0, 20.0, 24.0])
 
@@ -193,8 +204,10 @@ def test_the_dose_in_the_middle_of_the_record_is_found():
 
     y = (blood(t) + blood(t - 12.0)) / V
     model = pf.equations(
-        DOSES, states={"gut": {"initial": "dose"}, "blood": None}, outputs={"y": None}, constants={"dose": 100.0}, check=False,
-        parameters={n: {"bounds": b, "scale": "log"} for n, b in {"ka": (0.1, 10), "ke": (0.005, 1), "V": (1, 50)}.items()},
+        DOSES, states={"gut": {"initial": "dose"}, "blood": None}, outputs={"y": None}, constants={"dose": 100.0},
+        check=False,
+        parameters={n: {"bounds": b, "scale": "log"} for n,
+                    b in {"ka": (0.1, 10), "ke": (0.005, 1), "V": (1, 50)}.items()},
     )  # fmt: skip
     answer = pf.fit(Problem(model, from_arrays(t, signals={"y": y}, name="doses"), initial_time=0.0), seed=1)
     assert answer.values == pytest.approx({"ka": ka, "ke": ke, "V": V}, rel=1e-3)
@@ -216,7 +229,9 @@ def test_events_by_time_follow_a_tight_solver_through_a_batch_of_records():
         return [q[1], 3 * np.sin(s) - 0.55 * (1 + 0.1 * s) * np.tanh(q[1] / 1e-5)]
 
     first = solve_ivp(rate, (0, 2.2), [0, 0], "LSODA", rtol=1e-8, atol=1e-10, t_eval=[*t[t < 2.2], 2.2], max_step=0.01)
-    second = solve_ivp(rate, (2.2, t[-1]), first.y[:, -1] + [0, 1], "LSODA", rtol=1e-8, atol=1e-10, t_eval=t[t >= 2.2], max_step=0.01)
+    second = solve_ivp(
+        rate, (2.2, t[-1]), first.y[:, -1] + [0, 1], "LSODA", rtol=1e-8, atol=1e-10, t_eval=t[t >= 2.2], max_step=0.01
+    )
     np.testing.assert_allclose(x, np.r_[first.y[0, :-1], second.y[0]], atol=2e-4)
 
 

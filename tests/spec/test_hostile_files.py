@@ -1,4 +1,5 @@
-"""Study files that are wrong in ways no person would think of: SpecError or another error of ours, in one sentence, soon."""
+"""Study files that are wrong in ways no person would think of: SpecError or another error of ours, in one sentence,
+soon."""
 
 import pytest
 
@@ -87,11 +88,15 @@ def test_one_sentence_each(old, new, tmp_path):
         ('{ step = "fill_gaps", signals = "u", longest = 5 }', "there is no key 'signals' (did you mean 'signal'?)"),
         ('{ signal = "u", cutoff = 1.0 }', 'says no step; write step = "NAME". Known steps: drop_outliers,'),
         ('{ step = "resample" }', "the key 'period' is missing; add it"),
-        ('{ step = "convert_units", units = { u = "kg" } }', "signal 'u' has no unit to convert from; state it in units"),
+        (
+            '{ step = "convert_units", units = { u = "kg" } }',
+            "signal 'u' has no unit to convert from; state it in units",
+        ),
     ],
 )
 def test_cleaning_steps_are_told_in_words(step, told, tmp_path):
-    """Not "ufunc 'greater_equal' did not contain a loop", nor that `lowpass` lacks a name, which study files call signal."""
+    """Not "ufunc 'greater_equal' did not contain a loop", nor that `lowpass` lacks a name, which study files call
+    signal."""
     sentence = said(TEXT.replace('file = "x.csv"', f'file = "x.csv"\nclean = [{step}]'), tmp_path)
     assert told in sentence
     assert "recording.a.clean[0]" in sentence
@@ -108,9 +113,22 @@ def test_cleaning_steps_are_told_in_words(step, told, tmp_path):
             "s.toml, [recording.a]: x.csv: units gives 'y' a unit that cannot be used: 'blub' is not a known unit",
         ),
         ("", 'before = { u = "x" }', "s.toml: Recording 'a': before gives 'u' as 'x': 'x' is not a number with a unit"),
-        ("", "skip = 500", "s.toml: No measured sample of 'y' is left to fit (recording 'a' lasts from 0 to 29 s, and 0 of its 30 samples"),
-        ("", "fit = [0, 9]\nvalidate = [5, 29]", "overlap; unseen data must not be fitted, so choose intervals that do not overlap."),
-        ("equations =", 'kind = "drive"\nequations =', "s.toml: [model] has kind = 'drive' and also equations; it can have only one"),
+        (
+            "",
+            "skip = 500",
+            "s.toml: No measured sample of 'y' is left to fit (recording 'a' lasts from 0 to 29 s, and 0 of its 30 "
+            "samples",
+        ),
+        (
+            "",
+            "fit = [0, 9]\nvalidate = [5, 29]",
+            "overlap; unseen data must not be fitted, so choose intervals that do not overlap.",
+        ),
+        (
+            "equations =",
+            'kind = "drive"\nequations =',
+            "s.toml: [model] has kind = 'drive' and also equations; it can have only one",
+        ),
         ('equations = "y = K*u"', "", 's.toml: [model] needs either kind = "..."'),
         ('"y = K*u"', '"y = K*delay(u, L)"', "'L' is none of them"),
     ],
@@ -124,7 +142,9 @@ def test_a_value_that_does_not_fit_is_told_with_file_and_place(old, new, told, t
 def test_a_dead_time_that_begins_below_zero_names_the_file_once(tmp_path):
     text = TEXT.replace("y = K*u", "y = K*delay(u, L)") + '[parameters.L]\nbounds = [-1.0, 5.0]\nunit = "s"\n'
     sentence = said(text, tmp_path)
-    assert sentence.startswith("s.toml: parameters.L is a dead time, and its lower bound is -1 s; an input cannot act before it happens")
+    assert sentence.startswith(
+        "s.toml: parameters.L is a dead time, and its lower bound is -1 s; an input cannot act before it happens"
+    )
 
 
 def test_a_folder_is_no_study_file(tmp_path):

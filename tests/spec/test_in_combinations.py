@@ -17,12 +17,18 @@ file = "data.csv"
 
 
 def record(folder, **columns):
-    text = ",".join(columns) + "\n" + "\n".join(",".join(f"{v:.12g}" for v in row) for row in zip(*columns.values(), strict=True))
+    text = (
+        ",".join(columns)
+        + "\n"
+        + "\n".join(",".join(f"{v:.12g}" for v in row) for row in zip(*columns.values(), strict=True))
+    )
     (folder / "data.csv").write_text(text)
 
 
 def parameters(**bounds):
-    return "".join(f'[parameters.{n}]\nbounds = [{low}, {high}]\nunit = "{unit}"\n' for n, (low, high, unit) in bounds.items())
+    return "".join(
+        f'[parameters.{n}]\nbounds = [{low}, {high}]\nunit = "{unit}"\n' for n, (low, high, unit) in bounds.items()
+    )
 
 
 def fitted(folder, text):
@@ -35,7 +41,11 @@ def statuses(answer):
 
 
 def estimates(answer):
-    return {p["name"]: (p["value"], p["low"], p["high"]) for p in answer.findings["parameters"] if p["status"] == "determined"}
+    return {
+        p["name"]: (p["value"], p["low"], p["high"])
+        for p in answer.findings["parameters"]
+        if p["status"] == "determined"
+    }
 
 
 def lag(folder, noise=0.01):
@@ -54,7 +64,7 @@ y = x + b1 + b2
 inputs = {{ u = "V" }}
 states = {{ x = {{ unit = "V", initial = "x0*K" }} }}
 outputs = {{ y = "V" }}
-{parameters(K=(0.1, 50, "1"), c=(0.1, 50, "1"), R=(0.1, 50, "ohm"), C=(0.01, 5, "F"), b1=(-2, 2, "V"), b2=(-2, 2, "V"), x0=(-1, 1, "V"))}'''
+{parameters(K=(0.1, 50, "1"), c=(0.1, 50, "1"), R=(0.1, 50, "ohm"), C=(0.01, 5, "F"), b1=(-2, 2, "V"), b2=(-2, 2, "V"), x0=(-1, 1, "V"))}'''  # noqa: E501
 
 
 def test_products_and_sums_become_parameters_and_hold_the_truth(tmp_path):
@@ -88,7 +98,12 @@ outputs = {outputs}
 
 def inputs_and_noise(seed, n=200):
     rng = np.random.default_rng(seed)
-    return rng.uniform(0.5, 2.0, n), rng.uniform(0.5, 2.0, n), 0.01 * rng.standard_normal(n), 0.01 * rng.standard_normal(n)
+    return (
+        rng.uniform(0.5, 2.0, n),
+        rng.uniform(0.5, 2.0, n),
+        0.01 * rng.standard_normal(n),
+        0.01 * rng.standard_normal(n),
+    )
 
 
 def test_combinations_that_share_a_parameter_are_solved_together(tmp_path):
@@ -111,7 +126,9 @@ def test_combinations_that_share_a_parameter_are_solved_together(tmp_path):
 
 def test_a_power_is_taken_back(tmp_path):
     u, _, e, _ = inputs_and_noise(2)
-    text = static(tmp_path, "y = m*l^2*u", {"u": u, "y": 0.8 * 1.5**2 * u + e}, ["y"], {"m": (0.1, 9, "kg"), "l": (0.1, 9, "m")})
+    text = static(
+        tmp_path, "y = m*l^2*u", {"u": u, "y": 0.8 * 1.5**2 * u + e}, ["y"], {"m": (0.1, 9, "kg"), "l": (0.1, 9, "m")}
+    )
     study, before = fitted(tmp_path, text)
     new = spec.in_combinations(study, before.findings)
     _, after = fitted(tmp_path, new.text)
@@ -123,11 +140,13 @@ def test_a_power_is_taken_back(tmp_path):
 def test_where_equations_cannot_hold_them_companions_are_held(tmp_path, kind):
     u, _, e, _ = inputs_and_noise(3)
     if kind == "negative":
-        text = static(tmp_path, "y = a*b*u", {"u": u, "y": -3.0 * u + e}, ["y"], {"a": (-9, -0.1, "1"), "b": (0.1, 9, "1")})
-    elif kind == "units":
-        text = static(tmp_path, "y = (a + 5*b)*u", {"u": u, "y": 3.0 * u + e}, ["y"], {"a": (0.1, 9, "V"), "b": (0.01, 9, "A")}).replace(
-            "outputs", "check_units = false\noutputs"
+        text = static(
+            tmp_path, "y = a*b*u", {"u": u, "y": -3.0 * u + e}, ["y"], {"a": (-9, -0.1, "1"), "b": (0.1, 9, "1")}
         )
+    elif kind == "units":
+        text = static(
+            tmp_path, "y = (a + 5*b)*u", {"u": u, "y": 3.0 * u + e}, ["y"], {"a": (0.1, 9, "V"), "b": (0.01, 9, "A")}
+        ).replace("outputs", "check_units = false\noutputs")
     else:
         t = np.arange(0.0, 4.0, 0.01)
         volts = np.where(np.sin(3 * t) > 0, 6.0, -4.0)
@@ -151,7 +170,9 @@ def test_where_equations_cannot_hold_them_companions_are_held(tmp_path, kind):
 
 def test_nothing_to_change_and_nothing_that_can_be_changed_are_said(tmp_path):
     u, _, e, _ = inputs_and_noise(6)
-    study, answer = fitted(tmp_path, static(tmp_path, "y = a*u", {"u": u, "y": 2.0 * u + e}, ["y"], {"a": (0.1, 9, "1")}))
+    study, answer = fitted(
+        tmp_path, static(tmp_path, "y = a*u", {"u": u, "y": 2.0 * u + e}, ["y"], {"a": (0.1, 9, "1")})
+    )
     with pytest.raises(SpecError, match="nothing has to be changed"):
         spec.in_combinations(study, answer.findings)
     bounds = {"a": (0.1, 9, "1"), "b": (0.1, 9, "1")}

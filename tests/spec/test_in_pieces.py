@@ -34,7 +34,9 @@ def truth(t):
     x, rows = np.array([1.0, 0.0]), []
     for u in 0.5 * np.cos(1.2 * t):
         rows.append(x)
-        x = solve_ivp(lambda s, x, u=u: [x[1], x[0] - x[0] ** 3 - 0.3 * x[1] + u], (0, t[1]), x, rtol=1e-9, atol=1e-10).y[:, -1]
+        x = solve_ivp(
+            lambda s, x, u=u: [x[1], x[0] - x[0] ** 3 - 0.3 * x[1] + u], (0, t[1]), x, rtol=1e-9, atol=1e-10
+        ).y[:, -1]
     return np.array(rows)
 
 
@@ -55,7 +57,8 @@ def write(tmp_path):
 
 @pytest.mark.parametrize("initial", ["y", "0"])
 def test_starts_lie_within_their_bounds(write, initial):
-    """Of a state that begins at the measured output the noise of that sample does, of others the states of the plant do."""
+    """Of a state that begins at the measured output the noise of that sample does, of others the states of the plant
+    do."""
     study = write(initial)
     new = spec.parse(spec.in_pieces(study, 10.0), study.path)
     experiments = new.problem.experiments
@@ -78,7 +81,10 @@ def test_all_else_stays(write):
     assert "bounds = [0.1, 10]  # unknown" in text
     found = tomllib.loads(text)
     assert found["name"] == "well in pieces"
-    assert found["recording"] == {"run": {"file": "run.csv", "pieces": 12}, "short": {"file": "short.csv"}}  # no longer than a piece
+    assert found["recording"] == {
+        "run": {"file": "run.csv", "pieces": 12},
+        "short": {"file": "short.csv"},
+    }  # no longer than a piece
     assert found["search"] == {"budget": 3000, "shooting": 5}
     assert found["parameters"]["start_v"] == {"per_recording": True}
 

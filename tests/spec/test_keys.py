@@ -47,7 +47,10 @@ def test_states_may_be_names_alone():
 
 
 def test_a_key_that_is_missing_is_asked_for():
-    assert refused(f"{HEAD}[model.filter_alike]\norder = 3") == "s.toml: key 'model.filter_alike.cutoff' is missing; add it."
+    assert (
+        refused(f"{HEAD}[model.filter_alike]\norder = 3")
+        == "s.toml: key 'model.filter_alike.cutoff' is missing; add it."
+    )
 
 
 def test_steppers_of_the_study_file_are_those_of_the_table():
@@ -61,10 +64,14 @@ def test_steppers_of_the_study_file_are_those_of_the_table():
 
 def test_controllers_of_the_study_file_are_those_of_the_list_and_load_no_jax():
     assert json_schema()["$defs"]["ControlTable"]["properties"]["controller"]["enum"] == [*CONTROLLERS, REGULATOR]
-    assert "control.controller = 'pidd' cannot be used: write 'pid', 'pi'" in refused(f'{HEAD}[model]\n[control]\ncontroller = "pidd"')
+    assert "control.controller = 'pidd' cannot be used: write 'pid', 'pi'" in refused(
+        f'{HEAD}[model]\n[control]\ncontroller = "pidd"'
+    )
     loaded = "import sys, plantfit.spec.tables; print([m for m in ('jax', 'scipy', 'numpy') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", loaded], capture_output=True, text=True, timeout=60, check=True)
-    assert done.stdout.strip() == "[]", "keep slow packages out of what spec/tables.py imports: a slip in a study file is told at once"
+    assert done.stdout.strip() == "[]", (
+        "keep slow packages out of what spec/tables.py imports: a slip in a study file is told at once"
+    )
 
 
 @pytest.mark.parametrize(
@@ -74,13 +81,22 @@ def test_controllers_of_the_study_file_are_those_of_the_list_and_load_no_jax():
             "[model]\n[parameters.a]\nbounds = [5]",
             "parameters.a.bounds = [5] cannot be used: write two numbers in brackets, as in [0, 10].",
         ),
-        ("[model]\n[parameters.a]\nbounds = '0..5'", "parameters.a.bounds = '0..5' cannot be used: write two numbers in brackets"),
+        (
+            "[model]\n[parameters.a]\nbounds = '0..5'",
+            "parameters.a.bounds = '0..5' cannot be used: write two numbers in brackets",
+        ),
         (
             "[model]\n[parameters.a]\nvalue = '2 s'",
             "parameters.a.value = '2 s' cannot be used: write a number without quotation marks; its unit",
         ),
-        ("[model]\n[search]\nmethods = 'auto'", "search.methods = 'auto' cannot be used: write a list in brackets, as in [\"auto\"]."),
-        ("[model]\n[search]\nruns = 'many'", "search.runs = 'many' cannot be used: write a whole number without quotation marks."),
+        (
+            "[model]\n[search]\nmethods = 'auto'",
+            "search.methods = 'auto' cannot be used: write a list in brackets, as in [\"auto\"].",
+        ),
+        (
+            "[model]\n[search]\nruns = 'many'",
+            "search.runs = 'many' cannot be used: write a whole number without quotation marks.",
+        ),
         ("[model]\n[search]\nruns = 1.5", "search.runs = 1.5 cannot be used: write a whole number."),
         ("[model]\n[scales]\ny = -1", "scales.y = -1 cannot be used: write a number above 0."),
         ("[model]\ninputs = 'u'", "model.inputs = 'u' cannot be used: write a table, as in { NAME = VALUE }."),
@@ -97,7 +113,8 @@ def test_a_wrong_value_is_explained_in_words_of_a_study_file(text, told):
 
 
 @pytest.mark.parametrize(
-    ("name", "text", "told"), [("s.toml", '{"name": "a"}', "looks like JSON"), ("a.csv", "t,u\n0,1", "`plantfit init a.csv`")]
+    ("name", "text", "told"),
+    [("s.toml", '{"name": "a"}', "looks like JSON"), ("a.csv", "t,u\n0,1", "`plantfit init a.csv`")],
 )
 def test_a_file_of_another_kind_is_recognised(name, text, told):
     with pytest.raises(SpecError, match="is not valid TOML") as caught:

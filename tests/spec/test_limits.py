@@ -44,9 +44,12 @@ STATES = range(300)
         ("[parameters.K]", "[simulation]\nsubsteps = 900000\n[parameters.K]", ""),
         ('x = "" }', ", ".join(f'x{k} = ""' for k in STATES) + " }", "300 states"),
         ("[parameters.K]\n", f"{TABLE}[parameters.K]\n", "40000 nodes"),
-        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "drop_outliers", signal = "u", window = 1000000001 }]', "window"),
-        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "lowpass", signal = "u", cutoff = 0.1, order = 400 }]', "order"),
-        ("bounds = [0.0, 1.0]\n[parameters.L]", "bounds = [0.0, 1.0]\nstart = 2.0\n[parameters.L]", "outside its bounds"),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "drop_outliers", signal = "u", window = 1000000001 }]',
+         "window"),
+        ('file = "x.csv"', 'file = "x.csv"\nclean = [{ step = "lowpass", signal = "u", cutoff = 0.1, order = 400 }]',
+         "order"),
+        ("bounds = [0.0, 1.0]\n[parameters.L]", "bounds = [0.0, 1.0]\nstart = 2.0\n[parameters.L]",
+         "outside its bounds"),
         ('[0.0, 1.0]\nunit = "s"', '[-1.0, 1.0]\nunit = "s"', "dead time"),
     ],
     ids=lambda t: str(t)[:30],
@@ -65,7 +68,9 @@ def test_limits(old, new, told, tmp_path):
 
 def test_the_text_itself_is_good_and_signal_is_what_cleaning_steps_take(tmp_path):
     parsed(TEXT, tmp_path)
-    study = parsed(TEXT.replace('"x.csv"', '"x.csv"\nclean = [{ step = "lowpass", signal = "u", cutoff = 0.1 }]'), tmp_path)
+    study = parsed(
+        TEXT.replace('"x.csv"', '"x.csv"\nclean = [{ step = "lowpass", signal = "u", cutoff = 0.1 }]'), tmp_path
+    )
     assert "low-pass" in " ".join(study.problem.experiments["a"].recording.log)
 
 

@@ -1,4 +1,5 @@
-"""`pieces` cut the fitted part of a recording into recordings with starts of their own, and a start may be given for each."""
+"""`pieces` cut the fitted part of a recording into recordings with starts of their own, and a start may be given for
+each."""
 
 import numpy as np
 import pytest
@@ -28,7 +29,13 @@ per_recording = true
 def write(tmp_path):
     def write(more: str = "", starts: str = "", t: np.ndarray | None = None):
         t = np.arange(0, 10, 0.1) if t is None else t
-        np.savetxt(tmp_path / "run.csv", np.c_[t, np.sign(np.sin(t)), np.sin(t)], delimiter=",", header="t [s],u,y", comments="")
+        np.savetxt(
+            tmp_path / "run.csv",
+            np.c_[t, np.sign(np.sin(t)), np.sin(t)],
+            delimiter=",",
+            header="t [s],u,y",
+            comments="",
+        )
         file = tmp_path / "cut.toml"
         file.write_text(STUDY.format(more=more, starts=starts), "utf-8")
         return file
@@ -92,6 +99,8 @@ def test_starts_that_cannot_be_are_refused_in_a_sentence(write, starts, said):
 
 def test_a_value_for_all_has_one_start(write):
     file = write("pieces = 5")
-    file.write_text(file.read_text("utf-8").replace("bounds = [0.1, 10]", "bounds = [0.1, 10]\nstart = { run-1 = 1 }"), "utf-8")
+    file.write_text(
+        file.read_text("utf-8").replace("bounds = [0.1, 10]", "bounds = [0.1, 10]\nstart = { run-1 = 1 }"), "utf-8"
+    )
     with pytest.raises(PlantfitError, match="per_recording is false"):
         _ = spec.load(file).problem.space.start

@@ -46,7 +46,8 @@ constants = { k = "2.5 N/V" }
 
 
 def drive(seed, error=2e-4, noise=0.02, seconds=12.0):
-    """A mass whose controller reads a noisy sensor (`error` m rms): force 2.5 N/V, exact steps of the linear plant under a held voltage."""
+    """A mass whose controller reads a noisy sensor (`error` m rms): force 2.5 N/V, exact steps of the linear plant
+    under a held voltage."""
     rng, n = np.random.default_rng(seed), int(seconds / H)
     t = np.arange(n) * H
     ref = 0.02 * np.sin(2 * np.pi * 0.3 * t) + 0.004 * np.sin(2 * np.pi * 0.9 * t + 1)
@@ -86,12 +87,15 @@ def test_intervals_of_own_equations_hold_the_truth_where_least_squares_misses_it
         off.append(found.bias.p_value)
     assert np.sum(held, axis=0).min() >= 20, np.mean(held, axis=0)  # of 25 at 95 %: fewer once in 1000
     assert np.mean(held) >= 0.88
-    assert np.mean(plain, axis=0)[0] < 0.5, "the mass by least squares must be missed, or no instruments are needed here"
+    assert np.mean(plain, axis=0)[0] < 0.5, (
+        "the mass by least squares must be missed, or no instruments are needed here"
+    )
     assert np.median(off) < 1e-3
 
 
 def test_a_free_joint_with_friction_does_not_draw_coefficients_to_zero(tmp_path):
-    """Its torque is zero, which zero coefficients explain exactly: weights by residuals led there in a third of these records."""
+    """Its torque is zero, which zero coefficients explain exactly: weights by residuals led there in a third of
+    these records."""
     inside = []
     for seed in range(2000, 2012):
         made = record_rig("pendubot", {"l1": 0.25, "Fc1": 5e-3}, seed=seed)
@@ -147,7 +151,10 @@ def test_a_fit_by_search_is_refused(tmp_path):
         pf.fit(study.problem)
     path = tmp_path / "plain.toml"
     path.write_text(
-        study.text.split("[regression]")[0].replace('inputs = { a = "m/s^2"', 'inputs = { q = "m/s^2"').replace("M*a", "M*q"), "utf-8"
+        study.text.split("[regression]")[0]
+        .replace('inputs = { a = "m/s^2"', 'inputs = { q = "m/s^2"')
+        .replace("M*a", "M*q"),
+        "utf-8",
     )
     with pytest.raises(PlantfitError):
         pf.regress(path)
@@ -160,7 +167,11 @@ def test_a_fit_by_search_is_refused(tmp_path):
         ('"q_ref"', '"q"', "is a measured signal and has the errors of the columns"),
         ('"q_ref"', '"q_raf"', "Did you mean 'q_ref'"),
         ('{ q = "q_ref" }', '{ p = "q_ref" }', "reference names 'p', which is not in derivatives"),
-        ('derivatives = { q = ["v", "a"] }', 'derivatives = { q = ["v", "w"] }', "the model reads 'a', which is neither recorded nor"),
+        (
+            'derivatives = { q = ["v", "a"] }',
+            'derivatives = { q = ["v", "w"] }',
+            "the model reads 'a', which is neither recorded nor",
+        ),
         ('derivatives = { q = ["v", "a"] }', 'derivatives = { q = ["v"] }', "derivatives.q"),
         ('["v", "a"]', '["v", "q"]', "names 'q' twice"),
         ('held = ["u"]', 'held = ["U"]', "held names 'U'.*Did you mean 'u'"),
@@ -175,7 +186,11 @@ def test_a_fit_by_search_is_refused(tmp_path):
         ("smoothing = 40", "smoothing = 4000", r"\[regression\].*4000"),
         ("smoothing", "smothing", "did you mean 'smoothing'"),
         ("band = 8", 'band = 8\nmethod = "instruments"', "method"),
-        ("band = 8", 'band = 8\nmethod = "least squares"', "reference is for instrumental variables, but method is least squares"),
+        (
+            "band = 8",
+            'band = 8\nmethod = "least squares"',
+            "reference is for instrumental variables, but method is least squares",
+        ),
     ],
 )
 def test_mistakes_are_told_with_the_key(tmp_path, old, new, sentence):
@@ -188,7 +203,8 @@ def test_mistakes_are_told_with_the_key(tmp_path, old, new, sentence):
 def test_a_reference_that_is_the_measurement_under_another_name_is_no_instrument(tmp_path):
     path = written(tmp_path)
     record = drive(0)
-    to_csv(from_arrays(record.t, signals={n: (record[m], record.signals[m].unit) for n, m in (("q", "q"), ("u", "u"), ("q_ref", "q"))}),
+    to_csv(from_arrays(record.t, signals={n: (record[m], record.signals[m].unit) for n,
+                                          m in (("q", "q"), ("u", "u"), ("q_ref", "q"))}),
            tmp_path / "run.csv")  # fmt: skip
     with pytest.raises(SpecError, match="has the same samples as 'q', so it has the same errors"):
         pf.load(path)
@@ -196,28 +212,40 @@ def test_a_reference_that_is_the_measurement_under_another_name_is_no_instrument
 
 def test_a_filter_said_twice_and_parameters_that_a_regression_has_not(tmp_path):
     path = written(tmp_path)
-    path.write_text(path.read_text("utf-8").replace("[parameters.M]", "filter_alike = { cutoff = 5 }\n[parameters.M]"), "utf-8")
+    path.write_text(
+        path.read_text("utf-8").replace("[parameters.M]", "filter_alike = { cutoff = 5 }\n[parameters.M]"), "utf-8"
+    )
     with pytest.raises(SpecError, match="leave filter_alike out"):
         pf.load(path)
     path = written(tmp_path, more='[uncertainty.x]\nof = "F"\nkind = "gain"\nlimit = 1\nunit = "%"')
     with pytest.raises(SpecError, match="a regression cannot use stated errors of instruments"):
         pf.load(path)
     path = written(tmp_path)
-    path.write_text(path.read_text("utf-8").replace("[parameters.M]\n", "[parameters.M]\nper_recording = true\n"), "utf-8")
+    path.write_text(
+        path.read_text("utf-8").replace("[parameters.M]\n", "[parameters.M]\nper_recording = true\n"), "utf-8"
+    )
     with pytest.raises(SearchError, match="a regression has one number for all recordings"):
         pf.regress(path)
-    path.write_text('name = "x"\n[recording.run]\nfile = "run.csv"\n[model]\nkind = "drive"\n[regression]\nband = 5\n', "utf-8")
+    path.write_text(
+        'name = "x"\n[recording.run]\nfile = "run.csv"\n[model]\nkind = "drive"\n[regression]\nband = 5\n', "utf-8"
+    )
     with pytest.raises(PlantfitError, match="is simulated"):
         pf.load(path)
 
 
 def own(text, *parameters):
-    return pf.equations(text, inputs={"a": None, "v": None}, outputs={"F": None}, parameters=list(parameters) or ["M", "Fv"])
+    return pf.equations(
+        text, inputs={"a": None, "v": None}, outputs={"F": None}, parameters=list(parameters) or ["M", "Fv"]
+    )
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
-    [("F = M*a + Fv^2*v", "not linear"), ("F = M*Fv*a*v", "not linear"), ("F = M*a + Fv*v + 1", "the part that is known")],
+    [
+        ("F = M*a + Fv^2*v", "not linear"),
+        ("F = M*Fv*a*v", "not linear"),
+        ("F = M*a + Fv*v + 1", "the part that is known"),
+    ],
 )
 def test_equations_that_are_no_regression(text, sentence):
     model = own(text)

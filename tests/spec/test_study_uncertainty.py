@@ -88,7 +88,8 @@ def test_signals_that_share_an_error(parse):
 
 def test_recordings_clock_and_draws(parse):
     study = parse(
-        '[uncertainty.zero]\nof = "y"\nkind = "offset"\nlimit = 1\nper_recording = true\nrecordings = ["b"]\n[propagation]\ndraws = 50'
+        '[uncertainty.zero]\nof = "y"\nkind = "offset"\nlimit = 1\nper_recording = true\nrecordings = '
+        '["b"]\n[propagation]\ndraws = 50'
     )
     assert study.errors[0].recordings == ("b",)
     assert study.errors[0].per_recording
@@ -104,28 +105,40 @@ def test_recordings_clock_and_draws(parse):
         ('of = "clok"\nlimit = 0.1', SpecError, "did you mean 'clock'"),
         ('of = "y"\nkind = "gain"', SpecError, "the size is missing: give limit"),
         ('of = "y"\nlimit = 0.1', SpecError, "kind is missing; add how 'y' errs"),
-        ('of = "y"\nkind = "gain"\nlimit = -0.1', SpecError, "limit = -0.1 cannot be used; an uncertainty has no sign, so write 0.1"),
+        ('of = "y"\nkind = "gain"\nlimit = -0.1', SpecError,
+         "limit = -0.1 cannot be used; an uncertainty has no sign, so write 0.1"),
         ('of = "y"\nkind = "gain"\nlimit = nan', SpecError, "limit = nan cannot be used; give a number of at least 0"),
         ('of = "y"\nkind = "gain"\nlimit = 0.1\nstandard = 0.1', SpecError, "gives limit and standard; keep one"),
-        ('of = "y"\nkind = "gain"\nlimit = 0.1\nk = 2', SpecError, "k can be used only with expanded, but limit is given"),
-        ('of = "y"\nkind = "gain"\nstandard = 0.1\nshape = "rectangular"', SpecError, "shape can be used only with limit, but "
+        ('of = "y"\nkind = "gain"\nlimit = 0.1\nk = 2', SpecError,
+         "k can be used only with expanded, but limit is given"),
+        ('of = "y"\nkind = "gain"\nstandard = 0.1\nshape = "rectangular"', SpecError,
+         "shape can be used only with limit, but "
             "standard is given"),
-        ('of = "y"\nkind = "gain"\nlimit = 0.1\nshape = "normal"', SpecError, "a normal distribution has no limit; give standard"),
-        ('of = "y"\nkind = "gain"\nlimit = 0.1\nshape = "round"', SpecError, "meter.shape = .round. cannot be used: .*'triangular'"),
-        ('of = "y"\nkind = "gain"\nlimits = 0.1', SpecError, "key 'uncertainty.meter.limits' is not known; did you mean 'limit'"),
+        ('of = "y"\nkind = "gain"\nlimit = 0.1\nshape = "normal"', SpecError,
+         "a normal distribution has no limit; give standard"),
+        ('of = "y"\nkind = "gain"\nlimit = 0.1\nshape = "round"', SpecError,
+         "meter.shape = .round. cannot be used: .*'triangular'"),
+        ('of = "y"\nkind = "gain"\nlimits = 0.1', SpecError,
+         "key 'uncertainty.meter.limits' is not known; did you mean 'limit'"),
         ('of = "y"\nkind = "gain"\nrepeats = [0.1]', SpecError, "uncertainty.meter.repeats"),
-        ('of = "y"\nkind = "gain"\nrepeats = [0.1, nan]', SpecError, "repeats = .* has values that are not finite numbers"),
-        ('of = "y"\nkind = "gain"\nrepeats = [0.1, 0.2]\ndegrees_of_freedom = 3', SpecError, "the degrees of freedom follow "
+        ('of = "y"\nkind = "gain"\nrepeats = [0.1, nan]', SpecError,
+         "repeats = .* has values that are not finite numbers"),
+        ('of = "y"\nkind = "gain"\nrepeats = [0.1, 0.2]\ndegrees_of_freedom = 3', SpecError,
+         "the degrees of freedom follow "
             "from repeats"),
-        ('of = "y"\nkind = "gain"\nlimit = 5', SpecError, 'error of the gain is 500 %, which is too large; for one per cent write 0.01'),
+        ('of = "y"\nkind = "gain"\nlimit = 5', SpecError,
+         'error of the gain is 500 %, which is too large; for one per cent write 0.01'),
         ('of = "y"\nkind = "gain"\nlimit = 5\nunit = "mA"', UnitError, "a gain is relative, and 'mA' is not"),
         ('of = "clock"\nlimit = 5\nunit = "s"', UnitError, "a clock is relative, and 's' is not"),
-        ('of = "y"\nkind = "offset"\nlimit = 5\nunit = "bar"', UnitError, "unit = 'bar' cannot be converted to 'A', the unit of 'y'"),
+        ('of = "y"\nkind = "offset"\nlimit = 5\nunit = "bar"', UnitError,
+         "unit = 'bar' cannot be converted to 'A', the unit of 'y'"),
         ('of = "y"\nkind = "offset"\nlimit = 5\nunit = "banana"', UnitError, "'banana' is not a known unit"),
         ('of = "y"\nkind = "offset"\nlimit = 5\nunit = "%"', SpecError, "unit = '%' is a share of the span: give span"),
         ('of = "y"\nkind = "zero"\nlimit = 5', SpecError, "kind = 'zero' needs span"),
-        ('of = "y"\nkind = "gain"\nlimit = 0.1\nspan = 3', SpecError, 'for a share of the span use kind = "full scale"'),
-        ('of = "R"\nkind = "gain"\nlimit = 0.1', SpecError, "kind = 'gain' is only for signals, but 'of' names the parameter 'R'"),
+        ('of = "y"\nkind = "gain"\nlimit = 0.1\nspan = 3', SpecError,
+         'for a share of the span use kind = "full scale"'),
+        ('of = "R"\nkind = "gain"\nlimit = 0.1', SpecError,
+         "kind = 'gain' is only for signals, but 'of' names the parameter 'R'"),
         ('of = "R"\nlimit = 0.1\nspan = 1', SpecError, "span is only for signals"),
         ('of = "R"\nlimit = 0.1\nper_recording = true', SpecError, "'R' is one number for all recordings"),
         ('of = ["u", "y"]\nkind = "offset"\nlimit = 0.1', SpecError, r"units .u in V, y in A. cannot share one offset"),
@@ -135,7 +148,8 @@ def test_recordings_clock_and_draws(parse):
         ('of = "L"\nlimit = 0.1', SpecError, "'L' is fitted, so its uncertainty comes from the data"),
         ('of = "c"\nlimit = 0.1', SpecError, "'c' is a constant of .model., and constants have no uncertainty"),
         ('of = "i"\nlimit = 0.1', SpecError, "of = 'i' is not a signal"),
-        ('of = "y"\nkind = "gain"\nlimit = 0.1\nrecordings = ["c"]', SpecError, "recordings names 'c', which is not there"),
+        ('of = "y"\nkind = "gain"\nlimit = 0.1\nrecordings = ["c"]', SpecError,
+         "recordings names 'c', which is not there"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_said_in_one_sentence(parse, body, error, said):

@@ -22,7 +22,10 @@ def recorded(folder, unit="s", scale=1.0):
         x = K * late + (x - K * late) * np.exp(-10.0 / TAU)
         y.append(x)
     noise = 1e-3 * np.random.default_rng(1).standard_normal(len(t))
-    rows = "".join(f"{a:.15g},{b:.15g},{c:.15g}\n" for a, b, c in zip(t / SECONDS[unit], u * scale, np.asarray(y) + noise, strict=True))
+    rows = "".join(
+        f"{a:.15g},{b:.15g},{c:.15g}\n"
+        for a, b, c in zip(t / SECONDS[unit], u * scale, np.asarray(y) + noise, strict=True)
+    )
     (folder / "r.csv").write_text(f"t [{unit}],u [%],y [degC]\n" + rows)
 
 
@@ -67,7 +70,10 @@ def test_equations_fit_the_truth_in_the_unit_that_is_told(what, unit, tmp_path):
 def test_a_library_model_converts_to_seconds_and_tells_them(unit, own, tmp_path):
     recorded(tmp_path, unit)
     low, high = (v / SECONDS[own] for v in (10, 1000))
-    parameters = {"tau": f'bounds = [{low!r}, {high!r}]\nunit = "{own}"', "L": f'bounds = [0, {100 / SECONDS[own]!r}]\nunit = "{own}"'}
+    parameters = {
+        "tau": f'bounds = [{low!r}, {high!r}]\nunit = "{own}"',
+        "L": f'bounds = [0, {100 / SECONDS[own]!r}]\nunit = "{own}"',
+    }
     problem = study(tmp_path, LIBRARY, {"K": "bounds = [0.1, 10]", **parameters}).problem
     values = pf.fit(problem, budget=1200).values
     assert {problem.space.parameters[n].unit for n in ("tau", "L")} == {"s"}
@@ -76,12 +82,16 @@ def test_a_library_model_converts_to_seconds_and_tells_them(unit, own, tmp_path)
 
 
 REFUSED = {
-    "min": (equations(LAG), {"tau": 'bounds = [1, 10]\nunit = "min"'}, EquationError, "Write unit = \"s\", bounds = [60, 600] for 'tau'"),
-    "week": (equations(LAG), {"tau": 'bounds = [1, 10]\nunit = "week"'}, EquationError, "bounds = [604800, 6048000] for 'tau'"),
+    "min": (equations(LAG), {"tau": 'bounds = [1, 10]\nunit = "min"'}, EquationError,
+            "Write unit = \"s\", bounds = [60, 600] for 'tau'"),
+    "week": (equations(LAG), {"tau": 'bounds = [1, 10]\nunit = "week"'}, EquationError,
+             "bounds = [604800, 6048000] for 'tau'"),
     "held": (equations(LAG), {"tau": 'value = 2\nunit = "min"'}, EquationError, 'unit = "s", value = 120'),
-    "furlong": (equations(LAG), {"tau": 'bounds = [1, 10]\nunit = "furlong"'}, EquationError, "has the unit 'furlong', but must be in s"),
+    "furlong": (equations(LAG), {"tau": 'bounds = [1, 10]\nunit = "furlong"'}, EquationError,
+                "has the unit 'furlong', but must be in s"),
     "late": (equations(LAG), {"L": 'bounds = [0, 1]\nunit = "min"'}, EquationError, "bounds = [0, 60] for 'L'"),
-    "late, unchecked": (equations(LAG) + "\ncheck_units = false", {"L": 'bounds = [0, 1]\nunit = "min"'}, UnitError, "dead times are in s"),
+    "late, unchecked": (equations(LAG) + "\ncheck_units = false", {"L": 'bounds = [0, 1]\nunit = "min"'}, UnitError,
+                        "dead times are in s"),
     "tied": (equations(LAG), {"tau": "bounds = [1, 10]", "L": 'tied = "tau"\nunit = "s"'}, None, ""),
     "tied otherwise": (LIBRARY, {"tau": "bounds = [1, 10]", "L": 'tied = "K"'}, SpaceError, "give both one unit"),
     "library, furlong": (LIBRARY, {"tau": 'bounds = [1, 10]\nunit = "furlong"'}, UnitError, "the model has it in 's'"),
@@ -104,7 +114,11 @@ def test_a_wrong_unit_is_refused_with_file_and_line_to_write(what, tmp_path):
 
 @pytest.mark.parametrize(
     ("header", "line", "told"),
-    [("min", 'time_unit = "s"', "says 'min'"), ("min", 'time_unit = "furlong"', "not a unit of time"), ("min", "", None)],
+    [
+        ("min", 'time_unit = "s"', "says 'min'"),
+        ("min", 'time_unit = "furlong"', "not a unit of time"),
+        ("min", "", None),
+    ],
 )
 def test_the_unit_of_the_time_column_is_one(header, line, told, tmp_path):
     recorded(tmp_path, header)
@@ -117,7 +131,9 @@ def test_the_unit_of_the_time_column_is_one(header, line, told, tmp_path):
         study(tmp_path, equations(LAG), parameters, line)
 
 
-@pytest.mark.parametrize(("gain", "told"), [("degC/%", None), ("degC", "input 'u' has the unit '%'"), ("K/%", None), ("V/%", None)])
+@pytest.mark.parametrize(
+    ("gain", "told"), [("degC/%", None), ("degC", "input 'u' has the unit '%'"), ("K/%", None), ("V/%", None)]
+)
 def test_recorded_units_are_held_against_declared_ones(gain, told, tmp_path):
     """A kind that does not fit may be a header that was misread; a size that does not fit makes a value wrong."""
     recorded(tmp_path)

@@ -1,4 +1,5 @@
-"""Fixtures of stores. A module that says `BACKENDS = ("sqlite", "postgresql")` runs its tests with `store` against both."""
+"""Fixtures of stores. A module that says `BACKENDS = ("sqlite", "postgresql")` runs its tests with `store` against
+both."""
 
 from itertools import count
 

@@ -1,4 +1,5 @@
-"""Run as a script by test_store_faults.py, with faults.c preloaded: a study on a disk that fails, or a process that ends, at call number n.
+"""Run as a script by test_store_faults.py, with faults.c preloaded: a study on a disk that fails, or a process that
+ends, at call number n.
 
 python faulty_disk.py LIBRARY FOLDER STRIDE     prints one JSON line: calls, trials by kind, and what was wrong
 """
@@ -23,7 +24,8 @@ RUNS = 3
 
 
 def study(folder: Path, acknowledged: int) -> None:
-    """Make a store, work off a study and export it; each finished run and each export is told to the pipe once the call has returned."""
+    """Make a store, work off a study and export it; each finished run and each export is told to the pipe once the
+    call has returned."""
     store = Store.open(folder / "study.db", busy_timeout=0.2)
     study_id = store.add(plan("faulty", RUNS), spec_text="name = 'x'", coordinates=NAMES, probe=b"\0" * 64)
     os.write(acknowledged, b"study\n")

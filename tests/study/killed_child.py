@@ -9,7 +9,9 @@ from worked_study import objective
 
 from plantfit.study import Plan, Store, resume, run
 
-PLAN = Plan(name="killed", methods=("lbfgsb", "pso"), runs=3, budget=900, seed=11, settings={"pso": {"population": 10}}, chunk=2)
+PLAN = Plan(
+    name="killed", methods=("lbfgsb", "pso"), runs=3, budget=900, seed=11, settings={"pso": {"population": 10}}, chunk=2
+)
 
 if __name__ == "__main__":
     store = Store.open(sys.argv[1])

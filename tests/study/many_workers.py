@@ -26,7 +26,9 @@ def plan(name: str, runs: int) -> Plan:
 def result(method: str, run: int) -> RunResult:
     """Numbers of the method and the run; jax would take seconds in each process."""
     x = np.array([len(method), run, 1 / (1 + run)])
-    return RunResult(method, run, 4, x, float(x.sum()), 20.0, 0.1, Status.budget, np.arange(1.0, 21.0), x.sum() / np.arange(1, 21))
+    return RunResult(
+        method, run, 4, x, float(x.sum()), 20.0, 0.1, Status.budget, np.arange(1.0, 21.0), x.sum() / np.arange(1, 21)
+    )
 
 
 def work(address: str, runs: int, own: bool) -> None:

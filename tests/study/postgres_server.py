@@ -44,7 +44,19 @@ def server() -> Iterator[Path]:
     if who:
         shutil.chown(folder, who["user"])
     try:
-        make = [bin_ / "initdb", "-D", folder / "data", "-A", "trust", "-U", USER, "-E", "UTF8", "--locale=C", "--no-sync"]
+        make = [
+            bin_ / "initdb",
+            "-D",
+            folder / "data",
+            "-A",
+            "trust",
+            "-U",
+            USER,
+            "-E",
+            "UTF8",
+            "--locale=C",
+            "--no-sync",
+        ]
         subprocess.run(make, check=True, capture_output=True, cwd=folder, **who)
         start(folder)
         try:
@@ -64,7 +76,14 @@ def start(folder: Path) -> None:
     assert bin_ is not None
     # not safe against a crash of the machine, which a test does not mind
     quick = ["fsync=off", "full_page_writes=off", "max_connections=60", "shared_buffers=16MB", "listen_addresses="]
-    run = [bin_ / "postgres", "-D", folder / "data", "-k", folder, *(word for setting in quick for word in ("-c", setting))]
+    run = [
+        bin_ / "postgres",
+        "-D",
+        folder / "data",
+        "-k",
+        folder,
+        *(word for setting in quick for word in ("-c", setting)),
+    ]
     with (folder / "log").open("ab") as log:
         _running[folder] = subprocess.Popen(run, stdout=log, stderr=log, cwd=folder, **_who())
     _wait(_running[folder], folder)

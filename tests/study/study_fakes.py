@@ -1,4 +1,5 @@
-"""A quick search in plain Python that keeps the contract of `plantfit.study.running.search.Search`, and problems to search."""
+"""A quick search in plain Python that keeps the contract of `plantfit.study.running.search.Search`, and problems to
+search."""
 
 import json
 from collections.abc import Callable
@@ -22,7 +23,9 @@ def sphere(z):
 
 
 def objective() -> Objective:
-    return Objective(dimension=3, costs=sphere, value_and_gradient=lambda z: (float(np.sum((z - TARGET) ** 2)), 2 * (z - TARGET)))
+    return Objective(
+        dimension=3, costs=sphere, value_and_gradient=lambda z: (float(np.sum((z - TARGET) ** 2)), 2 * (z - TARGET))
+    )
 
 
 def to_physical(z):
@@ -47,7 +50,11 @@ class FakeSearch:
             self.done.append((task.method, run))
             finished.append(run)
             checkpoint(lambda kept=tuple(finished): json.dumps(kept).encode())
-            progress(Progress(len(finished), task.count, len(finished) * plan.budget, task.count * plan.budget, 1.0, 0.1, None))
+            progress(
+                Progress(
+                    len(finished), task.count, len(finished) * plan.budget, task.count * plan.budget, 1.0, 0.1, None
+                )
+            )
             self.after_run(task, run)
         return [fake_result(plan, task.method, run) for run in finished]
 

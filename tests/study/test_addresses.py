@@ -33,7 +33,11 @@ HIDDEN = ["h%C3%BC", "hunter2", "Zürich", "Z%C3%BCrich"]
     ],
 )
 def test_passwords_are_masked_wherever_they_stand(place):
-    for text in (shown(place), concealed(f"connection to {place} failed"), concealed(f"{SECRET} is wrong, hunter2", place)):
+    for text in (
+        shown(place),
+        concealed(f"connection to {place} failed"),
+        concealed(f"{SECRET} is wrong, hunter2", place),
+    ):
         assert "hunter2@Z" not in text
         assert "***" in text or "hunter2" not in text
     assert not any(hidden in shown(place) for hidden in HIDDEN)
@@ -43,19 +47,24 @@ def test_passwords_are_masked_wherever_they_stand(place):
 
 
 @pytest.mark.parametrize(
-    "place", ["plantfit.db", "a:b@c.db", "C:\\data\\x.db", "sqlite:///x.db", "postgresql://me@host:5432/name", Path("x.db")]
+    "place",
+    ["plantfit.db", "a:b@c.db", "C:\\data\\x.db", "sqlite:///x.db", "postgresql://me@host:5432/name", Path("x.db")],
 )
 def test_addresses_without_passwords_stay_as_they_are(place):
     assert shown(place) == str(place)
 
 
 def test_words_of_drivers():
-    assert concealed("could not connect with user=me password='two words' host=x") == "could not connect with user=me password=*** host=x"
+    assert (
+        concealed("could not connect with user=me password='two words' host=x")
+        == "could not connect with user=me password=*** host=x"
+    )
     assert concealed("no password supplied") == "no password supplied"
 
 
 COMMANDS = [
-    ["list"], ["report"], ["report", "7"], ["resume"], ["resume", "7"], ["compare"], ["compare", "1"], ["compare", "7"], ["export", "7"],
+    ["list"], ["report"], ["report", "7"], ["resume"], ["resume", "7"], ["compare"], ["compare", "1"], ["compare", "7"],
+    ["export", "7"],
     ["workers"], ["workers", "7"], ["merge", "ADDRESS"], ["export", "1", "-o", "nowhere/x.json"],
 ]  # fmt: skip
 
@@ -65,11 +74,20 @@ COMMANDS = [
 def test_no_command_shows_a_password(words, where, request, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     if "server" in where:
-        url = request.getfixturevalue("postgres_url").replace("plantfit@", "plantfit:hunter2@") + "&password=hunter3&sslpassword=hunter4"
+        url = (
+            request.getfixturevalue("postgres_url").replace("plantfit@", "plantfit:hunter2@")
+            + "&password=hunter3&sslpassword=hunter4"
+        )
         if where == "a server":
-            run(Plan("gearmotor", ("pso", "cmaes"), runs=3, budget=30), objective(), Store.open(url), search=FakeSearch())
+            run(
+                Plan("gearmotor", ("pso", "cmaes"), runs=3, budget=30),
+                objective(),
+                Store.open(url),
+                search=FakeSearch(),
+            )
     else:
-        url = f"postgresql://me:hunter2@127.0.0.1:{'1' if where == 'nobody there' else 'notaport'}/x?password=hunter3&sslpassword=hunter4"
+        port = "1" if where == "nobody there" else "notaport"
+        url = f"postgresql://me:hunter2@127.0.0.1:{port}/x?password=hunter3&sslpassword=hunter4"
     monkeypatch.setenv("PLANTFIT_STORE", url)
     monkeypatch.setattr(sys, "argv", ["plantfit", *(url if w == "ADDRESS" else w for w in words)])
     capsys.readouterr()

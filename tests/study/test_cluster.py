@@ -96,7 +96,9 @@ def test_what_goes_wrong_on_a_worker_is_one_sentence_here(tmp_path, client):
     study_id = begun(store)
     with pytest.raises(StoreError, match="'worked_study:nothing' cannot be imported"):
         work_on_cluster(store, [job(study_id, maker="worked_study:nothing")], client)
-    with pytest.raises(SearchError, match=r"failed at (lbfgsb|pso) from run \d on \(ZeroDivisionError: .*\); its log says more"):
+    with pytest.raises(
+        SearchError, match=r"failed at (lbfgsb|pso) from run \d on \(ZeroDivisionError: .*\); its log says more"
+    ):
         work_on_cluster(store, [job(study_id, maker="worked_study:broken")], client)
     with pytest.raises(StoreError, match="began with another problem"):
         work_on_cluster(store, [job(study_id, "0.02", "worked_study:another")], client)
@@ -135,7 +137,9 @@ def test_a_local_worker_that_dask_has_given_up_comes_back(tmp_path):
             client.sync(client.cluster.workers[0].close)
 
     with connected("local", 1) as client:
-        work_on_cluster(store, [job(study_id, "0.3")], client, progress=close_once, stop=lambda: time.monotonic() > limit)
+        work_on_cluster(
+            store, [job(study_id, "0.3")], client, progress=close_once, stop=lambda: time.monotonic() > limit
+        )
         assert {*gone}.isdisjoint(client.run(os.getpid).values())
     assert store.study(study_id).state == "done"
 
@@ -144,7 +148,10 @@ def test_a_local_worker_that_dask_has_given_up_comes_back(tmp_path):
 def test_a_task_that_ends_every_worker_does_not_go_round_for_ever(tmp_path):
     store, said = Store.open(tmp_path / "study.db"), []
     study_id = begun(store, Plan(name="p", methods=("random",), runs=1, budget=20, seed=1), 0.0)
-    with connected("local", 1) as client, pytest.raises(SearchError, match="5 workers in a row were lost at random from run 0 on"):
+    with (
+        connected("local", 1) as client,
+        pytest.raises(SearchError, match="5 workers in a row were lost at random from run 0 on"),
+    ):
         work_on_cluster(store, [job(study_id, maker="worked_study:deadly")], client, say=said.append)
     assert len([s for s in said if "was lost; another goes on" in s]) == 4
     assert store.held(study_id) == []
@@ -156,7 +163,16 @@ def scheduler(tmp_path):
     file = tmp_path / "scheduler.json"
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p for p in sys.path if p)}
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": environment, "cwd": tmp_path}
-    dask = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", "0", "--no-dashboard", "--host", "127.0.0.1"]
+    dask = [
+        sys.executable,
+        "-m",
+        "distributed.cli.dask_scheduler",
+        "--port",
+        "0",
+        "--no-dashboard",
+        "--host",
+        "127.0.0.1",
+    ]
     worker = [sys.executable, "-m", "distributed.cli.dask_worker", "--nthreads", "1", "--no-dashboard", "--no-nanny"]
     team = [subprocess.Popen([*dask, "--scheduler-file", str(file)], **quiet)]
     try:
@@ -171,7 +187,8 @@ def scheduler(tmp_path):
 
 @pytest.mark.slow
 def test_a_scheduler_at_an_address_and_its_end(tmp_path, scheduler):
-    """The driver is killed, the next one goes on; then the scheduler is killed, which is one sentence; then this process ends it."""
+    """The driver is killed, the next one goes on; then the scheduler is killed, which is one sentence; then this
+    process ends it."""
     file, team = scheduler
     address = json.loads(file.read_text())["address"]
     store = Store.open(tmp_path / "study.db")
@@ -191,7 +208,10 @@ def test_a_scheduler_at_an_address_and_its_end(tmp_path, scheduler):
         if p.runs_done > before + 1:
             team[0].kill()
 
-    with pytest.raises(SearchError, match="connection to the dask scheduler was lost") as caught, connected(address) as client:
+    with (
+        pytest.raises(SearchError, match="connection to the dask scheduler was lost") as caught,
+        connected(address) as client,
+    ):
         work_on_cluster(store, [job(study_id)], client, progress=end_scheduler)
     assert "\n" not in str(caught.value)
     assert store.held(study_id) == []
@@ -204,6 +224,11 @@ def test_a_local_cluster_listens_to_this_machine_only(client):
     import psutil
 
     me = psutil.Process()
-    mine = [c for p in (me, *me.children(recursive=True)) for c in p.net_connections("inet") if c.status == psutil.CONN_LISTEN]
+    mine = [
+        c
+        for p in (me, *me.children(recursive=True))
+        for c in p.net_connections("inet")
+        if c.status == psutil.CONN_LISTEN
+    ]
     assert len(mine) >= 3  # a scheduler and two workers
     assert {c.laddr.ip for c in mine} <= {"127.0.0.1", "::1"}

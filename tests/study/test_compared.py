@@ -66,7 +66,11 @@ def test_no_difference_says_what_would_have_been_seen():
 
 
 def test_differences_of_rounding_are_none():
-    runs = [made_run(m, k, [10, 100], [1.0, 0.5 + e * (k + 1)]) for m, e in (("one", 1e-13), ("two", 1e-11)) for k in range(20)]
+    runs = [
+        made_run(m, k, [10, 100], [1.0, 0.5 + e * (k + 1)])
+        for m, e in (("one", 1e-13), ("two", 1e-11))
+        for k in range(20)
+    ]
     pair = compared([ProblemRuns("bench", tuple(runs))]).problems[0].pairs[0]
     assert (pair.a12, pair.p_holm, pair.differs) == (0.5, 1.0, False)
 
@@ -97,7 +101,10 @@ def test_unequal_budgets_and_few_runs_are_cautioned():
 
 @pytest.mark.parametrize("scale", [1e-9, 1e6])
 def test_units_of_the_cost_do_not_matter(record, scale):
-    runs = [made_run(r.method, r.run, r.history_evaluations, scale * r.history_cost, x=r.x, seconds=r.seconds) for r in two_methods(20)]
+    runs = [
+        made_run(r.method, r.run, r.history_evaluations, scale * r.history_cost, x=r.x, seconds=r.seconds)
+        for r in two_methods(20)
+    ]
     found = compared([ProblemRuns("bench", tuple(runs))]).problems[0]
     before = record.problems[0]
     assert found.pairs[0].ratio_interval == pytest.approx(before.pairs[0].ratio_interval)
@@ -117,7 +124,9 @@ def test_one_method_and_one_run_and_no_history_stand():
 
 def test_what_is_printed_keeps_its_schema_leaves_curves_out_and_has_null_for_infinite_costs():
     failing = [made_run("bad", k, [10], [np.inf], x=[0.5] * 3) for k in range(12)]
-    problems = [ProblemRuns(f"p{k}", (*(falling("good", j, 1.0, seed=k) for j in range(12)), *failing)) for k in range(2)]
+    problems = [
+        ProblemRuns(f"p{k}", (*(falling("good", j, 1.0, seed=k) for j in range(12)), *failing)) for k in range(2)
+    ]
     found = compared(problems)
     first = found.problems[0]
     assert first.pairs[0].medians[1] == np.inf
@@ -137,7 +146,9 @@ def test_what_is_printed_keeps_its_schema_leaves_curves_out_and_has_null_for_inf
 
 
 def test_the_record_does_not_grow_with_the_runs():
-    small, large = (len(json.dumps(compared([ProblemRuns("bench", tuple(two_methods(n)))]).plain())) for n in (200, 500))
+    small, large = (
+        len(json.dumps(compared([ProblemRuns("bench", tuple(two_methods(n)))]).plain())) for n in (200, 500)
+    )
     assert large < 1.15 * small
 
 

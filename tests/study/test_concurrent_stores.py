@@ -49,7 +49,9 @@ def test_eight_processes_do_no_task_twice_and_lose_none(store):
 
 def test_ten_studies_write_at_once_to_a_store_that_they_all_make(store, tmp_path, request):
     """All ten find a database without tables; one makes them."""
-    address = str(tmp_path / "fresh.db") if "sqlite" in store.engine.dialect.name else request.getfixturevalue("postgres_url")
+    address = (
+        str(tmp_path / "fresh.db") if "sqlite" in store.engine.dialect.name else request.getfixturevalue("postgres_url")
+    )
     found = Counter(done_by(start(address, 10, "own", 4)))
     store = Store.open(address)
     studies = store.studies()

@@ -46,7 +46,12 @@ def test_columns_of_another_kind_are_said_or_read(table, column, place):
     for value in VALUES:
         with sqlite3.connect(place) as connection:
             connection.execute(f"UPDATE {table} SET {column} = ?", (value,))
-        for read in (lambda s: s.studies(), lambda s: s.plan(1), lambda s: [r.cost + r.seconds for r in s.runs(1)], lambda s: s.whole(1)):
+        for read in (
+            lambda s: s.studies(),
+            lambda s: s.plan(1),
+            lambda s: [r.cost + r.seconds for r in s.runs(1)],
+            lambda s: s.whole(1),
+        ):
             said = ""
             try:
                 read(Store.open(place))
@@ -139,7 +144,9 @@ def test_an_export_whose_values_are_of_another_kind_is_told_in_words(bend, told,
 def test_a_store_where_nothing_can_be_written_can_be_read(place, monkeypatch):
     before = place.read_bytes()
     real = os.access
-    monkeypatch.setattr(os, "access", lambda path, mode: real(path, mode) and not (mode == os.W_OK and str(path) == str(place.parent)))
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: real(path, mode) and not (mode == os.W_OK and str(path) == str(place.parent))
+    )
     store = Store.open(place)
     assert [s.name for s in store.studies()] == ["gearmotor"]
     assert len(store.runs(1)) == 3
@@ -152,15 +159,22 @@ def test_a_read_only_mount(place, tmp_path):
     mount = tmp_path / "ro"
     mount.mkdir()
     bound = (
-        subprocess.run(["mount", "--bind", str(place.parent), str(mount)], capture_output=True, text=True) if os.name == "posix" else None
+        subprocess.run(["mount", "--bind", str(place.parent), str(mount)], capture_output=True, text=True)
+        if os.name == "posix"
+        else None
     )
     if bound is None or bound.returncode:
         pytest.skip("no mount can be made here (it needs root on Linux)")
     try:
         if subprocess.run(["mount", "-o", "remount,ro,bind", str(mount)], capture_output=True).returncode:
             pytest.skip("no mount can be made read-only here")
-        code = "import sys; sys.argv = ['plantfit', 'list', '--store', sys.argv[1]]; from plantfit.cli.start import run; run()"
-        done = subprocess.run([sys.executable, "-c", code, str(mount / place.name)], capture_output=True, text=True, cwd=tmp_path)
+        code = (
+            "import sys; sys.argv = ['plantfit', 'list', '--store', sys.argv[1]]; from plantfit.cli.start import "
+            "run; run()"
+        )
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(mount / place.name)], capture_output=True, text=True, cwd=tmp_path
+        )
         assert (done.returncode, done.stderr) == (0, "")
         assert "gearmotor" in done.stdout
     finally:

@@ -30,15 +30,31 @@ def odd_store(store):
     """A study with every odd float, an open task with a checkpoint and notes in any script."""
     names = tuple(f"p{k}" for k in range(len(ODD)))
     study_id = store.add(
-        dataclasses.replace(PLAN, settings={"pso": {"population": 7}}), spec_text="é = '\\n'", coordinates=names, probe=ODD.tobytes()
+        dataclasses.replace(PLAN, settings={"pso": {"population": 7}}),
+        spec_text="é = '\\n'",
+        coordinates=names,
+        probe=ODD.tobytes(),
     )
     for claim in (store.claim(study_id, "w|1|2|3"), store.claim(study_id, "w|1|2|3")):
         results = [
             RunResult(
-                claim.task.method, claim.task.first + k, 2**40, ODD, ODD[-k - 3], 1e15 / 3, 1 / 3, Status.failed, ODD, ODD[::-1], 3, extra
+                claim.task.method,
+                claim.task.first + k,
+                2**40,
+                ODD,
+                ODD[-k - 3],
+                1e15 / 3,
+                1 / 3,
+                Status.failed,
+                ODD,
+                ODD[::-1],
+                3,
+                extra,
             )
             for k, extra in zip(
-                range(claim.task.count), ({"list": ODD.tolist(), "why": "NaN"}, {"tree": {"a": [1, 1.0, None]}}), strict=False
+                range(claim.task.count),
+                ({"list": ODD.tolist(), "why": "NaN"}, {"tree": {"a": [1, 1.0, None]}}),
+                strict=False,
             )
         ]
         store.finish(claim, results, [dict(zip(names, r.x.tolist(), strict=True)) for r in results])
@@ -79,7 +95,9 @@ def test_both_kinds_hold_the_same(store, tmp_path):
 def test_an_unfinished_study_goes_on_where_it_is_brought(store, tmp_path, kind, after):
     plan = Plan(name="p", methods=("random", "pso"), runs=5, budget=40, seed=4, chunk=2)
     search = FakeSearch()
-    study_id = run(plan, objective(), store, to_physical=to_physical, stop=lambda: len(search.done) >= after, search=search)
+    study_id = run(
+        plan, objective(), store, to_physical=to_physical, stop=lambda: len(search.done) >= after, search=search
+    )
     other = Store.open(tmp_path / "other.db")
     imported = other.import_file(export(store, study_id, tmp_path / f"s.{kind}"), spec_path="/here/s.toml")
     assert other.study(imported).state == "interrupted"
@@ -146,7 +164,9 @@ def test_broken_and_foreign_parquet_files(sqlite_store, tmp_path):
     frame = pl.read_parquet(tmp_path / "s.parquet")
     frame.drop("cost").write_parquet(tmp_path / "columns.parquet", metadata={"plantfit": text})
     frame.with_columns(pl.lit("odd").alias("x")).write_parquet(tmp_path / "types.parquet", metadata={"plantfit": text})
-    frame.with_columns(pl.lit(None).cast(pl.Float64).alias("cost")).write_parquet(tmp_path / "nulls.parquet", metadata={"plantfit": text})
+    frame.with_columns(pl.lit(None).cast(pl.Float64).alias("cost")).write_parquet(
+        tmp_path / "nulls.parquet", metadata={"plantfit": text}
+    )
     frame[:1].write_parquet(tmp_path / "fewer.parquet", metadata={"plantfit": text})
     frame.write_parquet(tmp_path / "newer.parquet", metadata={"plantfit": text.replace("study 2", "study 3")})
     (tmp_path / "cut.parquet").write_bytes(whole[: len(whole) // 2])
@@ -254,7 +274,9 @@ def test_a_probe_may_differ_by_rounding_only(store, tmp_path):
     there = Store.open(tmp_path / "there.db")
     probe = np.linspace(1, 2, 6)
     ours = store.add(PLAN, spec_text=None, coordinates=NAMES, probe=probe.tobytes())
-    near, far = (there.add(PLAN, spec_text=None, coordinates=NAMES, probe=(probe * f).tobytes()) for f in (1 + 1e-12, 1.001))
+    near, far = (
+        there.add(PLAN, spec_text=None, coordinates=NAMES, probe=(probe * f).tobytes()) for f in (1 + 1e-12, 1.001)
+    )
     assert store.merge(there.whole(near), "there").study == ours
     assert store.merge(there.whole(far), "there").new
 

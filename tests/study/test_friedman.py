@@ -26,7 +26,9 @@ def test_friedman_against_scipy_and_the_formulas():
 
 def test_friedman_with_ties_against_scipy():
     rounded = np.round(COSTS)
-    assert friedman(NAMES, rounded).chi_square == pytest.approx(stats.friedmanchisquare(*rounded.T).statistic, rel=1e-12)
+    assert friedman(NAMES, rounded).chi_square == pytest.approx(
+        stats.friedmanchisquare(*rounded.T).statistic, rel=1e-12
+    )
 
 
 def test_units_of_a_problem_and_the_order_of_problems_do_not_matter():

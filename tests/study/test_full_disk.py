@@ -34,7 +34,10 @@ pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs limits of POSI
 def test_a_disk_that_fills_up_costs_nothing_that_was_finished(tmp_path):
     store = Store.open(tmp_path / "study.db")
     study_id = begun(store, LONG, delay=0.0)
-    environment = os.environ | {"PYTHONPATH": os.pathsep.join([str(HERE), *filter(None, sys.path)]), "JAX_ENABLE_COMPILATION_CACHE": "0"}
+    environment = os.environ | {
+        "PYTHONPATH": os.pathsep.join([str(HERE), *filter(None, sys.path)]),
+        "JAX_ENABLE_COMPILATION_CACHE": "0",
+    }
     limit = Path(store.name).stat().st_size + ROOM
     words = [sys.executable, "-c", SCRIPT, store.name, str(study_id), str(limit)]
     child = subprocess.run(words, capture_output=True, text=True, env=environment, timeout=200)
@@ -47,4 +50,6 @@ def test_a_disk_that_fills_up_costs_nothing_that_was_finished(tmp_path):
     resume(store, study_id, objective(0.0), to_physical=physical)  # there is room again
     whole = Store.open(tmp_path / "whole.db")
     assert bits(store.runs(study_id)) == bits(whole.runs(run(LONG, objective(0.0), whole, to_physical=physical)))
-    assert [r.seconds for r in store.runs(study_id) if (r.method, r.run) in {(k.method, k.run) for k in kept}] == [r.seconds for r in kept]
+    assert [r.seconds for r in store.runs(study_id) if (r.method, r.run) in {(k.method, k.run) for k in kept}] == [
+        r.seconds for r in kept
+    ]

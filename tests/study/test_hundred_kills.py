@@ -1,4 +1,5 @@
-"""34 kill -9 of Dask workers at random moments: the same bits. With the 100 of parents and helpers in test_workers.py."""
+"""34 kill -9 of Dask workers at random moments: the same bits. With the 100 of parents and helpers in
+test_workers.py."""
 
 import os
 import random
@@ -39,7 +40,11 @@ def test_kills_of_dask_workers_change_no_bit(tmp_path):
         places = {where(h.worker): newest[h.task.method, h.task.first] for h in store.held(study_id)}
         # the fifth loss of a task without a new checkpoint ends the study, and slow starts make room for as many
         places = {place: state for place, state in places.items() if at.count(state) < MOST_LOSSES - 2}
-        known = {address: info for address, info in client.scheduler_info(n_workers=-1)["workers"].items() if address in places}
+        known = {
+            address: info
+            for address, info in client.scheduler_info(n_workers=-1)["workers"].items()
+            if address in places
+        }
         if not known:
             return
         before, place = mark, chance.choice(sorted(known))

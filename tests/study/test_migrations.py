@@ -19,7 +19,9 @@ def test_a_new_store_has_the_newest_version_and_opening_again_changes_nothing(tm
     Store.open(tmp_path / "s.db")
     Store.open(tmp_path / "s.db")
     with sqlite3.connect(tmp_path / "s.db") as connection:
-        assert [row[0] for row in connection.execute("SELECT version FROM schema_version")] == list(range(1, VERSION + 1))
+        assert [row[0] for row in connection.execute("SELECT version FROM schema_version")] == list(
+            range(1, VERSION + 1)
+        )
         assert connection.execute("PRAGMA journal_mode").fetchone() == ("wal",)
 
 
@@ -64,7 +66,7 @@ CREATE TABLE run (
     history_evaluations BLOB NOT NULL, history_cost BLOB NOT NULL, extra TEXT NOT NULL, PRIMARY KEY (study, method, run),
     FOREIGN KEY(study) REFERENCES study (id) ON DELETE CASCADE);
 INSERT INTO schema_version VALUES (1, '2026-11-21T12:00:00+00:00');
-"""
+"""  # noqa: E501
 PLAN = Plan(name="old", methods=("random", "pso"), runs=3, budget=40, seed=4, chunk=2)
 NAMES = ("x1", "x2", "x3")
 
@@ -77,11 +79,24 @@ def first_version(execute, mark):
 
     fingerprint = probe(objective(), to_physical)
     insert(
-        "study", 1, "old", "2026-11-21T12:00:00+00:00", "interrupted", to_json(PLAN.record()), "spec", None, to_json(NAMES), "{}", "cpu",
+        "study", 1, "old", "2026-11-21T12:00:00+00:00", "interrupted", to_json(PLAN.record()), "spec", None,
+        to_json(NAMES), "{}", "cpu",
         "[]", fingerprint,
     )  # fmt: skip
     for k, (method, first, count) in enumerate((("random", 0, 2), ("random", 2, 1), ("pso", 0, 2), ("pso", 2, 1))):
-        insert("task", k + 1, 1, method, first, count, "done" if k == 0 else "open", b"[2]" if k == 1 else None, None, None, "then")
+        insert(
+            "task",
+            k + 1,
+            1,
+            method,
+            first,
+            count,
+            "done" if k == 0 else "open",
+            b"[2]" if k == 1 else None,
+            None,
+            None,
+            "then",
+        )
     for k in range(2):
         r = fake_result(PLAN, "random", k)
         parameters = to_json(dict(zip(NAMES, np.asarray(to_physical(r.x)).tolist(), strict=True)))
@@ -104,7 +119,9 @@ def old_sqlite(tmp_path):
 def old_postgres(place):
     import psycopg
 
-    text = FIRST_SQLITE.replace("INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT", "SERIAL PRIMARY KEY").replace("id INTEGER", "id SERIAL")
+    text = FIRST_SQLITE.replace("INTEGER NOT NULL PRIMARY KEY AUTOINCREMENT", "SERIAL PRIMARY KEY").replace(
+        "id INTEGER", "id SERIAL"
+    )
     text = text.replace("BLOB", "BYTEA").replace("DOUBLE", "DOUBLE PRECISION")
     with psycopg.connect(libpq(place)) as connection:
         connection.execute(text)
@@ -118,7 +135,9 @@ def test_a_database_of_version_1_is_read_and_its_study_goes_on(backend, tmp_path
     place = old_sqlite(tmp_path) if backend == "sqlite" else old_postgres(request.getfixturevalue("postgres_url"))
     store, search = Store.open(place), FakeSearch()
     before = store.runs(1)
-    assert [r.history_cost.tobytes() for r in before] == [fake_result(PLAN, "random", k).history_cost.tobytes() for k in range(2)]
+    assert [r.history_cost.tobytes() for r in before] == [
+        fake_result(PLAN, "random", k).history_cost.tobytes() for k in range(2)
+    ]
     with pytest.raises(StoreError, match="with edition 1 of the searches"):
         resume(store, 1, objective(), to_physical=to_physical, search=search)
     assert search.done == []
@@ -133,14 +152,19 @@ def test_a_database_of_version_1_is_read_and_its_study_goes_on(backend, tmp_path
     assert len(Store.open(place).runs(2)) == 6
     with store.engine.connect() as connection:
         assert current_version(connection, "old") == VERSION
-        packed = connection.exec_driver_sql("SELECT packing FROM run WHERE study = 1 ORDER BY method DESC, run").scalars().all()
+        packed = (
+            connection.exec_driver_sql("SELECT packing FROM run WHERE study = 1 ORDER BY method DESC, run")
+            .scalars()
+            .all()
+        )
     assert packed == [0, 0, 1, 1, 1, 1]  # old blobs stay as they were
 
 
 def test_new_and_migrated_databases_have_the_same_columns(tmp_path):
     def columns(store):
         return {
-            t: {c["name"]: str(c["type"]) for c in inspect(store.engine).get_columns(t)} for t in inspect(store.engine).get_table_names()
+            t: {c["name"]: str(c["type"]) for c in inspect(store.engine).get_columns(t)}
+            for t in inspect(store.engine).get_table_names()
         }
 
     old, new = columns(Store.open(old_sqlite(tmp_path))), columns(Store.open(tmp_path / "new.db"))

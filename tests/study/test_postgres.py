@@ -56,7 +56,9 @@ def test_without_psycopg_the_package_is_named(place, monkeypatch):
 def test_no_server_no_database_no_user(postgres, place, tmp_path):
     assert "cannot be reached" in said(lambda: Store.open(f"postgresql://me@/name?host={tmp_path}"))
     assert "cannot be reached" in said(lambda: Store.open("postgresql://me@127.0.0.1:1/name"))
-    assert "does not exist on the server; make it with `createdb`" in said(lambda: Store.open(postgres_server.address(postgres, "nosuch")))
+    assert "does not exist on the server; make it with `createdb`" in said(
+        lambda: Store.open(postgres_server.address(postgres, "nosuch"))
+    )
     assert "refused the user or the password" in said(lambda: Store.open(place.replace("plantfit@", "stranger@")))
 
 
@@ -120,7 +122,10 @@ def test_deleting_waits_for_a_claim_and_then_refuses(place, admin):
     told = []
     with admin.transaction():  # a claim that has not committed yet
         admin.execute("SELECT 1 FROM study WHERE id = %s FOR KEY SHARE", [study_id])
-        admin.execute("UPDATE task SET claimed_by = 'elsewhere|1|2|a', heartbeat = extract(epoch FROM now()) WHERE study = %s", [study_id])
+        admin.execute(
+            "UPDATE task SET claimed_by = 'elsewhere|1|2|a', heartbeat = extract(epoch FROM now()) WHERE study = %s",
+            [study_id],
+        )
         thread = threading.Thread(target=lambda: told.append(said(lambda: store.delete(study_id))))
         thread.start()
         thread.join(0.3)
@@ -145,7 +150,10 @@ def test_heartbeats_go_by_the_clock_of_the_server(place, monkeypatch):
 def test_connections_cut_by_the_server_are_made_anew(place, admin):
     store = Store.open(place)
     study_id = add(store)
-    admin.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = current_database() AND pid <> pg_backend_pid()")
+    admin.execute(
+        "SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = current_database() AND pid <> "
+        "pg_backend_pid()"
+    )
     assert store.study(study_id).name == "gearmotor"
 
 

@@ -1,4 +1,5 @@
-"""The store on a disk that fails, and in a process that ends, at every write, sync, truncation, rename and removal of a study."""
+"""The store on a disk that fails, and in a process that ends, at every write, sync, truncation, rename and removal
+of a study."""
 
 import json
 import os
@@ -11,12 +12,18 @@ import pytest
 
 HERE = Path(__file__).parent
 
-pytestmark = pytest.mark.skipif(sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux" or shutil.which("cc") is None, reason="needs Linux and a C compiler"
+)
 
 
 def tried(tmp_path, stride):
     library = tmp_path / "faults.so"
-    subprocess.run(["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(HERE / "faults.c"), "-ldl"], check=True, capture_output=True)
+    subprocess.run(
+        ["cc", "-shared", "-fPIC", "-O1", "-o", str(library), str(HERE / "faults.c"), "-ldl"],
+        check=True,
+        capture_output=True,
+    )
     environment = os.environ | {"LD_PRELOAD": str(library)}
     words = [sys.executable, str(HERE / "faulty_disk.py"), str(library), str(tmp_path / "disk"), str(stride)]
     done = subprocess.run(words, capture_output=True, text=True, env=environment, cwd=HERE, timeout=3000)

@@ -81,7 +81,9 @@ def test_levels_join_costs_that_differ_by_rounding():
 
 
 def test_misses_rank_behind_hits_by_their_final_cost():
-    found = hitting_order({"a": [300.0, np.inf], "b": [100.0, np.inf, np.inf]}, {"a": [0.1, 2.0], "b": [0.2, 1.0, np.nan]})
+    found = hitting_order(
+        {"a": [300.0, np.inf], "b": [100.0, np.inf, np.inf]}, {"a": [0.1, 2.0], "b": [0.2, 1.0, np.nan]}
+    )
     assert found["a"].tolist() == [2, 4]
     assert found["b"].tolist() == [1, 3, 5]
 
@@ -91,7 +93,11 @@ def test_misses_rank_behind_hits_by_their_final_cost():
 SHAPES = {
     "gauss": (lambda g, n: g.normal(0.8, 1, n), lambda g, n: g.normal(0, 1, n), stats.norm.cdf(0.8 / np.sqrt(2))),
     "spread": (lambda g, n: g.normal(0.5, 10, n), lambda g, n: g.normal(0, 1, n), stats.norm.cdf(0.5 / np.sqrt(101))),
-    "two basins": (lambda g, n: (g.random(n) < 0.6) * 1.0, lambda g, n: (g.random(n) < 0.3) * 1.0, 0.6 * 0.7 + 0.5 * (0.18 + 0.28)),
+    "two basins": (
+        lambda g, n: (g.random(n) < 0.6) * 1.0,
+        lambda g, n: (g.random(n) < 0.3) * 1.0,
+        0.6 * 0.7 + 0.5 * (0.18 + 0.28),
+    ),
 }
 
 
@@ -105,7 +111,12 @@ def a12_coverage(shape, m, n, trials):
 def false_alarms(runs, methods, trials):
     """Share of studies of identical methods with at least one pair called different."""
     rng = np.random.default_rng(runs)
-    return np.mean([any(c.differs for c in compare({str(k): rng.gamma(2, 1, runs) for k in range(methods)})) for _ in range(trials)])
+    return np.mean(
+        [
+            any(c.differs for c in compare({str(k): rng.gamma(2, 1, runs) for k in range(methods)}))
+            for _ in range(trials)
+        ]
+    )
 
 
 @pytest.mark.parametrize("shape", SHAPES)

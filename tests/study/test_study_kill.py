@@ -25,7 +25,9 @@ def mark(store):
     with store.engine.connect() as connection:
         task = tables.task.c
         done = connection.scalar(select(func.count()).where(task.state == "done"))
-        blobs = connection.execute(select(task.id, task.checkpoint).where(task.state == "open", task.checkpoint.is_not(None))).all()
+        blobs = connection.execute(
+            select(task.id, task.checkpoint).where(task.state == "open", task.checkpoint.is_not(None))
+        ).all()
     return done, [tuple(b) for b in blobs]
 
 

@@ -33,7 +33,12 @@ def test_seconds_are_the_runs_seconds_shared_over_its_evaluations():
 
 
 def test_ecdf_counts_hits_only():
-    assert ecdf(np.array([[10.0, np.inf], [30.0, 20.0]]), np.array([5.0, 10.0, 25.0, 1e9])).tolist() == [0.0, 0.25, 0.5, 0.75]
+    assert ecdf(np.array([[10.0, np.inf], [30.0, 20.0]]), np.array([5.0, 10.0, 25.0, 1e9])).tolist() == [
+        0.0,
+        0.25,
+        0.5,
+        0.75,
+    ]
 
 
 def test_data_profile_divides_by_the_dimension():

@@ -30,7 +30,9 @@ def bits(runs):
     found = []
     for r in runs:
         extra = {key: value for key, value in r.extra.items() if key != "compile_seconds"}
-        found.append([extra, *(getattr(r, name) for name in scalars), *(getattr(r, name).tobytes() for name in vectors)])
+        found.append(
+            [extra, *(getattr(r, name) for name in scalars), *(getattr(r, name).tobytes() for name in vectors)]
+        )
     return found
 
 
@@ -41,7 +43,14 @@ def expected():
 def test_run_does_every_task_once_and_keeps_physical_parameters(store):
     search, seen = FakeSearch(), []
     study_id = run(
-        PLAN, objective(), store, spec_text="x", coordinates=("a", "b", "c"), to_physical=to_physical, progress=seen.append, search=search
+        PLAN,
+        objective(),
+        store,
+        spec_text="x",
+        coordinates=("a", "b", "c"),
+        to_physical=to_physical,
+        progress=seen.append,
+        search=search,
     )
     assert search.done == ALL
     runs = store.runs(study_id)
@@ -199,7 +208,10 @@ def test_coordinates_must_fit_the_problem(store):
 
 def test_real_methods_give_the_same_bits_in_any_chunks(store):
     methods, settings = ("random", "pso", "lbfgsb"), {"pso": {"population": 10}}
-    plans = [Plan(name="p", methods=methods, runs=3, budget=400, seed=7, settings=settings, chunk=chunk) for chunk in (3, 2, 1)]
+    plans = [
+        Plan(name="p", methods=methods, runs=3, budget=400, seed=7, settings=settings, chunk=chunk)
+        for chunk in (3, 2, 1)
+    ]
     found = [store.runs(run(plan, objective(), store, to_physical=to_physical)) for plan in plans]
     assert bits(found[0]) == bits(found[1]) == bits(found[2])
     assert [r.cost for r in found[0] if r.method == "lbfgsb"] == pytest.approx([0.0] * 3, abs=1e-20)
@@ -215,6 +227,9 @@ def test_a_study_is_finished_only_by_the_searches_that_it_was_begun_with(store, 
         versions["searches"] = before
     with store.engine.begin() as connection:
         connection.execute(update(tables.study).where(tables.study.c.id == study_id).values(versions=to_json(versions)))
-    with pytest.raises(StoreError, match=rf"begun by plantfit 0\.\S+ with edition {before or 1} of the searches.*has edition {SEARCHES}"):
+    with pytest.raises(
+        StoreError,
+        match=rf"begun by plantfit 0\.\S+ with edition {before or 1} of the searches.*has edition {SEARCHES}",
+    ):
         resume(store, study_id, objective(), search=FakeSearch())
     assert store.study(study_id).runs_done == 0

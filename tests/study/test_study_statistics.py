@@ -41,7 +41,11 @@ def test_mean_and_sem_of_one_to_five():
 def test_summary_leaves_failures_out_and_counts_them():
     with_failures = summarise([*VALUES, np.inf, np.nan])
     assert with_failures.failed == 2
-    assert (with_failures.n, with_failures.mean, with_failures.t_interval) == (23, summarise(VALUES).mean, summarise(VALUES).t_interval)
+    assert (with_failures.n, with_failures.mean, with_failures.t_interval) == (
+        23,
+        summarise(VALUES).mean,
+        summarise(VALUES).t_interval,
+    )
     nothing = summarise([np.inf])
     assert (nothing.n, nothing.failed) == (0, 1)
     assert np.isnan(nothing.mean)
@@ -132,7 +136,8 @@ def test_simulated_restarts_of_certain_hits_are_a_plain_bootstrap_of_the_mean():
 
 
 def test_simulated_restarts_count_misses_as_a_geometric_number():
-    # one hit in four: on average 3 misses of 1000 before a hit of 100, their number geometric with variance (1 - p) / p^2
+    # one hit in four: on average 3 misses of 1000 before a hit of 100, their number geometric with variance (1 - p) /
+    # p^2
     found = running_times([1000] * 4, [100, np.inf, np.inf, np.inf], seed=1, resamples=40_000)
     assert found.mean() == pytest.approx(3100, rel=0.03)
     assert found.std() == pytest.approx(1000 * np.sqrt(0.75) / 0.25, rel=0.03)

@@ -49,8 +49,31 @@ def test_a_study_comes_back_as_it_went_in(store):
 
 
 def test_every_bit_of_every_float_comes_back(store):
-    odd = np.array([0.1, np.nextafter(1, 2), 5e-324, -0.0, np.inf, np.nan, struct.unpack("<d", b"\x01\x00\x00\x00\x00\x00\xf8\x7f")[0]])
-    result = RunResult("random", 0, 2**31 - 1, odd, 0.1 + 0.2, 1e15 / 3, 1 / 3, Status.budget, odd, odd, 7, {"list": odd[:4], "why": "a"})
+    odd = np.array(
+        [
+            0.1,
+            np.nextafter(1, 2),
+            5e-324,
+            -0.0,
+            np.inf,
+            np.nan,
+            struct.unpack("<d", b"\x01\x00\x00\x00\x00\x00\xf8\x7f")[0],
+        ]
+    )
+    result = RunResult(
+        "random",
+        0,
+        2**31 - 1,
+        odd,
+        0.1 + 0.2,
+        1e15 / 3,
+        1 / 3,
+        Status.budget,
+        odd,
+        odd,
+        7,
+        {"list": odd[:4], "why": "a"},
+    )
     study_id = add(store, Plan(name="p", methods=("random",), runs=1, budget=1))
     store.finish(store.claim(study_id, "w|1|2|3"), [result], [{"a": 5e-324, "b": np.inf, "c": 0.1}])
     run = store.runs(study_id)[0]
@@ -308,7 +331,8 @@ def test_a_database_that_cannot_be_written_can_still_be_read(sqlite_store):
 
 
 @pytest.mark.parametrize(
-    "change", ["x = '\\x00'", "history_cost = '\\x00'", "packing = 9", "status = 'odd'", "extra = '{'", "method = 'gone'"]
+    "change",
+    ["x = '\\x00'", "history_cost = '\\x00'", "packing = 9", "status = 'odd'", "extra = '{'", "method = 'gone'"],
 )
 def test_a_row_that_cannot_be_read_is_a_sentence(store, change):
     study_id = add(store)
@@ -327,7 +351,9 @@ def test_a_full_disk_says_so_and_keeps_what_was_finished(sqlite_store):
     study_id = add(store)
     _, results = finish_one(store, study_id)
     pages = [0]
-    event.listen(store.engine, "connect", lambda connection, _: connection.execute(f"PRAGMA max_page_count = {pages[0]}"))
+    event.listen(
+        store.engine, "connect", lambda connection, _: connection.execute(f"PRAGMA max_page_count = {pages[0]}")
+    )
     with store.engine.connect() as connection:
         pages[0] = connection.exec_driver_sql("PRAGMA page_count").scalar()
     claim = store.claim(study_id, "w|1|2|3")

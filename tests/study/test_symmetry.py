@@ -21,7 +21,9 @@ def problem(text: str, names: str, outputs=("y",), units=(), **bounds) -> Proble
     units = dict(units)
     declared = {n: {"bounds": bounds.get(n, BOX), "unit": units.get(n)} for n in names.split()}
     signals = {"u": Signal(T), **{o: Signal(np.cos((k + 1) * T)) for k, o in enumerate(outputs)}}
-    return Problem(equations(text, inputs=["u"], outputs=list(outputs), parameters=declared, check=False), Recording(T, signals))
+    return Problem(
+        equations(text, inputs=["u"], outputs=list(outputs), parameters=declared, check=False), Recording(T, signals)
+    )
 
 
 def found(p: Problem, first, second):
@@ -38,16 +40,21 @@ NINE = "a1 c1 w1 a2 c2 w2 a3 c3 w3"
     [
         (problem(TWO, "b1 b2 b3 b4"), [1, 2, 3, 0.5], [3, 0.5, 1, 2], "b1, b2 and b3, b4 can be exchanged: same model"),
         # amplitudes that are nearly equal: where they stand already does not decide which term they belong to
-        (problem(TWO, "b1 b2 b3 b4"), [1, 2, 1.01, 0.5], [1.01, 0.5, 1, 2], "b1, b2 and b3, b4 can be exchanged: same model"),
+        (problem(TWO, "b1 b2 b3 b4"), [1, 2, 1.01, 0.5], [1.01, 0.5, 1, 2],
+         "b1, b2 and b3, b4 can be exchanged: same model"),
         # answers of searches are not exact
-        (problem(TWO, "b1 b2 b3 b4"), [1, 2, 3, 0.5], [3.0004, 0.5001, 0.9999, 2.0002], "b1, b2 and b3, b4 can be exchanged: same model"),
+        (problem(TWO, "b1 b2 b3 b4"), [1, 2, 3, 0.5], [3.0004, 0.5001, 0.9999, 2.0002],
+         "b1, b2 and b3, b4 can be exchanged: same model"),
         (problem(THREE, NINE), [1, 0.5, 0.3, 2, 1.5, 0.4, 3, 2.5, 0.6], [2, 1.5, 0.4, 1, 0.5, 0.3, 3, 2.5, 0.6],
          "a1, c1, w1 and a2, c2, w2 can be exchanged: same model"),
         (problem(THREE, NINE), [1, 0.5, 0.9, 2, 1.5, 1.4, 3, 2.5, 2.6], [3, 2.5, 2.6, 1, 0.5, 0.9, 2, 1.5, 1.4],
          "a1, c1, w1, a2, c2, w2 and a3, c3, w3 can be exchanged: same model"),
-        (problem("y = a*exp(-(u/w)**2) + c", "a w c"), [2, 1, 0.3], [2, -1, 0.3], "the sign of w does not matter: same model"),
-        (problem("y = a*exp(-(u/w)**2) + c", "a w c"), [2, 1, 0.0], [2, -1, 0.0], "the sign of w does not matter: same model"),
-        (problem("y = a*sin(b*u) + c", "a b c"), [2, 1, 0.3], [-2, -1, 0.3], "a and b can change sign together: same model"),
+        (problem("y = a*exp(-(u/w)**2) + c", "a w c"), [2, 1, 0.3], [2, -1, 0.3],
+         "the sign of w does not matter: same model"),
+        (problem("y = a*exp(-(u/w)**2) + c", "a w c"), [2, 1, 0.0], [2, -1, 0.0],
+         "the sign of w does not matter: same model"),
+        (problem("y = a*sin(b*u) + c", "a b c"), [2, 1, 0.3], [-2, -1, 0.3],
+         "a and b can change sign together: same model"),
         (problem("y = a*b*u", "a b"), [3, 1], [1, 3], "a and b can be exchanged: same model"),
         (problem("y = (a-b)**2*u", "a b"), [3, 1], [1, 3], "a and b can be exchanged: same model"),
         (problem("y = (a-b)*(a+2*b)*u", "a b"), [3, 1], [-3, -1], "a and b can change sign together: same model"),
@@ -55,7 +62,8 @@ NINE = "a1 c1 w1 a2 c2 w2 a3 c3 w3"
         (problem(TWO, "b1 b2 b3 b4", b1=(0.0, 4.0), b3=(0.5, 9.0)), [1, 2, 3, 0.5], [3, 0.5, 1, 2],
          "b1, b2 and b3, b4 can be exchanged: same model"),
         (problem("y = a*u + b*u**2\nw = abs(a - 3)*0 + a + b*u", "a b", ("y", "w")), [1, 2], [2, 1], None),
-        (problem("y = exp(-a*u) + exp(-b*u)\nw = a*b + u", "a b", ("y", "w")), [1, 2], [2, 1], "a and b can be exchanged: same model"),
+        (problem("y = exp(-a*u) + exp(-b*u)\nw = a*b + u", "a b", ("y", "w")), [1, 2], [2, 1],
+         "a and b can be exchanged: same model"),
     ],
 )  # fmt: skip
 def test_one_model_written_twice(p, first, second, sentence):

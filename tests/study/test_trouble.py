@@ -65,7 +65,8 @@ def test_a_jump_back_does_not_hold_the_task_of_a_dead_worker_for_a_day(sqlite_st
 
 
 def test_a_server_that_is_started_anew_in_the_middle(monkeypatch):
-    """Killed as by a power failure: what was finished is there, the search ends in one sentence and goes on to the same bits."""
+    """Killed as by a power failure: what was finished is there, the search ends in one sentence and goes on to the
+    same bits."""
     reason = postgres_server.missing()
     if reason:
         pytest.skip(f"no test against PostgreSQL: {reason}")
@@ -89,7 +90,8 @@ def test_a_server_that_is_started_anew_in_the_middle(monkeypatch):
         (study,) = store.studies()  # by the store that was open
         kept = store.runs(study.id)
         assert len(kept) == 4
-        # the claim that the power failure left is this process's own, which lives: only its silence frees it, and that is a minute
+        # the claim that the power failure left is this process's own, which lives: only its silence frees it, and that
+        # is a minute
         monkeypatch.setattr("plantfit.study.running.worker_names.STALE_SECONDS", 2.0)
         resume(store, study.id, objective(), to_physical=to_physical, search=FakeSearch())
         whole = store.runs(run(PLAN, objective(), store, to_physical=to_physical, search=FakeSearch()))

@@ -159,7 +159,8 @@ def test_a_race_spends_its_seeds_on_what_may_be_best():
 
 
 def assert_same(objective, method, budget, draws, rel):
-    """Swept runs end as compiled ones, to a relative difference `rel`; 0 for the same bits. The settings that were free."""
+    """Swept runs end as compiled ones, to a relative difference `rel`; 0 for the same bits. The settings that were
+    free."""
     facts = Facts(objective.dimension, budget)
     dials = dials_of(method, facts)
     free = [*dials.traced, *(name for name, _ in dials.options)]
@@ -185,7 +186,9 @@ def test_traced_settings_have_the_bits_of_compiled_ones():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", [n for n, e in REGISTRY.items() if hasattr(e.kind, "ask") and not e.kind.needs.raw_box])  # type: ignore[attr-defined]
+@pytest.mark.parametrize(
+    "method", [n for n, e in REGISTRY.items() if hasattr(e.kind, "ask") and not e.kind.needs.raw_box]
+)  # type: ignore[attr-defined]
 def test_traced_settings_of_every_method_differ_in_rounding_at_most(method):
     # a constant is folded into its neighbours where data is not: cmaes, elite_ga and sea round differently
     assert_same(bowl(3), method, 500, 2, rel=1e-6)
@@ -231,7 +234,9 @@ def test_the_interval_of_the_ratio_covers_the_truth():
 
 
 def told(c: Contest | None, **more) -> Tuned:
-    plain = Tuned("pso", "random", {"inertia": 0.5}, {"inertia": 0.7}, [], [None], c, False, 100, 1, (0, 19), (20, 39), 0.0, 0.0)  # type: ignore[list-item]
+    plain = Tuned(
+        "pso", "random", {"inertia": 0.5}, {"inertia": 0.7}, [], [None], c, False, 100, 1, (0, 19), (20, 39), 0.0, 0.0
+    )  # type: ignore[list-item]
     return dataclasses.replace(plain, **more)
 
 
@@ -352,14 +357,17 @@ def test_refusals_are_one_sentence(given, said):
 
 
 def test_a_word_may_make_a_shape_of_a_number():
-    """cga reads `children` in steady state alone, where it is the size of a generation: it is not data under any word."""
+    """cga reads `children` in steady state alone, where it is the size of a generation: it is not data under any
+    word."""
     dials = dials_of("cga", FACTS, only=["children", "replacement", "alpha"])
     assert "children" not in dials.traced
     assert "alpha" in dials.traced
 
 
 def test_held_settings_keep_their_value_in_every_trial():
-    found = tune(bowl(2), "pso", "random", only=["inertia"], held={"population": 7}, budget=140, runs=3, trials=6, seed=2)
+    found = tune(
+        bowl(2), "pso", "random", only=["inertia"], held={"population": 7}, budget=140, runs=3, trials=6, seed=2
+    )
     assert found.default["population"] == found.best["population"] == 7
     assert {t.settings["population"] for t in found.trials} == {7}
     assert [d["name"] for d in found.dials] == ["inertia"]

@@ -1,4 +1,5 @@
-"""Several processes on one machine: same bits for any number of workers and any order, nothing lost, one sentence each."""
+"""Several processes on one machine: same bits for any number of workers and any order, nothing lost, one sentence
+each."""
 
 import os
 import random
@@ -39,7 +40,13 @@ def test_more_workers_change_no_bit(tmp_path, workers):
     with helping(store, [study_id], workers - 1, maker=MAKER, say=said.append) as team:
         assert len(team) == workers - 1
         until(lambda: pids(store, study_id), "no helper came to work")
-        resume(store, study_id, objective(0.01), to_physical=physical, progress=lambda p: seen.update(h.worker for h in p.workers))
+        resume(
+            store,
+            study_id,
+            objective(0.01),
+            to_physical=physical,
+            progress=lambda p: seen.update(h.worker for h in p.workers),
+        )
     assert [h.returncode for h in team] == [0] * len(team)
     assert said == []
     assert {int(w.split("|")[1]) for w in seen} > {os.getpid()}  # the line of workers showed this process and others
@@ -53,7 +60,8 @@ def test_any_order_of_tasks_gives_the_same_bits():
     found = []
     for task in order:
         found += search_task(
-            objective(0.0), PLAN, task, progress=lambda p: None, checkpoint=lambda c: None, resume=None, stop=lambda: False
+            objective(0.0), PLAN, task, progress=lambda p: None, checkpoint=lambda c: None, resume=None,
+            stop=lambda: False
         )  # fmt: skip
     place = {(r.method, r.run): r for r in found}
     assert len(place) == len(found) == len(alone())
@@ -92,7 +100,9 @@ def test_a_helper_that_cannot_work_says_why_in_one_sentence(tmp_path):
     with helping(store, [study_id], 1, maker="worked_study:nothing", say=said.append):
         until(lambda: said, "nothing was said")
     (sentence,) = said
-    assert sentence.startswith("Worker 2 stopped: The problem of the study cannot be made here because 'worked_study:nothing'")
+    assert sentence.startswith(
+        "Worker 2 stopped: The problem of the study cannot be made here because 'worked_study:nothing'"
+    )
 
 
 def test_no_more_helpers_than_tasks(tmp_path):
@@ -110,7 +120,9 @@ class Killer:
         self.random = random.Random(seed)
         self.parent, self.kills, self.kinds = None, 0, set()
         self.left = 0  # helpers of this parent that were not killed; it starts no others
-        self.said = Path(store.name).with_suffix(".stderr")  # a pipe that nobody reads would stop the parent once it is full
+        self.said = Path(store.name).with_suffix(
+            ".stderr"
+        )  # a pipe that nobody reads would stop the parent once it is full
 
     def mark(self):
         whole = self.store.whole(self.study_id)
@@ -186,7 +198,9 @@ def killed(store, plan, kills, workers, seed, delay=0.02):
     return store.runs(study_id), killer.kinds
 
 
-needs_proc = pytest.mark.skipif(not os.path.isdir("/proc/self"), reason="needs /proc and SIGKILL, which this system lacks")
+needs_proc = pytest.mark.skipif(
+    not os.path.isdir("/proc/self"), reason="needs /proc and SIGKILL, which this system lacks"
+)
 
 
 @needs_proc

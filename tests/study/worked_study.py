@@ -20,7 +20,9 @@ from plantfit.study.problem_recipe import Recipe
 import jax
 import jax.numpy as jnp
 
-PLAN = Plan(name="worked", methods=("lbfgsb", "pso"), runs=6, budget=600, seed=11, settings={"pso": {"population": 10}}, chunk=1)
+PLAN = Plan(
+    name="worked", methods=("lbfgsb", "pso"), runs=6, budget=600, seed=11, settings={"pso": {"population": 10}}, chunk=1
+)
 MAKER = "worked_study:make"
 CHECKPOINT_SECONDS = 0.1
 

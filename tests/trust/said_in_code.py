@@ -29,5 +29,8 @@ def said() -> dict[str, list[str]]:
             for n in ast.walk(function):
                 if isinstance(n, ast.Call) and isinstance(n.func, ast.Name) and n.func.id == "say":
                     names = [m.id for m in ast.walk(n.args[1]) if isinstance(m, ast.Name)]
-                    found[f"{path.name}:{n.lineno}"] = [*_pieces(n.args[1]), *(p for name in names for p in texts.get(name, []))]
+                    found[f"{path.name}:{n.lineno}"] = [
+                        *_pieces(n.args[1]),
+                        *(p for name in names for p in texts.get(name, [])),
+                    ]
     return found

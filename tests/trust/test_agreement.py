@@ -33,7 +33,9 @@ def _two_outputs(scales, noise, seed) -> Problem:
     t = np.linspace(0.0, 10.0, 200)
     u = np.repeat(rng.normal(size=20), 10)
     declared = {n: {"bounds": b} for n, b in BOUNDS.items()}
-    model = equations("x' = (K*u - x)/tau\ny = x\nw = x**2 + c", inputs=["u"], states=["x"], outputs=["y", "w"], parameters=declared)
+    model = equations(
+        "x' = (K*u - x)/tau\ny = x\nw = x**2 + c", inputs=["u"], states=["x"], outputs=["y", "w"], parameters=declared
+    )
     empty = Recording(t, {n: Signal(u) for n in ("u", "y", "w")})
     y = Problem(model, empty, substeps=8).predict(np.array(list(TRUTH.values())))
     noisy = {n: Signal(y[n] + s * rng.normal(size=len(t))) for n, s in zip(("y", "w"), noise, strict=True)}
@@ -54,11 +56,17 @@ def told(findings, word):
 
 
 def truly_reach(problem, results, best) -> int:
-    """How many points lead to the cost `best` by scipy's least squares on this problem, from where each run had ended."""
+    """How many points lead to the cost `best` by scipy's least squares on this problem, from where each run had
+    ended."""
     hits = 0
     for r in results:
         end = least_squares(
-            lambda z: np.asarray(problem.residuals(z)), np.clip(r.x, 1e-9, 1 - 1e-9), bounds=(0, 1), x_scale="jac", xtol=1e-12, ftol=1e-12
+            lambda z: np.asarray(problem.residuals(z)),
+            np.clip(r.x, 1e-9, 1 - 1e-9),
+            bounds=(0, 1),
+            x_scale="jac",
+            xtol=1e-12,
+            ftol=1e-12,
         )
         hits += float(np.mean(end.fun**2)) <= best * (1 + 1e-6)
     return hits
@@ -94,7 +102,8 @@ def test_the_count_is_true_for_runs_that_were_cut_anywhere():
 
 @cache
 def two_wells(noise=0.1) -> Problem:
-    """p near -1 follows y best, p near 1 follows w: with the spreads as weights the first is the better one, by likelihood the second."""
+    """p near -1 follows y best, p near 1 follows w: with the spreads as weights the first is the better one, by
+    likelihood the second."""
     rng = np.random.default_rng(0)
     t = np.linspace(0.0, 1.0, 400)
     s = np.sqrt(2) * np.sin(2 * np.pi * 5 * t)
@@ -106,13 +115,17 @@ def two_wells(noise=0.1) -> Problem:
 
 def test_the_final_problem_is_made_at_the_basin_that_is_best_on_it():
     problem = two_wells()
-    lower, upper = (least_squares(lambda z: np.asarray(problem.residuals(z)), z, bounds=(0, 1)).x for z in ([0.25], [0.75]))
+    lower, upper = (
+        least_squares(lambda z: np.asarray(problem.residuals(z)), z, bounds=(0, 1)).x for z in ([0.25], [0.75])
+    )
     before = runs_at(problem, [lower, upper, upper + 1e-3])
     assert before[0].cost < 0.9 * before[1].cost
     final, results = finish(problem, before)
     answer = Answer(final, results, 0)
     assert answer.values["p"] == pytest.approx(1.0, abs=0.02)
-    assert final.scales == pytest.approx({"y": 0.11, "w": 0.1}, rel=0.15)  # the noise and what this basin leaves, not that of the other
+    assert final.scales == pytest.approx(
+        {"y": 0.11, "w": 0.1}, rel=0.15
+    )  # the noise and what this basin leaves, not that of the other
     assert answer.best.cost == pytest.approx(1.0, abs=1e-3)
     assert answer.findings["agreement"]["agree"] == 2
     assert results[0].cost > 2.0  # the other basin, on this problem
@@ -131,7 +144,9 @@ def test_finer_steps_at_the_answer_move_every_run():
     """An oscillation with one step a sample: the answer is known after the steps were halved."""
     t = np.linspace(0.0, 20.0, 120)
     declared = {"k": {"bounds": (1.0, 9.0)}, "d": {"bounds": (0.05, 2.0)}}
-    model = equations("x' = v\nv' = -k*x - d*v + u", inputs=["u"], states=["x", "v"], outputs=["x"], parameters=declared)
+    model = equations(
+        "x' = v\nv' = -k*x - d*v + u", inputs=["u"], states=["x", "v"], outputs=["x"], parameters=declared
+    )
     u = np.where(t > 1.0, 1.0, 0.0)
     blank = Recording(t, {"u": Signal(u), "x": Signal(u)})
     clean = Problem(model, blank, substeps=64).predict(np.array([4.0, 0.3]))["x"]
@@ -146,7 +161,9 @@ def test_finer_steps_at_the_answer_move_every_run():
 
 def _ends(problem, starts):
     for z in starts:
-        end = least_squares(lambda x: np.asarray(problem.residuals(x)), z, bounds=(0, 1), xtol=1e-14, ftol=1e-14, gtol=1e-14)
+        end = least_squares(
+            lambda x: np.asarray(problem.residuals(x)), z, bounds=(0, 1), xtol=1e-14, ftol=1e-14, gtol=1e-14
+        )
         yield end.x + 2e-6 * np.random.default_rng(0).normal(size=2), float(np.mean(end.fun**2))
 
 
@@ -178,7 +195,9 @@ def test_a_search_that_is_cut_is_not_called_an_optimum(monkeypatch):
     monkeypatch.setattr("plantfit.trust.finish.descent.STEPS", 2)
     monkeypatch.setattr("plantfit.trust.finish.descent.POLISH", 0)
     problem = two_outputs((("y", 0.05), ("w", 0.4)))
-    final, results = finish(problem, runs_at(problem, [[0.9, 0.9, 0.9], [0.1, 0.1, 0.1]], status=Status.budget, spent=1.0))
+    final, results = finish(
+        problem, runs_at(problem, [[0.9, 0.9, 0.9], [0.1, 0.1, 0.1]], status=Status.budget, spent=1.0)
+    )
     findings = Answer(final, results, 0).findings
     assert told(findings, "is not the end of a search")
     assert findings["agreement"]["agree"] == 0
@@ -200,7 +219,12 @@ def terms(n: int, seed=0, runs=6, extra="", **more) -> Answer:
     y = sum(a * np.exp(-b * t) for a, b in zip(sizes, rates, strict=True))
     declared = {f"{v}{k}": {"bounds": (0.0, 5.0) if v == "a" else (0.01, 30.0)} for k in range(n) for v in "ab"}
     model = equations(text, inputs=["u"], outputs=["y"], parameters=declared)
-    return fit(Problem(model, Recording(t, {"u": Signal(t), "y": Signal(y + 0.002 * rng.normal(size=60))})), runs=runs, seed=seed, **more)
+    return fit(
+        Problem(model, Recording(t, {"u": Signal(t), "y": Signal(y + 0.002 * rng.normal(size=60))})),
+        runs=runs,
+        seed=seed,
+        **more,
+    )
 
 
 def test_terms_that_change_places_are_one_answer():
@@ -221,13 +245,16 @@ def test_an_exchange_is_named_from_one_run_too_and_not_where_there_is_none(seed)
 
 
 def test_answers_that_are_different_models_are_told_apart():
-    """y = |p|: two answers of the same cost, and no map of the model: the other output of the same shape sees the sign."""
+    """y = |p|: two answers of the same cost, and no map of the model: the other output of the same shape sees the
+    sign."""
     t = np.linspace(0.0, 1.0, 50)
     model = equations("y = p**2*u + 1e-30*p", inputs=["u"], outputs=["y"], parameters={"p": {"bounds": (-2.0, 2.5)}})
     same = Problem(model, Recording(t, {"u": Signal(t), "y": Signal(t + 0.01 * np.sin(40 * t))}))
     findings = Answer(*finish(same, runs_at(same, [same.space.cube([-1.0]), same.space.cube([1.0])])), 0).findings
     assert told(findings, "the sign of p does not matter: same model")
-    hump = equations("y = (p**2 + 0.2*p**3 - 0.2*p)*u", inputs=["u"], outputs=["y"], parameters={"p": {"bounds": (-2.0, 2.0)}})
+    hump = equations(
+        "y = (p**2 + 0.2*p**3 - 0.2*p)*u", inputs=["u"], outputs=["y"], parameters={"p": {"bounds": (-2.0, 2.0)}}
+    )
     other = Problem(hump, Recording(t, {"u": Signal(t), "y": Signal(t + 0.01 * np.sin(40 * t))}))
     findings = Answer(*finish(other, runs_at(other, [other.space.cube([-1.0]), other.space.cube([1.0])])), 0).findings
     assert findings["agreement"]["agree"] == 2
@@ -236,7 +263,8 @@ def test_answers_that_are_different_models_are_told_apart():
 
 
 def absorbed(noise: float, seed: int, runs: int) -> Answer:
-    """A dose that is absorbed and eliminated: with the rates exchanged another volume gives the same curve ("flip-flop" kinetics)."""
+    """A dose that is absorbed and eliminated: with the rates exchanged another volume gives the same curve
+    ("flip-flop" kinetics)."""
     t = np.linspace(0.0, 10.0, 40)
     text = "y = ka/(V*(ka - k + 1e-9))*(exp(-k*u) - exp(-ka*u))"
     declared = {n: {"bounds": b} for n, b in {"ka": (0.05, 5.0), "k": (0.05, 5.0), "V": (0.05, 5.0)}.items()}
@@ -247,7 +275,8 @@ def absorbed(noise: float, seed: int, runs: int) -> Answer:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_another_answer_that_one_run_met_is_told(seed):
-    """Two optima far apart in the box, both sharp; a range from one to the other says nothing of the gap between them."""
+    """Two optima far apart in the box, both sharp; a range from one to the other says nothing of the gap between
+    them."""
     findings = absorbed(0.003, seed, 1).findings
     (sentence,) = told(findings, "2 different answers fit equally well")
     assert "run" not in sentence
@@ -273,8 +302,16 @@ def test_a_valley_that_searches_of_one_run_met_is_no_other_answer(seed):
 
 def test_a_perfect_fit_is_agreed_on_to_rounding():
     t = np.linspace(0.0, 3.0, 40)
-    model = equations("y = a*exp(-b*u)", inputs=["u"], outputs=["y"], parameters={n: {"bounds": (0.1, 9.0)} for n in "ab"})
-    found = fit(Problem(model, Recording(t, {"u": Signal(t), "y": Signal(2 * np.exp(-0.7 * t))})), "pso", runs=3, budget=400, seed=0)
+    model = equations(
+        "y = a*exp(-b*u)", inputs=["u"], outputs=["y"], parameters={n: {"bounds": (0.1, 9.0)} for n in "ab"}
+    )
+    found = fit(
+        Problem(model, Recording(t, {"u": Signal(t), "y": Signal(2 * np.exp(-0.7 * t))})),
+        "pso",
+        runs=3,
+        budget=400,
+        seed=0,
+    )
     assert found.best.cost < 1e-20
     assert found.findings["agreement"]["agree"] == 3
 
@@ -309,7 +346,9 @@ def product(known: bool, seed=0) -> Problem:
     t = np.linspace(0.0, 12.0, 150)
     u = np.repeat(rng.normal(size=15), 10)
     declared = {"a": {"bounds": (0.1, 10.0)}, "b": {"bounds": (0.1, 10.0)}, "tau": {"bounds": (0.05, 5.0)}}
-    text, outputs = ("x' = (a*b*u - x)/tau\ny = x\nw = a*u", ["y", "w"]) if known else ("x' = (a*b*u - x)/tau\ny = x", ["y"])
+    text, outputs = (
+        ("x' = (a*b*u - x)/tau\ny = x\nw = a*u", ["y", "w"]) if known else ("x' = (a*b*u - x)/tau\ny = x", ["y"])
+    )
     model = equations(text, inputs=["u"], states=["x"], outputs=outputs, parameters=declared)
     empty = Recording(t, {n: Signal(u) for n in ("u", *outputs)})
     y = Problem(model, empty, substeps=4).predict(np.array([1.7, 1.2, 0.6]))

@@ -1,4 +1,5 @@
-"""Thresholds where other parameters stand on their physical limits: against a closed form, and how often intervals hold."""
+"""Thresholds where other parameters stand on their physical limits: against a closed form, and how often intervals
+hold."""
 
 import numpy as np
 import pytest
@@ -30,7 +31,8 @@ def test_nothing_near_a_limit_changes_nothing():
 
 
 def test_two_that_are_known_as_a_sum_have_the_mixture_of_the_closed_form():
-    """In the limit of correlation -1 the ratio is chi-squared of 2 in a quarter of all cases, of 1 in two, and 0 in the last."""
+    """In the limit of correlation -1 the ratio is chi-squared of 2 in a quarter of all cases, of 1 in two, and 0 in
+    the last."""
     mixed = brentq(lambda c: 0.25 * np.exp(-c / 2) + 0.5 * chi2.sf(c, 1) - 0.05, 3.0, 6.0)
     c = np.array([[1.0, -0.99999], [-0.99999, 1.0]])
     found = factors(c, [10.0, 0.0])
@@ -58,10 +60,15 @@ def test_the_threshold_holds_where_three_lean_on_their_limits():
 
 
 def test_intervals_beside_a_partner_at_zero_hold():
-    """y = a x + b x^2 with b = 0, which may not be negative: both ends by exact bounded least squares over many records."""
+    """y = a x + b x^2 with b = 0, which may not be negative: both ends by exact bounded least squares over many
+    records."""
     x = np.linspace(0.05, 4.0, 60)
     model = equations("y = a*x + b*x^2", inputs=["x"], outputs=["y"], parameters=["a", "b"], name="curve")
-    base = Problem(model, Recording(np.arange(60.0), {"x": Signal(x), "y": Signal(x)}, "run"), {n: Parameter((0.0, 10.0)) for n in "ab"})
+    base = Problem(
+        model,
+        Recording(np.arange(60.0), {"x": Signal(x), "y": Signal(x)}, "run"),
+        {n: Parameter((0.0, 10.0)) for n in "ab"},
+    )
     held, on = 0, 0
     for seed in range(150):
         y = 2.0 * x + 0.05 * np.random.default_rng(seed).normal(size=60)

@@ -11,8 +11,12 @@ from plantfit.trust.intervals.bands import bands
 
 def line(rng, n=60, noise=0.3):
     u = rng.uniform(-1, 1, n)
-    model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
-    record = pf.from_arrays({"u": u, "y": 1 + 2 * u + noise * rng.standard_normal(n)}, period=1.0, units={"u": "1", "y": "1"})
+    model = pf.equations(
+        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False
+    )
+    record = pf.from_arrays(
+        {"u": u, "y": 1 + 2 * u + noise * rng.standard_normal(n)}, period=1.0, units={"u": "1", "y": "1"}
+    )
     return pf.fit(pf.Problem(model, record, {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}), seed=1)
 
 

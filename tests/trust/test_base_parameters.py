@@ -13,7 +13,8 @@ NAMES = ("J1", "h1", "m2", "h2", "J2")  # inertias about the joints, first momen
 
 
 def arm_torque_columns(seed, n=500):
-    """Torque of joint 1 of a two-link arm by its standard inertial parameters, written from Newton and Euler's equations."""
+    """Torque of joint 1 of a two-link arm by its standard inertial parameters, written from Newton and Euler's
+    equations."""
     t1, t2, w1, w2, a1, a2 = np.random.default_rng(seed).uniform(-2.0, 2.0, (6, n))
     coupled = L1 * ((2 * a1 + a2) * np.cos(t2) - (2 * w1 * w2 + w2**2) * np.sin(t2)) + G * np.cos(t1 + t2)
     return np.c_[a1, G * np.cos(t1), L1**2 * a1 + G * L1 * np.cos(t1), coupled, a1 + a2]
@@ -85,7 +86,16 @@ def test_wrong_input_is_told_in_a_sentence():
         base_parameters([[1.0, 2.0], [1.0, np.nan]], "ab")
 
 
-FACTORS = {1.0: "", L1: "l1", L1**2: "l1^2", 2 * L1**2: "l1*l2", G * L1: "l1*g", 1 / G: "1/g", 0.0437: "0.0437", 3.0: "3"}
+FACTORS = {
+    1.0: "",
+    L1: "l1",
+    L1**2: "l1^2",
+    2 * L1**2: "l1*l2",
+    G * L1: "l1*g",
+    1 / G: "1/g",
+    0.0437: "0.0437",
+    3.0: "3",
+}
 
 
 @pytest.mark.parametrize(("value", "text"), FACTORS.items())

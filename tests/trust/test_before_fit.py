@@ -12,7 +12,9 @@ U = np.repeat(np.random.default_rng(0).uniform(-3, 3, N // 20), 20)
 
 
 def problem(text, parameters, outputs=("y",), states=("x",), u=U, **options):
-    model = pf.equations(text, inputs=["u"], states=list(states), outputs=list(outputs), parameters=list(parameters), name="plant")
+    model = pf.equations(
+        text, inputs=["u"], states=list(states), outputs=list(outputs), parameters=list(parameters), name="plant"
+    )
     rng = np.random.default_rng(1)
     record = pf.from_arrays(T, signals={"u": u, **{o: rng.normal(size=N) for o in outputs}})
     space = {n: v if isinstance(v, pf.Parameter) else pf.Parameter(v) for n, v in parameters.items()}
@@ -24,10 +26,15 @@ def told(found):
 
 
 def test_a_lag_with_gain_and_offset_is_told_apart():
-    found = before_fit(problem("x' = (K*delay(u, L) + r - x)/tau; y = x", {"K": (0.1, 5), "L": (0, 1), "r": (-3, 3), "tau": (0.1, 5)}))
+    found = before_fit(
+        problem("x' = (K*delay(u, L) + r - x)/tau; y = x", {"K": (0.1, 5), "L": (0, 1), "r": (-3, 3), "tau": (0.1, 5)})
+    )
     assert found is not None
     assert (found.rank, found.together, found.open, found.fix, found.unseen) == (4, (), (), (), ())
-    assert told(found)[0] == "These records can tell all 4 parameters apart (rank of the sensitivities at 8 random points of the bounds)."
+    assert (
+        told(found)[0]
+        == "These records can tell all 4 parameters apart (rank of the sensitivities at 8 random points of the bounds)."
+    )
     assert not any(level == "warning" for level, _ in found.sentences)
 
 
@@ -51,9 +58,18 @@ def test_what_stands_only_together_is_named(text, names, rank, alone, together, 
 
 
 def test_a_motor_by_voltage_and_speed_has_two_open_scales():
-    """Franklin's motor: resistance, inductance, torque constant and mechanical constants have two scales that the speed does not show."""
+    """Franklin's motor: resistance, inductance, torque constant and mechanical constants have two scales that the
+    speed does not show."""
     text = "i' = (u - R*i - kb*w)/L; w' = (kt*i - c*w - tf*tanh(w/0.1))/J; y = w"
-    bounds = {"R": (0.5, 5), "L": (0.02, 0.2), "kb": (0.05, 1), "kt": (0.05, 1), "J": (0.01, 0.1), "c": (0.01, 0.1), "tf": (0.01, 0.1)}
+    bounds = {
+        "R": (0.5, 5),
+        "L": (0.02, 0.2),
+        "kb": (0.05, 1),
+        "kt": (0.05, 1),
+        "J": (0.01, 0.1),
+        "c": (0.01, 0.1),
+        "tf": (0.01, 0.1),
+    }
     found = before_fit(problem(text, bounds, states=("i", "w")))
     assert found is not None
     assert (found.rank, found.alone) == (5, ("kb",))
@@ -69,7 +85,9 @@ def test_a_parameter_without_effect_and_an_input_at_rest():
     assert found is not None
     assert found.unseen == ("b",)
     assert told(found)[0].startswith("b has no effect on the fitted samples")
-    found = before_fit(problem("x' = (K*u + r - x)/tau; y = x", {"K": (0.1, 5), "r": (1, 3), "tau": (0.1, 5)}, u=np.zeros(N)))
+    found = before_fit(
+        problem("x' = (K*u + r - x)/tau; y = x", {"K": (0.1, 5), "r": (1, 3), "tau": (0.1, 5)}, u=np.zeros(N))
+    )
     assert found is not None
     assert found.unseen == ("K",)
 
@@ -78,7 +96,9 @@ def holds_along(formula, names, values, direction, logs):
     """Whether a named formula changes along an open direction, by a step that is not small."""
     at = dict(zip(names, values, strict=True))
     moved = values * np.exp(0.3 * direction) if logs else values + 0.1 * direction
-    before, after = (eval(formula.replace("^", "**"), {}, dict(zip(names, map(float, v), strict=True))) for v in (values, moved))
+    before, after = (
+        eval(formula.replace("^", "**"), {}, dict(zip(names, map(float, v), strict=True))) for v in (values, moved)
+    )
     return after == pytest.approx(before, rel=1e-6), at
 
 
@@ -88,10 +108,14 @@ def test_random_products(seed):
     rng = np.random.default_rng(seed)
     names = list("abcdfg")
     powers = rng.choice([0, 0, 1, 1, -1, 2], (3, 6))
-    theta = ["*".join(f"{n}^{p}" if p > 0 else f"{n}^(-{-p})" for n, p in zip(names, row, strict=True) if p) or "1" for row in powers]
+    theta = [
+        "*".join(f"{n}^{p}" if p > 0 else f"{n}^(-{-p})" for n, p in zip(names, row, strict=True) if p) or "1"
+        for row in powers
+    ]
     found = before_fit(
         problem(
-            f"x' = ({theta[0]})*u - ({theta[1]})*x + ({theta[2]})*u^2 + 0*({' + '.join(names)}); y = x", dict.fromkeys(names, (0.6, 1.5))
+            f"x' = ({theta[0]})*u - ({theta[1]})*x + ({theta[2]})*u^2 + 0*({' + '.join(names)}); y = x",
+            dict.fromkeys(names, (0.6, 1.5)),
         )
     )
     assert found is not None
@@ -127,7 +151,8 @@ def test_random_sums(seed):
 
 
 def test_noise_is_told_apart_from_structure():
-    """A lag of hours in a record of 12 s is an integrator: gain and time constant are two in principle, and rough with any noise."""
+    """A lag of hours in a record of 12 s is an integrator: gain and time constant are two in principle, and rough
+    with any noise."""
     hours = pf.Parameter((1e4, 1e5), scale="log")
     found = before_fit(problem("x' = (K*u - x)/tau; y = x", {"K": (1e3, 1e4), "tau": hours}))
     assert found is not None
@@ -148,7 +173,9 @@ def test_the_same_bits_for_the_same_key():
 
 def measured_rarely(text, parameters, samples, given=()):
     """A plant with output y at all samples and w at so many of them."""
-    model = pf.equations(text, inputs=["u"], states=["x"], outputs=["y", "w"], parameters=list(parameters), name="plant")
+    model = pf.equations(
+        text, inputs=["u"], states=["x"], outputs=["y", "w"], parameters=list(parameters), name="plant"
+    )
     rng = np.random.default_rng(2)
     w = np.full(N, np.nan)
     w[np.linspace(30, N - 10, samples).astype(int)] = 10.0 + rng.normal(size=samples)
@@ -185,20 +212,27 @@ def test_an_output_whose_errors_nothing_shows_fixes_nothing(text, own, samples, 
     assert (found.silent, found.heard, found.heard_alone) == ({"w": samples}, 2, heard)
     assert found.sentences[0] == (
         "warning",
-        f"w has {samples} fitted samples, no more than the parameters that follow them, and nothing shows how large its errors are. Unless "
+        f"w has {samples} fitted samples, no more than the parameters that follow them, and nothing shows how large "
+        f"its errors are. Unless "
         f"the study gives a scale for w, these records determine 2 of {len(names)} parameters at best: K, tau.",
     )
     assert told(found)[1].startswith(f"With a scale for w these records can tell all {len(names)} parameters apart")
 
 
-@pytest.mark.parametrize(("samples", "given", "few"), [(11, None, 0), (10, None, 10), (4, None, 4), (3, None, 3), (3, {"y": 0.1}, 0)])
+@pytest.mark.parametrize(
+    ("samples", "given", "few"), [(11, None, 0), (10, None, 10), (4, None, 4), (3, None, 3), (3, {"y": 0.1}, 0)]
+)
 def test_samples_that_are_too_few_for_a_fit_are_told(samples, given, few):
-    model = pf.equations("x' = (K*u + r - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["K", "r", "tau"])
+    model = pf.equations(
+        "x' = (K*u + r - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["K", "r", "tau"]
+    )
     places = np.linspace(10, N - 1, samples).astype(int)
     y = np.full(N, np.nan)
     y[places] = np.random.default_rng(3).normal(size=samples)
     record = pf.from_arrays(T, signals={"u": U, "y": y})
-    found = before_fit(pf.Problem(model, record, {n: pf.Parameter((0.2, 3.0)) for n in ("K", "r", "tau")}, scales=given))
+    found = before_fit(
+        pf.Problem(model, record, {n: pf.Parameter((0.2, 3.0)) for n in ("K", "r", "tau")}, scales=given)
+    )
     assert found is not None
     assert found.few == few
     said = f"{samples} fitted samples are too few for 3 parameters: a fit will call none of them determined."

@@ -7,7 +7,8 @@ from plantfit.trust.verdict.parameters import parameter_sentences
 
 def said(bound, low, value):
     row = {
-        "name": "L", "parameter": "L", "recording": None, "index": [], "unit": "s", "value": value, "standard_error": 0.1,
+        "name": "L", "parameter": "L", "recording": None, "index": [], "unit": "s", "value": value,
+        "standard_error": 0.1,
         "lower_bound": low, "upper_bound": 5.0, "status": "at bound", "at_bound": bound,
     }  # fmt: skip
     return next(v["sentence"] for v in parameter_sentences({"parameters": [row]}) if v["sentence"].startswith("L "))

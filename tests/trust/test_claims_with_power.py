@@ -22,7 +22,14 @@ def findings(measured, simulated, u=None, rmse=1.0, unseen=None, percent=90.0):
     score = {"recording": "run", "output": "y", "unit": "V", "bias": 0.0}
     scores = [{**score, "part": "fit", "rmse": rmse, "fit_percent": 90.0}]
     scores += [] if unseen is None else [{**score, "part": "validation", "rmse": unseen, "fit_percent": percent}]
-    test = {"recording": "run", "output": "y", "autocorrelation": own.values.tolist(), "white": p > 0.01, "p_value": p, "cross": cross}
+    test = {
+        "recording": "run",
+        "output": "y",
+        "autocorrelation": own.values.tolist(),
+        "white": p > 0.01,
+        "p_value": p,
+        "cross": cross,
+    }
     output = {"unit": "V", "measured": list(measured), "simulated": list(simulated), "part": ["fit"] * len(residual)}
     return {"recordings": [{"name": "run", "outputs": {"y": output}}], "scores": scores, "residual_tests": [test]}
 
@@ -53,12 +60,17 @@ def test_residuals_of_an_oscillation_follow_the_input_though_no_lag_correlates(o
 
 @pytest.mark.parametrize("memory", [0.0, 0.8, 0.95])
 def test_residuals_that_know_nothing_of_an_input_are_not_foretold_by_it(memory):
-    found = [explained_by_past(noise(1500, memory, s), np.repeat(np.random.default_rng(s).normal(size=75), 20)) for s in range(20)]
+    found = [
+        explained_by_past(noise(1500, memory, s), np.repeat(np.random.default_rng(s).normal(size=75), 20))
+        for s in range(20)
+    ]
     assert np.mean(np.array(found) < 0.05) >= 0.8
     assert max(found) < 0.6
 
 
-@pytest.mark.parametrize(("percent", "unseen", "level"), [(90.0, 1.1, "good"), (30.0, 1.1, "warning"), (30.0, 3.0, "bad")])
+@pytest.mark.parametrize(
+    ("percent", "unseen", "level"), [(90.0, 1.1, "good"), (30.0, 1.1, "warning"), (30.0, 3.0, "bad")]
+)
 def test_unseen_samples_hold_only_where_something_is_explained(percent, unseen, level):
     slow = np.sin(np.arange(400) / 40.0)
     (told,) = unseen_sentences(findings(slow, np.zeros(400), unseen=unseen, percent=percent))
@@ -97,7 +109,10 @@ def test_a_useless_fit_does_not_hold_in_part(percent, ratio):
     (told,) = unseen_sentences(findings(SLOW, np.zeros(400), unseen=ratio, percent=percent))
     assert told["level"] == "warning"
     assert "it holds" not in told["sentence"]
-    assert f"{'no worse than there, but' if ratio < 1.3 else 'worse than there, and'} a fit of {percent:.0f} % only." in told["sentence"]
+    assert (
+        f"{'no worse than there, but' if ratio < 1.3 else 'worse than there, and'} a fit of {percent:.0f} % only."
+        in told["sentence"]
+    )
 
 
 @pytest.mark.parametrize("ratio", [1.31, 1.51, 1.99])
@@ -112,7 +127,10 @@ def test_a_fit_that_is_worse_on_unseen_samples_holds_in_part(percent, ratio):
 def test_useless_fits_among_many_recordings_are_told(poor):
     found = findings(SLOW, np.zeros(400))
     score = {**found["scores"][0], "part": "validation"}
-    rows = [{**score, "recording": f"r{k}", "rmse": (1.0, 1.5)[k % 2], "fit_percent": 90.0 if k >= poor else 20.0} for k in range(5)]
+    rows = [
+        {**score, "recording": f"r{k}", "rmse": (1.0, 1.5)[k % 2], "fit_percent": 90.0 if k >= poor else 20.0}
+        for k in range(5)
+    ]
     (told,) = unseen_sentences({**found, "scores": [*found["scores"], *rows]})
     assert ("a fit of less than 50 % only" in told["sentence"]) is (poor > 0)
     assert ("it holds" in told["sentence"]) is (poor < 5)
@@ -144,9 +162,19 @@ def test_a_miss_counts_unless_it_is_foretold(count, ratio, agree, share):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
-@pytest.mark.parametrize(("ratio", "foretold", "said"), [(0.9, None, False), (1.9, None, False), (3.0, None, True), (3.0, 4.0, False)])
+@pytest.mark.parametrize(
+    ("ratio", "foretold", "said"), [(0.9, None, False), (1.9, None, False), (3.0, None, True), (3.0, 4.0, False)]
+)
 def test_determined_parameters_of_a_model_that_fails_are_its_own(count, ratio, foretold, said):
-    row = {"name": "R", "unit": "ohm", "value": 2.0, "standard_error": 0.1, "status": "determined", "low": 1.8, "high": 2.2}
+    row = {
+        "name": "R",
+        "unit": "ohm",
+        "value": 2.0,
+        "standard_error": 0.1,
+        "status": "determined",
+        "low": 1.8,
+        "high": 2.2,
+    }
     (told,) = parameter_sentences({**misses([ratio] * count, foretold), "parameters": [row]})
     assert told["sentence"].startswith("The data determine 1 of 1 parameters: R = 2.00 ± 0.10 ohm.")
     assert ("does not hold for unseen samples of y: these are its values" in told["sentence"]) is said
@@ -175,8 +203,19 @@ NAMED = {"rounds": [{"found": ["dead time of u"]}]}
 def test_determined_parameters_of_a_model_that_lacks_something_are_its_own(left, more, diagnosis, said):
     found = findings(left, np.zeros(400))
     found["residual_tests"][0].update(more)
-    row = {"name": "R", "unit": "ohm", "value": 2.0, "standard_error": 0.1, "status": "determined", "low": 1.8, "high": 2.2}
+    row = {
+        "name": "R",
+        "unit": "ohm",
+        "value": 2.0,
+        "standard_error": 0.1,
+        "status": "determined",
+        "low": 1.8,
+        "high": 2.2,
+    }
     (told,) = parameter_sentences({**found, "diagnosis": diagnosis, "parameters": [row]})
-    text = "The residuals of y are not white: if the model lacks something, the plant's values may be others, by more than ± tells."
+    text = (
+        "The residuals of y are not white: if the model lacks something, the plant's values may be others, by more "
+        "than ± tells."
+    )
     assert told["sentence"].endswith(text) is said
     assert told["level"] == ("info" if said else "good")

@@ -45,7 +45,9 @@ def test_a_record_at_rest_tells_less_than_one_in_motion():
     still = {s: moving[s] if s.startswith("theta") else np.zeros(n) for s in moving}
     ranks = {}
     for name, signals in (("moving", moving), ("still", still)):
-        found = combinations(base_values, NAMES, LOWER, UPPER, tuple(model.coefficients), model.columns(signals), CONSTANTS)
+        found = combinations(
+            base_values, NAMES, LOWER, UPPER, tuple(model.coefficients), model.columns(signals), CONSTANTS
+        )
         ranks[name] = found.rank, found.texts
     assert ranks["moving"] == (4, FORMULAS)
     assert ranks["still"] == (2, FORMULAS[2:])
@@ -96,7 +98,10 @@ def test_the_first_flat_curve_agrees_with_its_closed_form(pendubot):
 
 def test_a_product_of_two_is_one_combination_with_a_hyperbola():
     found = combinations(lambda p: [p["a"] * p["b"], p["c"]], "abc", [0.1, 0.1, 0.1], [2.0, 2.0, 2.0])
-    assert found.sentence == "2 combinations of the 3 parameters are determined: b1 = a*b, b2 = c; the other direction is flat."
+    assert (
+        found.sentence
+        == "2 combinations of the 3 parameters are determined: b1 = a*b, b2 = c; the other direction is flat."
+    )
     (curve,) = flat_curves(found, np.array([1.0, 0.5, 1.0]))
     np.testing.assert_allclose(curve.points[:, 0] * curve.points[:, 1], 0.5, rtol=1e-13)
     assert "a and b can move together" in curve.sentence

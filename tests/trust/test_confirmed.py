@@ -1,4 +1,5 @@
-"""Answers confirmed by an independent solver: the fit goes on finer where the cost is off, and refuses what nothing can follow."""
+"""Answers confirmed by an independent solver: the fit goes on finer where the cost is off, and refuses what nothing
+can follow."""
 
 import numpy as np
 import pytest
@@ -17,12 +18,16 @@ NOISE = 0.01 * np.random.default_rng(1).standard_normal(len(T))
 
 def ended(z, cost, number=0):
     none = np.zeros(0)
-    return RunResult("least_squares", number, 1, np.asarray(z, dtype=float), cost, 100.0, 0.0, Status.converged, none, none, 0, {})
+    return RunResult(
+        "least_squares", number, 1, np.asarray(z, dtype=float), cost, 100.0, 0.0, Status.converged, none, none, 0, {}
+    )
 
 
 def test_a_fit_goes_on_with_finer_steps_until_the_cost_is_right():
     text = "y' = r*y*(1 - y)"
-    model = pf.equations(text, states={"y": {"initial": 1e-4}}, outputs=["y"], parameters={"r": {"bounds": (0.5, 20.0), "scale": "log"}})
+    model = pf.equations(
+        text, states={"y": {"initial": 1e-4}}, outputs=["y"], parameters={"r": {"bounds": (0.5, 20.0), "scale": "log"}}
+    )
     y = 1.0 / (1.0 + (1e4 - 1.0) * np.exp(-3.0 * T)) + NOISE
     coarse = Problem(model, from_arrays(T, signals={"y": y}, name="run"))
     coarse = coarse.with_simulator(coarse.predictor.stepping().refined(4))
@@ -38,7 +43,9 @@ def test_a_fit_goes_on_with_finer_steps_until_the_cost_is_right():
 
 def test_an_answer_behind_a_pole_is_refused_with_time_and_state():
     # x' = k x^2 from 1 has its pole at 1/k; steps of 1 s jump over it, and data are what they give there
-    model = pf.equations("x' = k*x^2\n y = x", states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.01, 5.0)}})
+    model = pf.equations(
+        "x' = k*x^2\n y = x", states={"x": {"initial": 1.0}}, outputs=["y"], parameters={"k": {"bounds": (0.01, 5.0)}}
+    )
     y = Problem(model, from_arrays(T, signals={"y": T}, name="run"), substeps=1).predict(np.array([4.0]))["y"]
     problem = Problem(model, from_arrays(T, signals={"y": y + 1e-3 * NOISE}, name="run"), substeps=1)
     behind = np.asarray(problem.space.cube(np.array([4.0])))

@@ -39,7 +39,10 @@ def outside():
 def optima(outside):
     """Without and with the constraints of links."""
     data = compress(*outside)
-    return [constrained_optimum(data, base_values, NAMES, LOWER, UPPER, c, starts=6) for c in (None, link_constraints(LINKS))]
+    return [
+        constrained_optimum(data, base_values, NAMES, LOWER, UPPER, c, starts=6)
+        for c in (None, link_constraints(LINKS))
+    ]
 
 
 @pytest.mark.parametrize("constrained", [False, True])
@@ -97,7 +100,15 @@ def test_brute_force_finds_nothing_better_under_constraints(outside, optima):
         return value + 1e4 * broken
 
     done = differential_evolution(
-        cost, [(0, 1)] * 6, rng=1, maxiter=600, popsize=20, tol=1e-12, vectorized=True, updating="deferred", polish=False
+        cost,
+        [(0, 1)] * 6,
+        rng=1,
+        maxiter=600,
+        popsize=20,
+        tol=1e-12,
+        vectorized=True,
+        updating="deferred",
+        polish=False,
     )
     assert done.fun >= found.cost * (1 - 1e-6)
     assert done.fun == pytest.approx(found.cost, rel=1e-3)
@@ -114,7 +125,9 @@ def test_two_parameters_against_a_grid():
     )
     a, b = np.meshgrid(np.linspace(0, 2, 1001), np.linspace(0, 2, 1001), indexing="ij")
     cost = (
-        (data.R[0, 0] * a * b + data.R[0, 1] * a - data.projected[0]) ** 2 + (data.R[1, 1] * a - data.projected[1]) ** 2 + data.rest
+        (data.R[0, 0] * a * b + data.R[0, 1] * a - data.projected[0]) ** 2
+        + (data.R[1, 1] * a - data.projected[1]) ** 2
+        + data.rest
     ) / data.n
     best = np.min(np.where(a + b <= 1 + 1e-12, cost, np.inf))
     assert found.active == ("a + b <= 1",)
@@ -170,7 +183,9 @@ def test_the_optimum_is_proven_global_for_many_noise_realisations():
         data = compress(columns, y)
         for constraints in ({}, link_constraints(LINKS)):
             found = constrained_optimum(data, base_values, NAMES, LOWER, UPPER, constraints, seed=seed)
-            floor = certified_floor(data, base_values, NAMES, LOWER, UPPER, LINKS, found.cost, inside_links=bool(constraints))
+            floor = certified_floor(
+                data, base_values, NAMES, LOWER, UPPER, LINKS, found.cost, inside_links=bool(constraints)
+            )
             assert floor.cost <= found.cost * (1 + 1e-12)
             assert floor.gap < 1e-5, (seed, constraints.keys(), found.sentence)
             assert found.kkt < 1e-6, (seed, found.sentence)
@@ -185,7 +200,9 @@ def test_wrong_input_is_told_in_a_sentence():
     with pytest.raises(ModelError, match="give a lower below an upper"):
         constrained_optimum(data, base_values, NAMES, UPPER, LOWER)
     with pytest.raises(ModelError, match="not linear"):
-        certified_floor(data, lambda p: [*list(base_values(p).values())[:3], p["m2"] ** 2], NAMES, LOWER, UPPER, LINKS, 1.0)
+        certified_floor(
+            data, lambda p: [*list(base_values(p).values())[:3], p["m2"] ** 2], NAMES, LOWER, UPPER, LINKS, 1.0
+        )
     with pytest.raises(ModelError, match="m1 may be 0"):
         certified_floor(data, base_values, NAMES, np.r_[0.0, LOWER[1:]], UPPER, LINKS, 1.0)
     with pytest.raises(ModelError, match="length 0"):

@@ -28,7 +28,9 @@ def test_more_terms_than_the_data_carry_lose():
     def degree(d):
         made = leave_one_out(
             data,
-            lambda kept: np.polyfit(np.concatenate([r[0] for r in kept.values()]), np.concatenate([r[1] for r in kept.values()]), d),
+            lambda kept: np.polyfit(
+                np.concatenate([r[0] for r in kept.values()]), np.concatenate([r[1] for r in kept.values()]), d
+            ),
             lambda p, held: {"mse": float(np.mean((np.polyval(p, held[0]) - held[1]) ** 2))},
         )
         return [v.scores["mse"] for v in made.values()]
@@ -46,7 +48,13 @@ def test_choice_refuses_scores_of_other_recordings():
 
 
 def decay():
-    return equations("x' = u - k*x", inputs={"u": ""}, states={"x": {"unit": "", "initial": "x"}}, outputs={"x": ""}, parameters={"k": {}})
+    return equations(
+        "x' = u - k*x",
+        inputs={"u": ""},
+        states={"x": {"unit": "", "initial": "x"}},
+        outputs={"x": ""},
+        parameters={"k": {}},
+    )
 
 
 def test_windows_begin_at_the_measured_state_on_uneven_steps():
@@ -61,7 +69,9 @@ def test_windows_begin_at_the_measured_state_on_uneven_steps():
     np.testing.assert_array_equal(a.simulated["x"][:, 0], a.measured["x"][:, 0])
     np.testing.assert_array_equal(a.t[1:, 0], a.t[:-1, -1])
     # a wrong rate decays from the true start of every window
-    np.testing.assert_allclose(a.simulated["x"], a.measured["x"][:, :1] * np.exp(-2 * k * (a.t - a.t[:, :1])), rtol=1e-6)
+    np.testing.assert_allclose(
+        a.simulated["x"], a.measured["x"][:, :1] * np.exp(-2 * k * (a.t - a.t[:, :1])), rtol=1e-6
+    )
     assert a.rmse()["x"] == pytest.approx(np.sqrt(np.mean((a.simulated["x"] - a.measured["x"]) ** 2)))
 
 

@@ -39,7 +39,9 @@ def resonance(u, K, w0, d, dt=0.05):
 
 
 def answer_of(text, states, bounds, t, u, y, noise):
-    model = pf.equations(text, inputs={"u": "1"}, outputs={"y": "1"}, states=states, parameters=list(bounds), name="plant", check=False)
+    model = pf.equations(
+        text, inputs={"u": "1"}, outputs={"y": "1"}, states=states, parameters=list(bounds), name="plant", check=False
+    )
     rng = np.random.default_rng(11)
     record = pf.from_arrays({"t": t, "u": u, "y": y + noise * rng.standard_normal(len(t))}, time="t", units=ONE)
     parameters = {n: pf.Parameter(bounds=b, scale="log", unit=w) for n, (b, w) in bounds.items()}
@@ -64,7 +66,13 @@ def mode():
     u = np.where(t < 1.0, 0.0, 0.7)
     bounds = {"K": ((0.1, 20.0), "1"), "w0": ((0.5, 20.0), "1/s"), "d": ((0.01, 1.0), "1")}
     return answer_of(
-        "x' = v\nv' = w0*w0*(K*u - x) - 2*d*w0*v\ny = x", {"x": "1", "v": "1/s"}, bounds, t, u, resonance(u, 2.0, 3.0, 0.15), 0.1
+        "x' = v\nv' = w0*w0*(K*u - x) - 2*d*w0*v\ny = x",
+        {"x": "1", "v": "1/s"},
+        bounds,
+        t,
+        u,
+        resonance(u, 2.0, 3.0, 0.15),
+        0.1,
     )
 
 
@@ -72,7 +80,9 @@ def mode():
 def static():
     rng = np.random.default_rng(0)
     u = rng.uniform(-1, 1, 60)
-    model = pf.equations("y = a + b*u + c*u*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=list("abc"), name="parabola")
+    model = pf.equations(
+        "y = a + b*u + c*u*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=list("abc"), name="parabola"
+    )
     record = pf.from_arrays({"u": u, "y": 1 + 2 * u - u * u + 0.1 * rng.standard_normal(60)}, period=1.0, units=ONE)
     return pf.fit(pf.Problem(model, record, {n: (-10.0, 10.0) for n in "abc"}), seed=1)
 
@@ -104,7 +114,9 @@ def test_the_information_is_that_of_the_exact_jacobian(lag):
     assert own == pytest.approx(jacobian.T @ jacobian, rel=2e-3, abs=1e-3 * np.max(np.abs(own)))
 
 
-@pytest.mark.parametrize(("case", "simulate", "dt", "ends"), [("lag", first_order, RATE, (0, 1)), ("mode", resonance, 0.05, (-1, 1))])
+@pytest.mark.parametrize(
+    ("case", "simulate", "dt", "ends"), [("lag", first_order, RATE, (0, 1)), ("mode", resonance, 0.05, (-1, 1))]
+)
 def test_fits_of_recordings_of_the_input_reach_the_errors_that_were_foretold(case, simulate, dt, ends, request):
     answer = request.getfixturevalue(case)
     found = pf.design(answer, inputs={"u": ends}, duration=20, alone=True, seed=2, budget=1500)
@@ -137,7 +149,11 @@ def tank_answer():
 
 
 def test_errors_are_smaller_than_with_step_prbs_multisine_and_chirp_on_three_plants(lag, mode):
-    for answer, ends, limits in ((lag, (0, 1), None), (mode, (-1, 1), None), (tank_answer(), (0.2, 1.5), {"y": (0.05, 1.6)})):
+    for answer, ends, limits in (
+        (lag, (0, 1), None),
+        (mode, (-1, 1), None),
+        (tank_answer(), (0.2, 1.5), {"y": (0.05, 1.6)}),
+    ):
         found = pf.design(answer, inputs={"u": ends}, limits=limits)
         compared = {c["kind"]: c["times"] for c in found.record["compared"]}
         assert set(compared) == {"step", "PRBS", "multisine", "chirp"}
@@ -147,7 +163,14 @@ def test_errors_are_smaller_than_with_step_prbs_multisine_and_chirp_on_three_pla
 
 def test_limits_of_level_slew_and_hold_are_kept(mode):
     found = pf.design(
-        mode, inputs={"u": (-1, 1)}, limits={"y": (-1.5, "1.2")}, slew={"u": 4.0}, hold="0.5 s", duration="15 s", draws=4, budget=1500
+        mode,
+        inputs={"u": (-1, 1)},
+        limits={"y": (-1.5, "1.2")},
+        slew={"u": 4.0},
+        hold="0.5 s",
+        duration="15 s",
+        draws=4,
+        budget=1500,
     )
     free = pf.design(mode, inputs={"u": (-1, 1)}, duration="15 s", draws=4, budget=1500)
     u = found.recording["u"]
@@ -204,10 +227,14 @@ def test_two_models_are_told_apart_as_often_as_foretold(samples, top):
     y = 1 + 2 * u + noise * rng.standard_normal(80)
     fits = []
     for k, text in enumerate(("y = a + b*u", "y = a + b*u*(1 + u)")):
-        model = pf.equations(text, inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name=f"model-{k}", check=False)
+        model = pf.equations(
+            text, inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name=f"model-{k}", check=False
+        )
         record = pf.from_arrays({"u": u, "y": y}, period=1.0, units=ONE)
         fits.append(pf.fit(pf.Problem(model, record, {n: (-10.0, 10.0) for n in "ab"}), seed=1))
-    found = pf.design(fits[0], against=fits[1], inputs={"u": (0, top)}, duration=samples, draws=0, noise={"y": noise}, budget=600)
+    found = pf.design(
+        fits[0], against=fits[1], inputs={"u": (0, top)}, duration=samples, draws=0, noise={"y": noise}, budget=600
+    )
     foretold = 0.5 * (1 + erf(0.5 * found.record["distance"] / np.sqrt(2)))
     assert (f"{100 * foretold:.3g} %" if foretold < 0.999 else "more than 99.9 %") in found.verdict[0]["sentence"]
 
@@ -249,7 +276,9 @@ def test_regressions_have_no_input(static):
     rng = np.random.default_rng(0)
     signals = {n: rng.standard_normal(40) for n in (*regression.signals, *regression.outputs)}
     record = pf.from_arrays(
-        signals, period=1.0, units={n: u for n, u in {**regression.signals, **regression.outputs}.items() if u is not None}
+        signals,
+        period=1.0,
+        units={n: u for n, u in {**regression.signals, **regression.outputs}.items() if u is not None},
     )
     answer = pf.fit(pf.Problem(regression, record, {p.name: (-5.0, 5.0) for p in regression.parameters}), seed=1)
     with pytest.raises(ModelError, match="no inputs over time"):

@@ -1,4 +1,5 @@
-"""Diagnosis on a sample of benchmarks/diagnosis.py: planted faults are named with their size, clean records are left alone."""
+"""Diagnosis on a sample of benchmarks/diagnosis.py: planted faults are named with their size, clean records are left
+alone."""
 
 import sys
 from dataclasses import replace
@@ -72,7 +73,9 @@ def test_coloured_noise_is_not_taken_for_a_fault(tmp_path):
         rng = np.random.default_rng(3)
         noise = lfilter([1.0], [1.0, -0.95], rng.normal(size=len(recording)))
         y = recording["y"] + 0.1 * np.std(recording["y"]) * noise / np.std(noise)
-        return Recording(recording.t, {**recording.signals, "y": Signal(y, recording.signals["y"].unit)}, recording.name)
+        return Recording(
+            recording.t, {**recording.signals, "y": Signal(y, recording.signals["y"].unit)}, recording.name
+        )
 
     d = diagnosed(write(PLANTS["first"], "clean", 0.005, 0, tmp_path), noisy)
     assert not d.found
@@ -83,7 +86,9 @@ def test_outliers_are_named_and_do_not_hide_a_dead_time(tmp_path):
         y, rng = recording["y"].copy(), np.random.default_rng(0)
         at = rng.choice(len(y), 12, replace=False)
         y[at] += 3 * np.std(y)
-        return Recording(recording.t, {**recording.signals, "y": Signal(y, recording.signals["y"].unit)}, recording.name)
+        return Recording(
+            recording.t, {**recording.signals, "y": Signal(y, recording.signals["y"].unit)}, recording.name
+        )
 
     d = diagnosed(write(PLANTS["first"], "dead_time", 0.01, 1, tmp_path), spiked)
     assert d.outliers.named
@@ -97,7 +102,9 @@ def test_two_faults_are_named_one_after_the_other_and_the_file_runs(tmp_path):
 
     def drifting(recording):
         y = recording["y"] + 0.2 * recording.t
-        return Recording(recording.t, {**recording.signals, "y": Signal(y, recording.signals["y"].unit)}, recording.name)
+        return Recording(
+            recording.t, {**recording.signals, "y": Signal(y, recording.signals["y"].unit)}, recording.name
+        )
 
     study = load(place)
     d = diagnosed(place, drifting)
@@ -145,7 +152,8 @@ def test_effects_on_signals_are_their_closed_forms():
 
 
 def test_a_cause_that_the_catalogue_lacks_is_not_called_very_likely(tmp_path):
-    """A tank that empties by the root of its level, fitted as a linear one: a dead zone of the inflow explains much, and is false."""
+    """A tank that empties by the root of its level, fitted as a linear one: a dead zone of the inflow explains much,
+    and is false."""
     draw = np.random.default_rng(5)
     period, n, level, levels = 0.5, 1200, 1.0, []
     inflow = np.repeat(draw.uniform(0.5, 3.0, n // 40), 40)

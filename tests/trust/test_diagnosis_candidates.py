@@ -1,4 +1,5 @@
-"""The table of additions: complete, at the place of the model's extension, with laws whose derivatives are those of differences."""
+"""The table of additions: complete, at the place of the model's extension, with laws whose derivatives are those of
+differences."""
 
 import numpy as np
 import pytest
@@ -12,7 +13,9 @@ PLACES = {"inputs": Before, "states": Inside, "changes": Changing, "outputs": Be
 
 
 def test_every_extension_of_a_model_is_a_candidate_at_its_place():
-    assert set(CANDIDATES) == {name for name, kind in KINDS.items() if not kind.over_time}  # a curve in time is tried by itself
+    assert set(CANDIDATES) == {
+        name for name, kind in KINDS.items() if not kind.over_time
+    }  # a curve in time is tried by itself
     for kind, candidate in CANDIDATES.items():
         assert isinstance(candidate, PLACES[KINDS[kind].to]), kind
 
@@ -39,7 +42,9 @@ def test_laws_of_sensors_have_the_derivatives_of_differences(kind):
     np.testing.assert_allclose(slopes[:, 0], (shown(step, value)[0] - shown(-step, value)[0]) / (2 * step), atol=1e-6)
     assert (by_value is None) == candidate.differenced
     if by_value is not None:
-        np.testing.assert_allclose(by_value, (shown(0.0, value + step)[0] - shown(0.0, value - step)[0]) / (2 * step), atol=1e-6)
+        np.testing.assert_allclose(
+            by_value, (shown(0.0, value + step)[0] - shown(0.0, value - step)[0]) / (2 * step), atol=1e-6
+        )
 
 
 @pytest.mark.parametrize("kind", CANDIDATES)

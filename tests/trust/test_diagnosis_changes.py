@@ -1,6 +1,8 @@
-"""Parameters that change with an input, a state or time, cross-terms of inputs, and friction that falls with speed: named with their sizes.
+"""Parameters that change with an input, a state or time, cross-terms of inputs, and friction that falls with speed:
+named with their sizes.
 
-Truths are simulated elsewhere (benchmarks/diagnosis.py; scipy for the room below), and never are the values at which a fit begins.
+Truths are simulated elsewhere (benchmarks/diagnosis.py; scipy for the room below), and never are the values at which a
+fit begins.
 """
 
 import sys
@@ -34,7 +36,12 @@ def answered(problem):
 
 @pytest.mark.parametrize(
     ("plant", "fault"),
-    [("first", "change K with u"), ("first", "change tau with t"), ("second", "change k with x"), ("tanks", "change a2 with t")],
+    [
+        ("first", "change K with u"),
+        ("first", "change tau with t"),
+        ("second", "change k with x"),
+        ("tanks", "change a2 with t"),
+    ],
 )
 def test_what_changes_is_named_with_its_size_and_the_file_runs(plant, fault, tmp_path):
     made = PLANTS[plant]
@@ -69,20 +76,25 @@ def test_what_changes_is_named_with_its_size_and_the_file_runs(plant, fault, tmp
 
 
 def room(seed, cross, noise=0.1):
-    """A room heated by u and cooled by v; with `cross` the heater does less where v is more. Temperatures above that outside."""
+    """A room heated by u and cooled by v; with `cross` the heater does less where v is more. Temperatures above that
+    outside."""
     rng, n, h = np.random.default_rng(seed), 400, 4.0
     t, x = np.arange(n) * h, np.zeros(n)
     u, v = np.repeat(rng.uniform(0, 10, n // 10), 10), np.repeat(rng.uniform(0, 5, n // 16), 16)
     for k in range(n - 1):
         gain = 3.0 * (1.0 + cross * (v[k] - 2.5))
         steady = gain * u[k] - 2.0 * v[k]
-        x[k + 1] = solve_ivp(lambda s, y, steady=steady: (steady - y) / 40.0, (0.0, h), [x[k]], rtol=1e-9, atol=1e-9).y[0, -1]
+        x[k + 1] = solve_ivp(lambda s, y, steady=steady: (steady - y) / 40.0, (0.0, h), [x[k]], rtol=1e-9, atol=1e-9).y[
+            0, -1
+        ]
     measured = x + noise * rng.standard_normal(n)
     record = Recording(t, {"u": Signal(u, "V"), "v": Signal(v, "V"), "T": Signal(measured, "K")}, "a")
     model = equations(
-        "x' = (K1*u + K2*v - x)/tau; T = x", inputs={"u": "V", "v": "V"}, states={"x": {"unit": "K", "initial": 0.0}}, outputs={"T": "K"},
+        "x' = (K1*u + K2*v - x)/tau; T = x", inputs={"u": "V", "v": "V"}, states={"x": {"unit": "K", "initial": 0.0}},
+        outputs={"T": "K"},
         parameters={
-            "K1": {"bounds": (0.1, 100.0), "unit": "K/V", "scale": "log"}, "K2": {"bounds": (-100.0, 0.0), "unit": "K/V"},
+            "K1": {"bounds": (0.1, 100.0), "unit": "K/V", "scale": "log"},
+            "K2": {"bounds": (-100.0, 0.0), "unit": "K/V"},
             "tau": {"bounds": (1.0, 1000.0), "unit": "s", "scale": "log"},
         },
     )  # fmt: skip
@@ -100,7 +112,10 @@ def test_a_cross_term_of_two_inputs_is_named_by_all_its_names():
     assert first.extension.signal == "K1 with v"
     assert first.value == pytest.approx(-0.06 / (1.0 - 0.06 * (reference - 2.5)), abs=4 * first.standard_error)
     said = diagnosis_record(d)["verdict"][0]["sentence"]
-    assert "a change of K2 with u, a change of u with v and a change of v with u explain it as well: one of them is" in said
+    assert (
+        "a change of K2 with u, a change of u with v and a change of v with u explain it as well: one of them is"
+        in said
+    )
     assert "this record cannot tell which" in said
 
 
@@ -111,7 +126,8 @@ def test_two_inputs_without_a_cross_term_have_none(seed):
 
 
 def test_dry_friction_and_its_fall_with_speed_are_both_named(tmp_path):
-    """A motor with the whole Stribeck curve: 100 at speed, 200 rad/s^2 at breakaway, falling within 6 rad/s; noise of 2 %."""
+    """A motor with the whole Stribeck curve: 100 at speed, 200 rad/s^2 at breakaway, falling within 6 rad/s; noise
+    of 2 %."""
     answer = answered(load(write(PLANTS["motor"], "coulomb+stribeck", 0.02, 7, tmp_path)).problem)
     d = diagnose(answer.problem, answer.best.x)
     assert {t.extension.kind for t in d.found} == {"coulomb", "stribeck"}
@@ -153,7 +169,8 @@ def test_derivatives_by_changes_are_exact_and_the_core_leaves_them_out(tmp_path)
 
 
 def test_of_many_changes_the_best_by_their_derivatives_are_tried(tmp_path):
-    """What a straight line explains is what least squares with that column explains; the planted one is among the best."""
+    """What a straight line explains is what least squares with that column explains; the planted one is among the
+    best."""
     problem = load(write(PLANTS["second"], "change k with t", 0.01, 2, tmp_path)).problem
     answer = answered(problem)
     carrier = Carrier.of(answer.problem, answer.best.x, inside_kinds(answer.problem))
@@ -185,10 +202,17 @@ def test_parameters_that_may_not_change_and_too_many_pairs(tmp_path):
     text += "reference_K_with_t = { value = 0 }\n"
     problem = load(write(replace(plant, study=text), "clean", 0.01, 0, tmp_path)).problem
     pairs = inside_kinds(problem)["change"]
-    assert set(pairs) == {"K with u", "K with x", "tau with u", "tau with t", "tau with x"}  # no dead time, no change twice
+    assert set(pairs) == {
+        "K with u",
+        "K with x",
+        "tau with u",
+        "tau with t",
+        "tau with x",
+    }  # no dead time, no change twice
     many = [f"p{k}" for k in range(30)]
     model = equations(
-        f"x' = ({' + '.join(many)})*u - x; y = x", inputs={"u": "V"}, states={"x": {"unit": "K", "initial": 0.0}}, outputs={"y": "K"},
+        f"x' = ({' + '.join(many)})*u - x; y = x", inputs={"u": "V"}, states={"x": {"unit": "K", "initial": 0.0}},
+        outputs={"y": "K"},
         parameters={p: {"bounds": (0.0, 1.0)} for p in many}, check=False,
     )  # fmt: skip
     t = np.arange(40) * 0.1
@@ -197,7 +221,8 @@ def test_parameters_that_may_not_change_and_too_many_pairs(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("value", "deviation", "number"), [(0.47, 1.4, 0.0), (3.6, 0.9, 3.6), (293.42, 5.0, 293.0), (1234.0, 160.0, 1200.0), (0.0, 1e-9, 0.0)]
+    ("value", "deviation", "number"),
+    [(0.47, 1.4, 0.0), (3.6, 0.9, 3.6), (293.42, 5.0, 293.0), (1234.0, 160.0, 1200.0), (0.0, 1e-9, 0.0)],
 )
 def test_references_are_round_numbers_within_half_a_step(value, deviation, number):
     found = round_number(value, deviation)

@@ -13,7 +13,8 @@ from plantfit.trust.validate.wandering import Left, usable, wandering, whitened
 
 
 def disturbed_problem(place, plant, fault, seed, size=1.0):
-    """A record with a random walk on the output, of steps of `size` times the noise, which is 1 % of the output's spread."""
+    """A record with a random walk on the output, of steps of `size` times the noise, which is 1 % of the output's
+    spread."""
     problem = load(write(PLANTS[plant], fault, 0.01, seed, place)).problem
     (name, e), (output,) = next(iter(problem.experiments.items())), problem.outputs
     y = e.recording[output]
@@ -45,7 +46,9 @@ def test_parameters_beside_a_disturbance_are_those_of_the_plant(tmp_path, plant)
     assert np.mean(held) >= 0.9
 
 
-@pytest.mark.parametrize("fault", ["dead_time", "lag", "saturation", "backlash", "start", "change K with u", "change tau with t"])
+@pytest.mark.parametrize(
+    "fault", ["dead_time", "lag", "saturation", "backlash", "start", "change K with u", "change tau with t"]
+)
 def test_an_error_of_the_model_is_not_called_a_disturbance(tmp_path, fault):
     """Nor is it where the addition is not tried at all: the residual follows the input."""
     for seed in (1, 2):

@@ -1,5 +1,5 @@
-"""What misled the diagnosis: fits that had not come to their end, outliers that a wrong model hid, friction sharper than was tried, a first
-guess that stood for two causes. Each case failed before its mechanism was mended."""
+"""What misled the diagnosis: fits that had not come to their end, outliers that a wrong model hid, friction sharper
+than was tried, a first guess that stood for two causes. Each case failed before its mechanism was mended."""
 
 import sys
 from pathlib import Path
@@ -30,7 +30,8 @@ def carried(plant, folder):
 
 @pytest.mark.parametrize("fault", ["saturation", "offset"])
 def test_a_second_cause_is_not_named_for_a_fit_without_it_that_was_not_at_its_end(fault):
-    """The wrong model presses a parameter to its bound, from where a bent valley leads back; a dead time of 0.4 ± 0.4 ms came with it."""
+    """The wrong model presses a parameter to its bound, from where a bent valley leads back; a dead time of 0.4 ±
+    0.4 ms came with it."""
     one = judged(PLANTS["motor"], fault, 0.005, 20)
     assert (one.found, one.later, one.wrong) == (one.found[:1], (), ())
     assert one.found[0].startswith(fault)
@@ -87,7 +88,8 @@ def test_two_causes_that_look_like_a_third_are_found_together(tmp_path):
 
 
 def test_two_causes_of_which_neither_tells_anything_alone_are_named(tmp_path):
-    """A saturation before a lag: with either alone a fit leaves twenty times the noise, so slow that nothing of it counts as evidence."""
+    """A saturation before a lag: with either alone a fit leaves twenty times the noise, so slow that nothing of it
+    counts as evidence."""
     place = write(PLANTS["first"], "saturation+lag", 0.005, 43, tmp_path)
     answer = fit(load(place).problem, budget=1500)
     d = diagnose(answer.problem, answer.best.x)
@@ -127,7 +129,8 @@ def test_changed_inputs_are_written_where_preparing_them_anew_would(tmp_path, mo
 
 
 def test_what_was_found_first_gives_its_place_to_what_fits_better_beside_a_later_cause(tmp_path):
-    """A further lag with a wrong initial value, in the tanks: a sensor lag explains more at first, and is neither of both."""
+    """A further lag with a wrong initial value, in the tanks: a sensor lag explains more at first, and is neither of
+    both."""
     place = write(PLANTS["tanks"], "lag+start", 0.02, 41, tmp_path)
     answer = fit(load(place).problem, budget=1500)
     d = diagnose(answer.problem, answer.best.x)
@@ -138,6 +141,11 @@ def test_what_was_found_first_gives_its_place_to_what_fits_better_beside_a_later
     assert record["exchanged"] == {"sensor lag of y": "further lag of u"}
     assert record["dropped"] == ["initial value of h2"]  # which had stood for that of h1
     said = [s["sentence"] for s in record["verdict"]]
-    assert "A sensor lag of y was found first; beside what was found later a further lag of u fits better in its place." in said
-    assert any(s.startswith("Another initial value of h2 was found first, and explains nothing beside that") for s in said)
+    assert (
+        "A sensor lag of y was found first; beside what was found later a further lag of u fits better in its place."
+        in said
+    )
+    assert any(
+        s.startswith("Another initial value of h2 was found first, and explains nothing beside that") for s in said
+    )
     assert not any(s.startswith("A sensor lag of") and "explains" in s for s in said)

@@ -41,13 +41,18 @@ def test_of_too_many_the_sentence_says_how_many_are_taken(spiky, monkeypatch):
     assert 0 < taken < d.apart.sum()
 
 
-@pytest.mark.parametrize(("turn", "said"), [(1, "additions to the model were tried until then"), (2, "were tried alone")])
+@pytest.mark.parametrize(
+    ("turn", "said"), [(1, "additions to the model were tried until then"), (2, "were tried alone")]
+)
 def test_a_diagnosis_that_is_stopped_says_how_far_it_came(spiky, turn, said):
     """In its first round, and in the second beside what that found."""
     answer, whole = spiky
     told = []
     meter = Meter(stop=lambda: told.count("trying saturation of u") >= turn, winds_up=True)
-    sentences = [v["sentence"] for v in diagnosis_record(diagnose(answer.problem, answer.best.x, told.append, meter=meter))["verdict"]]
+    sentences = [
+        v["sentence"]
+        for v in diagnosis_record(diagnose(answer.problem, answer.best.x, told.append, meter=meter))["verdict"]
+    ]
     assert meter.stopped
     assert any(s.startswith("It was stopped: ") and said in s for s in sentences)
     assert not any(v["sentence"].startswith("It was stopped") for v in diagnosis_record(whole)["verdict"])

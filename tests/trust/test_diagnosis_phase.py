@@ -1,4 +1,5 @@
-"""The diagnosis of an answer that was judged: when it is made, how much it may cost, and a verdict that does not contradict it."""
+"""The diagnosis of an answer that was judged: when it is made, how much it may cost, and a verdict that does not
+contradict it."""
 
 import sys
 from pathlib import Path
@@ -74,7 +75,10 @@ def test_the_diagnosis_of_an_answer_stands_in_findings_verdict_and_report(late):
 
 def test_nothing_is_looked_for_where_the_residual_is_noise_or_the_model_has_no_time(late):
     white = {**late.findings, "residual_tests": [{**t, "white": True} for t in late.findings["residual_tests"]]}
-    quiet = [{**r, "outputs": {n: {**o, "simulated": o["measured"]} for n, o in r["outputs"].items()}} for r in white["recordings"]]
+    quiet = [
+        {**r, "outputs": {n: {**o, "simulated": o["measured"]} for n, o in r["outputs"].items()}}
+        for r in white["recordings"]
+    ]
     assert asked_for(late.findings)
     assert asked_for(white)  # not at the noise
     assert not asked_for({**white, "recordings": quiet})
@@ -89,12 +93,36 @@ def test_nothing_is_looked_for_where_the_residual_is_noise_or_the_model_has_no_t
 
 
 def test_no_other_sentence_guesses_at_causes_once_one_is_named():
-    row = {"recording": "a", "output": "y", "white": False, "autocorrelation": [1.0, 0.9], "lags_s": [0, 1], "bound": 0.1, "p_value": 0.0}
-    unseen = {"recording": "a", "output": "y", "unit": "V", "part": "validation", "n": 50, "rmse": 2.0, "bias": 1.9, "fit_percent": 10.0}
+    row = {
+        "recording": "a",
+        "output": "y",
+        "white": False,
+        "autocorrelation": [1.0, 0.9],
+        "lags_s": [0, 1],
+        "bound": 0.1,
+        "p_value": 0.0,
+    }
+    unseen = {
+        "recording": "a",
+        "output": "y",
+        "unit": "V",
+        "part": "validation",
+        "n": 50,
+        "rmse": 2.0,
+        "bias": 1.9,
+        "fit_percent": 10.0,
+    }
 
     def said(independent, found):
         rounds = None if found is None else {"rounds": [{"found": ["dead time of u"] if found else []}]}
-        tests = [{**row, "cross": {"u": {"lags_s": [], "values": [], "bound": 0.1, "independent": independent, "explained": -0.1}}}]
+        tests = [
+            {
+                **row,
+                "cross": {
+                    "u": {"lags_s": [], "values": [], "bound": 0.1, "independent": independent, "explained": -0.1}
+                },
+            }
+        ]
         findings = {
             "recordings": [{"name": "a"}],
             "residual_tests": tests,
@@ -153,7 +181,9 @@ def lagging(u, gain, tau, period):
 def diagnosed_as_a_lag(t, u, y, slowest):
     """(answer, diagnosis) of a first-order model that begins at the first measured value."""
     bounds = {"b": {"bounds": (0.01, 10.0)}, "T": {"bounds": (slowest / 500.0, slowest)}}
-    model = equations("x' = (b*u - x)/T; y = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=bounds)
+    model = equations(
+        "x' = (b*u - x)/T; y = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=bounds
+    )
     found = fit(Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y)})), budget=400, seed=1)
     found.findings["reproduction"]["command"] = "plantfit run tank.toml"
     return found, found.diagnose()
@@ -187,7 +217,11 @@ def test_beside_an_output_that_is_read_seldom_no_addition_is_proposed(every):
         t, u = 0.1 * np.arange(n), np.repeat(rng.uniform(0.0, 5.0, 32), 25)
         y = np.repeat((lagging(u, 2.0, 1.5, 0.1) + 0.01 * rng.normal(size=n))[::every], every)
         found, d = diagnosed_as_a_lag(t, u, y, 50.0)
-        said = [v["sentence"] for v in found.findings["verdict"] if "was read more seldom than it was recorded" in v["sentence"]]
+        said = [
+            v["sentence"]
+            for v in found.findings["verdict"]
+            if "was read more seldom than it was recorded" in v["sentence"]
+        ]
         if every == 1:
             assert said == []
             assert d is None or not any(r["found"] for r in d["rounds"])

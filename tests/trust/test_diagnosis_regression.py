@@ -1,4 +1,5 @@
-"""What a regression lacks is found by its columns: friction of which the truth is known, and nothing where nothing is missing."""
+"""What a regression lacks is found by its columns: friction of which the truth is known, and nothing where nothing
+is missing."""
 
 import numpy as np
 import pytest
@@ -90,9 +91,15 @@ def test_signals_that_a_filter_took_away_are_asked_for(tmp_path):
 
 def test_a_table_of_instruments_has_no_diagnosis(tmp_path):
     study(tmp_path, 5, lambda q, v: 0 * v, False)
-    text = (tmp_path / "axis.toml").read_text().replace('velocity = "velocity", acceleration = "acceleration"', 'velocity = "velocity"')
+    text = (
+        (tmp_path / "axis.toml")
+        .read_text()
+        .replace('velocity = "velocity", acceleration = "acceleration"', 'velocity = "velocity"')
+    )
     text = text.replace('velocity = "m/s", acceleration = "m/s^2"', 'velocity = "m/s"')
-    text += '[regression]\nmethod = "least squares"\nderivatives = { velocity = ["acceleration", "jerk"] }\nband = 10.0\n'
+    text += (
+        '[regression]\nmethod = "least squares"\nderivatives = { velocity = ["acceleration", "jerk"] }\nband = 10.0\n'
+    )
     (tmp_path / "axis.toml").write_text(text)
     with pytest.raises(SpecError, match="solved in closed form"):
         before_filter(load(tmp_path / "axis.toml"))
@@ -100,7 +107,10 @@ def test_a_table_of_instruments_has_no_diagnosis(tmp_path):
 
 def test_a_run_tries_what_is_missing_where_much_is_left(tmp_path):
     """And nothing where the residual is noise; of filtered columns it says what is needed."""
-    bent, white = study(tmp_path, 5, lambda q, v: 2.9 * v * np.abs(v), False), study(tmp_path, 5, lambda q, v: 0 * v, False)
+    bent, white = (
+        study(tmp_path, 5, lambda q, v: 2.9 * v * np.abs(v), False),
+        study(tmp_path, 5, lambda q, v: 0 * v, False),
+    )
     answer = fit(bent.problem)
     answer.diagnose()
     assert answer.findings["diagnosis"]["rounds"][0]["found"] == ["drag by the square on force with velocity"]

@@ -1,4 +1,5 @@
-"""A slow drift as a curve in time: told from errors of the model, written into the study file, and the parameters beside it."""
+"""A slow drift as a curve in time: told from errors of the model, written into the study file, and the parameters
+beside it."""
 
 import pickle
 import sys
@@ -104,7 +105,9 @@ def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
     assert np.mean(held) >= 0.9
 
 
-@pytest.mark.parametrize("fault", ["dead_time", "lag", "saturation", "backlash", "change K with u", "change tau with t", "coloured"])
+@pytest.mark.parametrize(
+    "fault", ["dead_time", "lag", "saturation", "backlash", "change K with u", "change tau with t", "coloured"]
+)
 def test_an_error_of_the_model_is_not_called_a_drift(tmp_path, fault):
     """Nor is it where the addition is not tried at all."""
     from plantfit.trust.diagnosis.catalogue import inside_kinds
@@ -138,13 +141,17 @@ def test_a_curve_that_nothing_asks_for_stays_at_zero(tmp_path):
     study = load(write(PLANTS["first"], "clean", 0.01, 4, tmp_path))
     plain = fit(study.problem, budget=1500)
     d = diagnose(plain.problem, plain.best.x, only="slow drift of y")
-    assert [v["sentence"] for v in diagnosis_record(d)["verdict"]] == ["Slow drift of y: a curve in time, as smooth as the data ask for."]
+    assert [v["sentence"] for v in diagnosis_record(d)["verdict"]] == [
+        "Slow drift of y: a curve in time, as smooth as the data ask for."
+    ]
     path = tmp_path / "new.toml"
     path.write_text(with_additions(study.text, study.path, changed(d), name="new"))
     answer = fit(parse(path.read_text(), path).problem, budget=1500)
     for name, value in PLANTS["first"].truth.items():
         assert abs(answer.values[name] - value) <= 3.0 * answer.standard_errors[name]
-    curve = np.asarray([v for n, v in zip(answer.problem.space.names, answer._vector, strict=True) if n.startswith("slow_drift_y")])
+    curve = np.asarray(
+        [v for n, v in zip(answer.problem.space.names, answer._vector, strict=True) if n.startswith("slow_drift_y")]
+    )
     assert np.max(np.abs(curve)) < 0.01 * np.ptp(study.problem.experiments["a"].recording["y"])
     assert LEVEL not in answer.verdict
     assert LEVEL not in plain.verdict
@@ -169,7 +176,8 @@ def test_a_model_without_inputs_is_not_said_to_be_moved_by_them(inputs, alone):
 
 
 def few_levels(seed, warm=0.0, play=0.0, offset=0.0):
-    """A lag (K 2, tau 1.5 s) beside an input of three levels: with a sensor that warms up, a play before the plant, or an offset."""
+    """A lag (K 2, tau 1.5 s) beside an input of three levels: with a sensor that warms up, a play before the plant,
+    or an offset."""
     rng, t = np.random.default_rng(seed), 0.2 * np.arange(250)
     u = np.repeat(rng.choice([0.0, 1.0, 2.0], 17), 15)[:250]
     y, x, gap = np.zeros(250), 2.0 * u[0], u[0]
@@ -190,7 +198,9 @@ def test_a_small_drift_beside_an_input_of_few_levels_is_no_backlash():
     found = 0
     for seed in range(6):
         record = few_levels(seed, warm=0.06)
-        sure = [r for r in record["rounds"] if r["likely"] in ("likely", "very likely") and r["found"] != ["drift of y"]]
+        sure = [
+            r for r in record["rounds"] if r["likely"] in ("likely", "very likely") and r["found"] != ["drift of y"]
+        ]
         said = " ".join(s["sentence"] for s in record["verdict"])
         named = any(r["found"] for r in record["rounds"])
         found += named

@@ -1,5 +1,5 @@
-"""Draws in a bent valley: dead time against time constant and gain on poor records. The truth has any place among them, and the density
-is that of the likelihood on a grid."""
+"""Draws in a bent valley: dead time against time constant and gain on poor records. The truth has any place among
+them, and the density is that of the likelihood on a grid."""
 
 import sys
 from pathlib import Path
@@ -21,7 +21,8 @@ SEEDS = range(100, 140)
 
 
 def records(seeds):
-    """(problem, its best point, truth) of records of the case "poor" with truths drawn from the prior; one compilation for all."""
+    """(problem, its best point, truth) of records of the case "poor" with truths drawn from the prior; one
+    compilation for all."""
     first = None
     for seed in seeds:
         rng = np.random.default_rng([seed, 2])
@@ -56,7 +57,8 @@ def test_the_truth_has_any_place_among_draws_in_a_bent_valley():
 
 
 def test_draws_have_the_quantiles_of_the_likelihood_on_a_grid():
-    """The cost to the power -n/2 over points that fill the box, on the scale of the search; residuals here are not correlated."""
+    """The cost to the power -n/2 over points that fill the box, on the scale of the search; residuals here are not
+    correlated."""
     for problem, z, _ in records([121, 129]):
         drawn = plausible(problem, z, roughly_known(problem, z), 2000, seed=1).values[1:]
         np.testing.assert_array_equal(plausible(problem, z, roughly_known(problem, z), 2000, seed=1).values[1:], drawn)

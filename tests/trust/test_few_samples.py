@@ -1,4 +1,5 @@
-"""Why no parameter is called determined: too few samples, or residuals that move too slowly. Each is told as what it is."""
+"""Why no parameter is called determined: too few samples, or residuals that move too slowly. Each is told as what it
+is."""
 
 import numpy as np
 import pytest
@@ -19,7 +20,9 @@ def told(samples, walk, seed):
     noise = 0.02 * rng.normal(size=samples)
     y = 2.0 * (1.0 - np.exp(-t / 0.8)) + (0.3 * np.cumsum(noise) if walk else noise)
     parameters = {"K": {"bounds": (0.1, 10.0)}, "tau": {"bounds": (0.1, 5.0)}}
-    model = equations("x' = (K*u - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["y"], parameters=parameters)
+    model = equations(
+        "x' = (K*u - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["y"], parameters=parameters
+    )
     found = fit(Problem(model, Recording(t, {"u": Signal(np.ones(samples)), "y": Signal(y)})), seed=1)
     return [v["sentence"] for v in found.findings["verdict"] if "No parameter is called determined" in v["sentence"]]
 
@@ -46,7 +49,8 @@ def test_slow_residuals_are_told_as_slow():
 
 
 def test_beside_intervals_that_are_too_short_nothing_is_said_of_an_interval():
-    """No sentence "K cannot be told from zero: 0 to 36" beside "intervals may be too short", none of ends that the data do not set."""
+    """No sentence "K cannot be told from zero: 0 to 36" beside "intervals may be too short", none of ends that the
+    data do not set."""
     met = 0
     for seed in range(8):
         rng = np.random.default_rng(seed)
@@ -54,14 +58,23 @@ def test_beside_intervals_that_are_too_short_nothing_is_said_of_an_interval():
         u = np.sin(0.3 * t + seed) + 1.2
         y = 2.0 * u + np.cumsum([0.02, 0.1, 0.5, 2.0][seed % 4] * rng.standard_normal(150))
         bounds = {"K": {"bounds": (0.01, 10.0)}, "tau": {"bounds": (0.1, 20.0)}}
-        model = equations("x' = (K*u - x)/tau", inputs=["u"], states={"x": {"initial": 2.0}}, outputs=["x"], parameters=bounds)
+        model = equations(
+            "x' = (K*u - x)/tau", inputs=["u"], states={"x": {"initial": 2.0}}, outputs=["x"], parameters=bounds
+        )
         found = fit(Problem(model, Recording(t, {"u": Signal(u), "x": Signal(y)})), seed=1).findings
         said = " ".join(v["sentence"] for v in found["verdict"])
         if found["determined"]["sound"]:
             continue
         met += 1
         assert not any(
-            w in said for w in ("cannot be told from zero: ", "only roughly known", "hardly known", "it is at least", "it is at most")
+            w in said
+            for w in (
+                "cannot be told from zero: ",
+                "only roughly known",
+                "hardly known",
+                "it is at least",
+                "it is at most",
+            )
         )
         assert "first add what the model lacks" in said
         assert "standard errors allow for it" not in said
@@ -91,7 +104,9 @@ def test_beside_a_wander_of_a_right_model_no_response_is_called_incomplete():
             x[k + 1] = 2.0 * u[k] + (x[k] - 2.0 * u[k]) * np.exp(-0.1 / 1.5)
         y = x + 0.05 * np.cumsum(rng.standard_normal(300)) + 0.02 * rng.standard_normal(300)
         bounds = {"K": {"bounds": (0.01, 10.0)}, "tau": {"bounds": (0.1, 20.0)}}
-        model = equations("x' = (K*u - x)/tau", inputs=["u"], states={"x": {"initial": "x"}}, outputs=["x"], parameters=bounds)
+        model = equations(
+            "x' = (K*u - x)/tau", inputs=["u"], states={"x": {"initial": "x"}}, outputs=["x"], parameters=bounds
+        )
         found = fit(Problem(model, Recording(t, {"u": Signal(u), "x": Signal(y)})), budget=400, seed=1).findings
         if found["determined"]["sound"]:
             continue

@@ -1,4 +1,5 @@
-"""The findings of a fit are the records that `plantfit.findings` defines: nothing is lost, the schema holds, and a wrong one is named."""
+"""The findings of a fit are the records that `plantfit.findings` defines: nothing is lost, the schema holds, and a
+wrong one is named."""
 
 import json
 from typing import Any
@@ -43,7 +44,8 @@ def table() -> Problem:
     y = u**3 + 0.01 * np.random.default_rng(2).normal(size=120)
     record = Recording(np.arange(120) * 1.0, {"u": Signal(u, "V"), "y": Signal(y, "V")}, "run")
     model = pf.equations(
-        "y = f(u) + c", inputs={"u": "V"}, outputs={"y": "V"}, parameters={"f": {"bounds": [-5, 5]}, "c": {"value": 0.0}},
+        "y = f(u) + c", inputs={"u": "V"}, outputs={"y": "V"},
+        parameters={"f": {"bounds": [-5, 5]}, "c": {"value": 0.0}},
         tables={"f": {"over": ["u"], "nodes": [[-1.0, 0.0, 1.0, 2.0]], "unit": "V"}},
     )  # fmt: skip
     return Problem(model, {"run": record})
@@ -96,7 +98,9 @@ def test_the_schema_refuses_what_is_wrong(late, key):
 
 def test_records_before_the_version_and_with_fewer_keys_are_read(late):
     old = {k: v for k, v in late.items() if k not in ("schema_version", "determined", "data")}
-    old["parameters"] = [{k: v for k, v in p.items() if k not in ("open", "limits", "uncertainty")} for p in old["parameters"]]
+    old["parameters"] = [
+        {k: v for k, v in p.items() if k not in ("open", "limits", "uncertainty")} for p in old["parameters"]
+    ]
     read = read_findings(old)
     assert (read.schema_version, read.determined, read.parameters[0].open) == (VERSION, None, None)
     assert "schema_version" not in read.plain()
@@ -139,6 +143,8 @@ def test_every_field_of_a_record_that_needs_words_has_them():
 
 
 def test_a_look_is_of_the_recording(late):
-    read = read_findings({**late, "data": [Look("gaps", "info", "run", None, "Gaps.", 0.0, 1.0, figures={"gaps": 2}).record]})
+    read = read_findings(
+        {**late, "data": [Look("gaps", "info", "run", None, "Gaps.", 0.0, 1.0, figures={"gaps": 2}).record]}
+    )
     assert isinstance(read.data[0], Look)
     assert json.dumps(read.plain()["data"][0]["figures"]) == '{"gaps": 2}'

@@ -1,4 +1,5 @@
-"""`schema_version` of the findings grows where keys go or become of another kind: their list is kept in findings_keys.txt.
+"""`schema_version` of the findings grows where keys go or become of another kind: their list is kept in
+findings_keys.txt.
 
 `python tests/trust/test_findings_version.py` writes the list anew: after keys were added, or with another VERSION.
 """
@@ -85,7 +86,9 @@ def test_the_list_tells(change):
         version -= 1
     (said,) = wrong(version, kept, now)[:1]
     assert ("raise VERSION" in said) == (change in ("gone", "another kind", "may be null"))
-    assert change == "an older list" or said.startswith("parameters[].colour" if change == "added" else f"{key} was string")
+    assert change == "an older list" or said.startswith(
+        "parameters[].colour" if change == "added" else f"{key} was string"
+    )
 
 
 def test_every_level_is_in_the_list():

@@ -1,4 +1,5 @@
-"""First looks at recordings of known transfer functions: delay, frequency response, the best linear model, and what cannot be looked at."""
+"""First looks at recordings of known transfer functions: delay, frequency response, the best linear model, and what
+cannot be looked at."""
 
 import numpy as np
 import pytest
@@ -26,7 +27,9 @@ def recorded(plant, seed, n=600, y=None):
     rng = np.random.default_rng(seed)
     u = np.repeat(rng.choice([-1.0, 1.0], size=n // 10 + 1), 10)[:n]
     answer = lfilter(np.r_[np.zeros(1 + late), top], bottom, u) if y is None else y(u)
-    return Recording(H * np.arange(n), {"u": Signal(u, "V"), "y": Signal(3 + answer + NOISE * rng.normal(size=n), "K")}, "r")
+    return Recording(
+        H * np.arange(n), {"u": Signal(u, "V"), "y": Signal(3 + answer + NOISE * rng.normal(size=n), "K")}, "r"
+    )
 
 
 def halves(recording):
@@ -91,7 +94,10 @@ def changed(**signals):
         (changed(y=np.ones(600)), "output y is 1 throughout"),
         (changed(y=np.full(600, np.nan)), "output y is measured at 0 samples"),
         (changed(u=np.where(np.arange(600) < 200, np.nan, 1.0)), "input u is missing in 33 %"),
-        (Recording(np.zeros(1), {"u": Signal(np.ones(1)), "y": Signal(np.ones(1))}, "r"), "has 1 sample, and a first look needs 30"),
+        (
+            Recording(np.zeros(1), {"u": Signal(np.ones(1)), "y": Signal(np.ones(1))}, "r"),
+            "has 1 sample, and a first look needs 30",
+        ),
     ],
 )
 def test_what_cannot_be_looked_at_is_told_in_one_sentence(recording, words):
@@ -120,7 +126,8 @@ def test_coherence_is_said_once_for_an_output():
 
 
 def test_a_block_left_out_at_the_start_is_foretold_without_running_away():
-    """Orders above the plant's have poles that die out within samples; initial states from later ones blew up back to the first."""
+    """Orders above the plant's have poles that die out within samples; initial states from later ones blew up back
+    to the first."""
     record = recorded("first order", 5, n=300)
     data = [data_of(record, ["u"], "y")]
     for order in (1, 3, 4):
@@ -132,4 +139,6 @@ def test_a_block_left_out_at_the_start_is_foretold_without_running_away():
             again = without(data, whole, [hidden])
             assert again is not None
             errors = (again.simulated[0] - record["y"])[hidden]
-            assert np.sqrt(np.mean(errors**2)) < (2 if begin else 5) * NOISE  # rest at the first sample has the noise of that one
+            assert (
+                np.sqrt(np.mean(errors**2)) < (2 if begin else 5) * NOISE
+            )  # rest at the first sample has the noise of that one

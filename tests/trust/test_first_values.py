@@ -38,7 +38,9 @@ def clean(u=None):
 
 def answer(problem):
     start = {**TRUTH, "y0": 0.7}
-    return descent(problem, problem.space.cube(problem.space.vector({n: 1.2 * start[n] for n in problem.space.names}))).z
+    return descent(
+        problem, problem.space.cube(problem.space.vector({n: 1.2 * start[n] for n in problem.space.names}))
+    ).z
 
 
 def test_the_effect_of_a_first_value_is_the_free_response():
@@ -70,13 +72,20 @@ def test_every_recording_has_a_column_of_its_own_and_weights_count():
     short = dataclasses.replace(
         record, t=T[:200], signals={n: Signal(s.values[:200], s.unit) for n, s in record.signals.items()}, name="short"
     )
-    both = Problem(one.model, {"long": dataclasses.replace(record, name="long"), "short": short}, {n: BOUNDS[n] for n in TRUTH}, substeps=2)
+    both = Problem(
+        one.model,
+        {"long": dataclasses.replace(record, name="long"), "short": short},
+        {n: BOUNDS[n] for n in TRUTH},
+        substeps=2,
+    )
     columns = first_value_effects(both, answer(both), residual_blocks(both)).noise
     assert columns.shape == (N + 200, 2)
     assert np.all(columns[N:, 0] == 0.0)
     assert np.all(columns[:N, 1] == 0.0)
     assert columns[1, 0] > 0 < columns[N + 1, 1]
-    weighed = Problem(one.model, {"long": record, "short": short}, {n: BOUNDS[n] for n in TRUTH}, substeps=2, balance="recordings")
+    weighed = Problem(
+        one.model, {"long": record, "short": short}, {n: BOUNDS[n] for n in TRUTH}, substeps=2, balance="recordings"
+    )
     assert weighed.weights is not None
     own = first_value_effects(weighed, answer(both), residual_blocks(weighed)).noise
     by_weight = np.sqrt(weighed.weights["long"] / weighed.weights["short"])
@@ -91,7 +100,11 @@ def estimates(problem, base, seeds, first=True):
         noise[0] *= first
         record = problem.experiments[next(iter(problem.experiments))].recording
         noisy = problem.with_recordings(
-            {next(iter(problem.experiments)): dataclasses.replace(record, signals={**record.signals, "y": Signal(base + noise)})}
+            {
+                next(iter(problem.experiments)): dataclasses.replace(
+                    record, signals={**record.signals, "y": Signal(base + noise)}
+                )
+            }
         )
         local = linearise(noisy, answer(noisy))
         assert local.linear is not None
@@ -113,7 +126,8 @@ def test_intervals_hold_the_truth_and_the_factor_is_what_the_first_value_does(u,
 
 
 def test_an_unstable_plant_with_a_free_start_is_as_well_known_as_without_the_measured_one():
-    """1e-3 rad make 3 rad within the record: over the whole noise differences would leave the tangent, and the start not absorb them."""
+    """1e-3 rad make 3 rad within the record: over the whole noise differences would leave the tangent, and the start
+    not absorb them."""
     model = equations(
         "theta' = omega; omega' = a*sin(theta); y = theta",
         states={"theta": {"unit": "rad", "initial": "y + start"}, "omega": "rad/s"},
@@ -130,7 +144,9 @@ def test_an_unstable_plant_with_a_free_start_is_as_well_known_as_without_the_mea
     local = linearise(problem, z)
     assert first_value_effects(problem, z, residual_blocks(problem)).noise.shape[1] == 1
     assert local.linear is not None
-    np.testing.assert_allclose(local.linear.begun[:1], 1.0, atol=0.05)  # `start` takes up what the value does: a does not move
+    np.testing.assert_allclose(
+        local.linear.begun[:1], 1.0, atol=0.05
+    )  # `start` takes up what the value does: a does not move
 
 
 def test_the_sentence_stands_where_it_matters():
@@ -157,7 +173,9 @@ def test_the_sentence_stands_where_it_matters():
 def test_what_to_write_is_told_of_models_that_take_it():
     first, free = (library.make("first_order", dead_time=False, initial=i) for i in ("measured", "free"))
     motor = library.make("dc_motor")
-    own = equations("x' = (K*u - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=DECLARED)
+    own = equations(
+        "x' = (K*u - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=DECLARED
+    )
     assert [takes(m, "initial", "free") for m in (first, free, motor, own)] == [True, False, False, False]
     chamber = library.make("steam_chamber", initial="measured")
     assert not takes(chamber, "initial", "free")  # an option of this name that has no such value

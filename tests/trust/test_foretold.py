@@ -1,4 +1,5 @@
-"""An error on unseen samples that the uncertainty of the parameters foretells is not held against the model; a larger one is."""
+"""An error on unseen samples that the uncertainty of the parameters foretells is not held against the model; a
+larger one is."""
 
 import dataclasses
 from functools import cache
@@ -45,7 +46,9 @@ def told(problem, y):
     predicted = {"run": problem.predict(local.values)}
     tests = list(_residual_tests(problem, predicted))
     scores = with_foretold(problem, local, list(_scores(problem, predicted)), tests)
-    (sentence,) = unseen_sentences({"scores": [s.plain() for s in scores], "recordings": [{"name": "run", "outputs": {}}]})
+    (sentence,) = unseen_sentences(
+        {"scores": [s.plain() for s in scores], "recordings": [{"name": "run", "outputs": {}}]}
+    )
     return next(s for s in scores if s.part == "validation"), sentence
 
 
@@ -81,7 +84,9 @@ def test_a_wrong_model_is_said_not_to_hold(wrong):
         assert s["level"] == "bad"
         assert "it does not hold there." in s["sentence"]
         assert score.foretold is None or score.foretold < 0.7 * score.rmse
-    assert sum(score.foretold is not None for score, _ in wrong) >= SEEDS // 2  # judged by the miss, not by the residuals
+    assert (
+        sum(score.foretold is not None for score, _ in wrong) >= SEEDS // 2
+    )  # judged by the miss, not by the residuals
 
 
 def test_a_model_that_follows_unseen_samples_costs_no_simulation():
@@ -126,7 +131,14 @@ def test_residuals_that_are_not_white_leave_the_miss_as_it_is(p_value, output):
     row = {"recording": "run", "output": "y", "n": 50, "bias": 0.0, "fit_percent": 90.0}
     scores = [Score(**row, part="fit", rmse=1.0), Score(**row, part="validation", rmse=5.0)]
     test = ResidualTest(
-        recording="run", output=output, lags_s=[0.0], autocorrelation=[1.0], bound=0.1, white=p_value > 0.01, p_value=p_value, cross={}
+        recording="run",
+        output=output,
+        lags_s=[0.0],
+        autocorrelation=[1.0],
+        bound=0.1,
+        white=p_value > 0.01,
+        p_value=p_value,
+        cross={},
     )
     found = with_foretold(problem, linearise(problem, np.full(3, 0.5)), scores, [test])[1]
     assert (found.foretold is None) is (output == "y" and p_value < 0.01)

@@ -1,4 +1,5 @@
-"""What the verdict says of a record that is not followed and whose start the simulation forgets, and what it says no more."""
+"""What the verdict says of a record that is not followed and whose start the simulation forgets, and what it says no
+more."""
 
 import pytest
 
@@ -6,12 +7,26 @@ from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.residuals import residual_sentences
 
 FORGETS = {"forgets": [{"recording": "run", "growth": 1e6, "tenfold": 1.0}]}
-ROW = {"name": "a", "value": 1.0, "unit": None, "standard_error": 0.01, "low": 0.98, "high": 1.02, "status": "determined"}
+ROW = {
+    "name": "a",
+    "value": 1.0,
+    "unit": None,
+    "standard_error": 0.01,
+    "low": 0.98,
+    "high": 1.02,
+    "status": "determined",
+}
 
 
 @pytest.mark.parametrize("forgets", [False, True])
 def test_values_of_a_lost_fit_are_not_called_those_of_the_plant(forgets):
-    findings = {"parameters": [ROW], "scores": [], "recordings": [], "residual_tests": [], "simulation": FORGETS if forgets else {}}
+    findings = {
+        "parameters": [ROW],
+        "scores": [],
+        "recordings": [],
+        "residual_tests": [],
+        "simulation": FORGETS if forgets else {},
+    }
     [said] = parameter_sentences(findings)
     assert ("does not follow run: these are its values, and the plant's may be others" in said["sentence"]) == forgets
     assert said["level"] == ("warning" if forgets else "good")
@@ -43,7 +58,12 @@ def test_residuals_of_other_recordings_are_told_all_the_same():
         }
         for r in ("run", "other")
     ]
-    findings = {"residual_tests": tests, "recordings": [{"name": "run"}, {"name": "other"}], "simulation": FORGETS, "scores": []}
+    findings = {
+        "residual_tests": tests,
+        "recordings": [{"name": "run"}, {"name": "other"}],
+        "simulation": FORGETS,
+        "scores": [],
+    }
     said = [s["sentence"] for s in residual_sentences(findings)]
     assert len(said) == 1
     assert "y of other" in said[0]

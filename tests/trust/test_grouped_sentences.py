@@ -6,7 +6,8 @@ from plantfit.trust.verdict.parameters import parameter_sentences
 
 
 def row(name, status, low, high, value=1.0, error=0.3, ends=None, least=0.0):
-    return {"name": name, "status": status, "index": [], "unit": "V", "value": value, "standard_error": error, "low": low, "high": high,
+    return {"name": name, "status": status, "index": [], "unit": "V", "value": value, "standard_error": error,
+            "low": low, "high": high,
             "lower_bound": 0.01, "upper_bound": 100.0, "limits": [least, None], "open": ends}  # fmt: skip
 
 
@@ -34,7 +35,12 @@ def test_many_that_are_roughly_known_share_a_sentence(count):
 
 
 def test_kinds_of_weak_are_told_apart():
-    rows = [row("a", "weak", 0.4, 2.0), row("b", "weak", 0.0, 2.0), row("c", "weak", 0.0, 3.0), row("d", "weak", 0.5, 2.0)]
+    rows = [
+        row("a", "weak", 0.4, 2.0),
+        row("b", "weak", 0.0, 2.0),
+        row("c", "weak", 0.0, 3.0),
+        row("d", "weak", 0.5, 2.0),
+    ]
     assert said(rows) == [
         "2 parameters cannot be told from zero: b 0 to 2 V; c 0 to 3 V.",
         "2 parameters are only roughly known: a = 1.00 ± 0.30 V, 0.4 to 2 V; d = 1.00 ± 0.30 V, 0.5 to 2 V.",
@@ -46,6 +52,7 @@ def test_many_that_are_open_share_a_sentence_and_its_condition():
     need = {"known": "m", "at": 2.0, "unit": "kg", "value": 1.0, "standard_error": 0.1}
     (one,) = said(rows, combinations=[], only_if={"k": need, "c": need}, sound=True)
     assert one == (
-        "4 parameters are not determined, m, k, c and b: of each the data allow any value above 0. k is determined only if m is known: "
+        "4 parameters are not determined, m, k, c and b: of each the data allow any value above 0. k is determined "
+        "only if m is known: "
         "with m = 2 kg, k = 1.00 ± 0.10 V. The same holds for 1 more."
     )

@@ -46,7 +46,10 @@ def test_with_known_errors_it_is_cochrans_q():
 
 def test_the_scatter_between_recordings_is_found():
     rng = np.random.default_rng(1)
-    found = [heterogeneity(rng.normal(0, np.hypot(0.3, 0.1), 50), np.full(50, 0.1), np.full(50, 1e9)).between for _ in range(40)]
+    found = [
+        heterogeneity(rng.normal(0, np.hypot(0.3, 0.1), 50), np.full(50, 0.1), np.full(50, 1e9)).between
+        for _ in range(40)
+    ]
     assert np.mean(found) == pytest.approx(0.3, rel=0.1)
 
 
@@ -56,7 +59,9 @@ def test_few_degrees_of_freedom_raise_no_more_alarms_than_five_in_a_hundred():
     values = rng.normal(size=(n, 3))
     told = np.mean([heterogeneity(v, s, np.full(3, freedom)).p < 0.05 for v, s in zip(values, errors, strict=True)])
     assert 0.02 < told < 0.07
-    assert np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.09  # Q alone
+    assert (
+        np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.09
+    )  # Q alone
 
 
 def test_all_at_once_is_the_sum_of_squares_of_what_is_independent():
@@ -137,7 +142,9 @@ def test_an_answer_is_compared_with_every_recording_alone(tmp_path):
 def test_what_a_recording_does_not_determine_is_not_compared():
     rng = np.random.default_rng(6)
     first, second = recording(rng, "a"), recording(rng, "b")
-    still = Recording(first.t, {"u": Signal(np.zeros(len(first)), "V"), "y": Signal(0.4 * rng.normal(size=len(first)), "K")}, "still")
+    still = Recording(
+        first.t, {"u": Signal(np.zeros(len(first)), "V"), "y": Signal(0.4 * rng.normal(size=len(first)), "K")}, "still"
+    )
     found = pf.compare_records(answered({"a": first, "b": second, "still": still}), budget=400)
     assert found.agree
     said = " ".join(v["sentence"] for v in found.record["verdict"])
@@ -149,7 +156,8 @@ def test_what_a_recording_does_not_determine_is_not_compared():
 def test_parameters_that_may_differ_are_no_disagreement():
     rng = np.random.default_rng(7)
     made = equations(
-        "x' = (K*u - x)/tau; y = x + c", inputs={"u": "V"}, states={"x": {"unit": "K", "initial": 0.0}}, outputs={"y": "K"},
+        "x' = (K*u - x)/tau; y = x + c", inputs={"u": "V"}, states={"x": {"unit": "K", "initial": 0.0}},
+        outputs={"y": "K"},
         parameters={
             "K": {"bounds": (0.1, 100.0), "unit": "K/V"}, "tau": {"bounds": (0.01, 10.0), "unit": "s", "scale": "log"},
             "c": {"bounds": (-50.0, 50.0), "unit": "K"},
@@ -158,14 +166,18 @@ def test_parameters_that_may_differ_are_no_disagreement():
     a, b = recording(rng, "a"), recording(rng, "b")
     shifted = Recording(b.t, {**b.signals, "y": Signal(b["y"] + 20.0, "K")}, "b")
     own = {"c": pf.Parameter((-50.0, 50.0), "K", per_recording=True)}
-    found = pf.compare_records(pf.fit(pf.Problem(made, {"a": a, "b": shifted}, own, substeps=1), budget=400), budget=400)
+    found = pf.compare_records(
+        pf.fit(pf.Problem(made, {"a": a, "b": shifted}, own, substeps=1), budget=400), budget=400
+    )
     assert found.agree
     assert [p["name"] for p in found.record["parameters"]] == ["K", "tau"]
 
 
 def test_one_recording_is_told_what_to_do():
     answer = answered({"a": recording(np.random.default_rng(8))})
-    with pytest.raises(RecordingError, match=r"fits one recording, 'a', and there is nothing to compare it with; add another"):
+    with pytest.raises(
+        RecordingError, match=r"fits one recording, 'a', and there is nothing to compare it with; add another"
+    ):
         pf.compare_records(answer)
 
 
@@ -194,7 +206,9 @@ def test_a_recording_is_named_only_where_two_others_were_compared():
     problem, start = _compiled()
     for name, lag in (("r0", 0.6), ("r1", 0.6), ("r2", 0.8)):
         own = problem.with_recordings({"a": recording(rng, lag=lag)})
-        each[name] = replace(found := estimates(own, refit(own, start, np.ones(2, dtype=bool))[0], 0.0), rmse={name: found.rmse["a"]})
+        each[name] = replace(
+            found := estimates(own, refit(own, start, np.ones(2, dtype=bool))[0], 0.0), rmse={name: found.rmse["a"]}
+        )
     joint = replace(each["r0"], rmse={n: e.rmse[n] for n, e in each.items()})
     assert [a["recording"] for a in compared(problem, joint, each)["apart"]] == ["r2"]
     record = compared(problem, joint, {**each, "r1": replace(each["r1"], sound=False)})
@@ -206,10 +220,12 @@ def test_a_recording_is_named_only_where_two_others_were_compared():
 
 
 def test_basins_of_one_cost_are_no_disagreement():
-    """Two lags in a row may be exchanged; a recording that is fitted alone stays at the names that the joint answer has."""
+    """Two lags in a row may be exchanged; a recording that is fitted alone stays at the names that the joint answer
+    has."""
     rng, records = np.random.default_rng(10), {}
     made = equations(
-        "v' = (u - v)/a; x' = (v - x)/b; y = x", inputs={"u": "V"}, states={n: {"unit": "V", "initial": 0.0} for n in "vx"},
+        "v' = (u - v)/a; x' = (v - x)/b; y = x", inputs={"u": "V"},
+        states={n: {"unit": "V", "initial": 0.0} for n in "vx"},
         outputs={"y": "V"}, parameters={n: {"bounds": (0.01, 10.0), "unit": "s", "scale": "log"} for n in ("a", "b")},
     )  # fmt: skip
     for n in ("one", "two", "three"):
@@ -218,7 +234,9 @@ def test_basins_of_one_cost_are_no_disagreement():
         decays = np.exp(-h / 20 / np.array([0.2, 1.0]))
         v = np.concatenate([[0.0], lfilter([1.0 - decays[0]], [1.0, -decays[0]], fine)[:-1]])
         x = np.concatenate([[0.0], lfilter([1.0 - decays[1]], [1.0, -decays[1]], v)[:-1]])[::20]
-        records[n] = Recording(np.arange(300) * h, {"u": Signal(u, "V"), "y": Signal(x + 0.02 * rng.normal(size=300), "V")}, n)
+        records[n] = Recording(
+            np.arange(300) * h, {"u": Signal(u, "V"), "y": Signal(x + 0.02 * rng.normal(size=300), "V")}, n
+        )
     answer = pf.fit(pf.Problem(made, records), budget=800)
     for seed in range(3):
         found = pf.compare_records(replace(answer, seed=seed), budget=400, seed=seed)
@@ -265,8 +283,14 @@ def test_two_that_differ_withdraw_determined():
     answer = answered({"a": recording(rng, "a", lag=0.6), "b": recording(rng, "b", lag=0.75)})
     tau = next(r for r in answer.findings["parameters"] if r["name"] == "tau")
     assert (tau["by_noise"]["status"], tau["status"]) == ("determined", "weak")
-    assert "tau is not called determined for that." in answer.verdict or "K and tau are not called determined" in answer.verdict
-    assert "Two recordings say little of a scatter; a third one makes such intervals over three times shorter." in answer.verdict
+    assert (
+        "tau is not called determined for that." in answer.verdict
+        or "K and tau are not called determined" in answer.verdict
+    )
+    assert (
+        "Two recordings say little of a scatter; a third one makes such intervals over three times shorter."
+        in answer.verdict
+    )
     assert tau["scatter"]["told"]
     assert tau["scatter"]["degrees"] == pytest.approx(1.0)
     assert tau["scatter"]["between"] == pytest.approx(tau["value"] * np.log(0.75 / 0.6) / np.sqrt(2), rel=0.15)
@@ -302,20 +326,30 @@ def test_intervals_of_recordings_that_agree_allow_for_what_so_few_would_not_tell
     findings = {"heterogeneity": section, "parameters": [row], "reproduction": {"command": "plantfit run oven.toml"}}
     doubted, unseen = (v["sentence"] for v in answer_sentences(findings))
     assert doubted == (
-        "The 3 recordings agree within chance, but tau (p 0.12) may scatter between them. Intervals allow for that: that of tau is 0.55 to "
+        "The 3 recordings agree within chance, but tau (p 0.12) may scatter between them. Intervals allow for that: "
+        "that of tau is 0.55 to "
         "0.65 s instead of 0.59 to 0.61. tau is not called determined for that."
     )
     assert unseen == (
-        "A scatter between recordings is told in 8 of 10 such studies from a standard deviation of 3.3 % of tau on; a smaller one may stay "
+        "A scatter between recordings is told in 8 of 10 such studies from a standard deviation of 3.3 % of tau on; a "
+        "smaller one may stay "
         "unseen."
     )
-    alike = {**findings, "heterogeneity": {**section, "recordings": [{"name": n} for n in "ab"]}, "parameters": [{**row, "scatter": None}]}
+    alike = {
+        **findings,
+        "heterogeneity": {**section, "recordings": [{"name": n} for n in "ab"]},
+        "parameters": [{**row, "scatter": None}],
+    }
     assert answer_sentences(alike)[0]["sentence"] == (
-        "The 2 recordings agree within chance, as so few often do where a plant scatters between them. Intervals allow for that: that of "
-        "tau is 0.55 to 0.65 s instead of 0.59 to 0.61. tau is not called determined for that. A third one makes them shorter."
+        "The 2 recordings agree within chance, as so few often do where a plant scatters between them. Intervals allow "
+        "for that: that of "
+        "tau is 0.55 to 0.65 s instead of 0.59 to 0.61. tau is not called determined for that. A third one makes them "
+        "shorter."
     )
     (only,) = answer_sentences({**findings, "parameters": [{**row, "by_noise": None}]})
-    assert only["sentence"].startswith("Intervals are those of one plant in all 3 recordings. A scatter between them is told")
+    assert only["sentence"].startswith(
+        "Intervals are those of one plant in all 3 recordings. A scatter between them is told"
+    )
     assert not answer_sentences({**findings, "parameters": [{**row, "by_noise": None}], "determined": {"sound": False}})
     wild = {**section, "parameters": [{**section["parameters"][0], "seen_from": 5.0}]}
     assert not answer_sentences({**findings, "heterogeneity": wild, "parameters": [{**row, "by_noise": None}]})
@@ -330,12 +364,15 @@ def test_an_interval_grows_with_what_recordings_show_and_shrinks_with_their_numb
     assert np.all(np.diff([times_wider(1.0, k) for k in (1.0, 2.0, 4.0, 20.0)]) < 0)
     assert times_wider(1.0, 1000.0) == pytest.approx(1.0, abs=0.01)
     for degrees in (1.0, 2.0, 4.0):  # beyond all doubt it is Student's t
-        assert times_wider(1e4, degrees) == pytest.approx(100.0 * stats.t.ppf(0.975, degrees) / stats.norm.ppf(0.975), rel=0.05)
+        assert times_wider(1e4, degrees) == pytest.approx(
+            100.0 * stats.t.ppf(0.975, degrees) / stats.norm.ppf(0.975), rel=0.05
+        )
 
 
 @pytest.mark.parametrize(("count", "least", "most"), [(2, 0.87, 2.6), (3, 0.88, 1.4), (5, 0.88, 1.2)])
 def test_with_known_noise_the_interval_holds_the_mean_at_any_scatter(count, least, most):
-    """Means of so many recordings with noise 1: how often the interval holds zero, and its mean length without scatter."""
+    """Means of so many recordings with noise 1: how often the interval holds zero, and its mean length without
+    scatter."""
     from plantfit.trust.heterogeneity.few import times_wider
 
     rng, n = np.random.default_rng(count), 4000
@@ -372,7 +409,9 @@ def test_recordings_of_equal_weight_have_the_interval_of_hartung_and_knapp():
     from plantfit.trust.intervals.linearised import linearise
 
     rng = np.random.default_rng(0)
-    made = equations("y = a*u + b*w", inputs={"u": "1", "w": "1"}, outputs={"y": "1"}, parameters=["a", "b"], check=False)
+    made = equations(
+        "y = a*u + b*w", inputs={"u": "1", "w": "1"}, outputs={"y": "1"}, parameters=["a", "b"], check=False
+    )
     swing = np.tile([1.0, -1.0], 10)
     records = {
         f"r{k}": pf.from_arrays({"u": np.ones(20), "w": swing, "y": m + 0.1 * rng.normal(size=20)}, period=1.0)
@@ -388,11 +427,17 @@ def test_recordings_of_equal_weight_have_the_interval_of_hartung_and_knapp():
 
 
 def test_bands_and_plants_are_those_of_another_recording_where_recordings_scatter():
-    """Lags of six recordings, 5 % apart: plants scatter as they do, not by the noise of the joint answer, which is 0.3 %."""
+    """Lags of six recordings, 5 % apart: plants scatter as they do, not by the noise of the joint answer, which is
+    0.3 %."""
     from plantfit.trust.intervals.plausible import plausible
 
     rng = np.random.default_rng(13)
-    answer = answered({f"r{k}": recording(rng, f"r{k}", lag=0.6 * np.exp(v)) for k, v in enumerate((-0.07, -0.04, 0.0, 0.03, 0.05, 0.08))})
+    answer = answered(
+        {
+            f"r{k}": recording(rng, f"r{k}", lag=0.6 * np.exp(v))
+            for k, v in enumerate((-0.07, -0.04, 0.0, 0.03, 0.05, 0.08))
+        }
+    )
     alike = answered({f"r{k}": recording(rng, f"r{k}") for k in range(6)})
     rows = answer.findings["parameters"]
     drawn = plausible(answer.problem, answer.best.x, rows, 4000)
@@ -400,7 +445,10 @@ def test_bands_and_plants_are_those_of_another_recording_where_recordings_scatte
     assert plausible(alike.problem, alike.best.x, alike.findings["parameters"], 20).scatters == ()
     low, high = np.quantile(drawn.values[:, 1], [0.025, 0.975])
     tau = next(r for r in rows if r["name"] == "tau")
-    between, reach = np.std([-0.07, -0.04, 0.0, 0.03, 0.05, 0.08], ddof=1), stats.t.ppf(0.975, tau["scatter"]["degrees"])
+    between, reach = (
+        np.std([-0.07, -0.04, 0.0, 0.03, 0.05, 0.08], ddof=1),
+        stats.t.ppf(0.975, tau["scatter"]["degrees"]),
+    )
     assert tau["scatter"]["degrees"] == pytest.approx(5.0, rel=0.3)  # not all recordings tell as much of it
     sizes = np.hypot(tau["standard_error"], tau["scatter"]["between"]) / tau["value"]
     assert 0.5 * np.log(high / low) == pytest.approx(reach * sizes, rel=0.05)
@@ -421,7 +469,9 @@ def test_refits_that_would_take_longer_than_the_search_are_left(monkeypatch):
     monkeypatch.setattr(findings, "TIMES", 0.01)
     section = study(1, 5, 0.0)["section"]
     assert (section["state"], section["agree"]) == ("left", None)
-    said = answer_sentences({"heterogeneity": section, "parameters": [], "reproduction": {"command": "plantfit run oven.toml"}})
+    said = answer_sentences(
+        {"heterogeneity": section, "parameters": [], "reproduction": {"command": "plantfit run oven.toml"}}
+    )
     assert [s["sentence"] for s in said] == [
         "Whether the 5 recordings agree was not tested, as it takes long; `plantfit compare-records oven.toml` does it."
     ]
@@ -429,7 +479,8 @@ def test_refits_that_would_take_longer_than_the_search_are_left(monkeypatch):
 
 @pytest.mark.parametrize(("scatter", "most"), [(0.0, 6), (0.05, 45)])
 def test_intervals_hold_the_mean_of_what_scatters(scatter, most):
-    """40 studies of 5 recordings: 95 % of intervals hold it, and 5 % of studies that do not scatter are told to (6 by chance: 1 in 100)."""
+    """40 studies of 5 recordings: 95 % of intervals hold it, and 5 % of studies that do not scatter are told to (6
+    by chance: 1 in 100)."""
     from benchmarks.records_scatter import holds, study
 
     own = [study(seed, 5, scatter) for seed in range(1000, 1040)]

@@ -40,7 +40,10 @@ def drive(seed, pulses, noise=2e-4):
 
 
 def rows_of(problem, z, local):
-    ends = {i: Range(v - 1.96 * e, v + 1.96 * e) for i, (v, e) in enumerate(zip(local.values, local.standard_error, strict=True))}
+    ends = {
+        i: Range(v - 1.96 * e, v + 1.96 * e)
+        for i, (v, e) in enumerate(zip(local.values, local.standard_error, strict=True))
+    }
     return parameter_rows(problem.space, local, set(), ends)
 
 
@@ -116,7 +119,9 @@ def test_readings_that_look_rounded_are_named_with_the_line_that_says_they_were_
     for k in range(len(fine) - 1):
         y[k + 1] = y[k] + 0.005 / 2.0 * (2.0 * u[k] - y[k])
     read = np.round(u[::20] / 0.4) * 0.4
-    record = Recording(t, {"u": Signal(read), "y": Signal(y[::20] + 1e-2 * np.random.default_rng(1).standard_normal(600))}, "run")
+    record = Recording(
+        t, {"u": Signal(read), "y": Signal(y[::20] + 1e-2 * np.random.default_rng(1).standard_normal(600))}, "run"
+    )
     space = {"K": Parameter((0.1, 10.0)), "tau": Parameter((0.1, 20.0)), "y0": Parameter((-5.0, 5.0))}
     answer = fit(Problem(plant, record, space, hold={"u": "linear"}), budget=900)
     said = " ".join(v["sentence"] for v in answer.findings["verdict"])
@@ -145,9 +150,12 @@ LAG_SPACE = {"K": Parameter((0.1, 10.0)), "tau": Parameter((0.1, 20.0)), "y0": P
 
 
 def fine_steps(seed, commanded=False, step=0.02, noise=0.005):
-    """A lag (K 2, tau 1.5 s) driven by a slow signal over a range of 10, read in steps of 0.2 % of it, or commanded in them."""
+    """A lag (K 2, tau 1.5 s) driven by a slow signal over a range of 10, read in steps of 0.2 % of it, or commanded
+    in them."""
     rng, fine = np.random.default_rng(seed), np.arange(6000) * 0.01
-    u = np.sum([a * np.sin(6.28 * f * fine + p) for a, f, p in rng.uniform([0.3, 0.005, 0], [1, 0.05, 6.28], (4, 3))], axis=0)
+    u = np.sum(
+        [a * np.sin(6.28 * f * fine + p) for a, f, p in rng.uniform([0.3, 0.005, 0], [1, 0.05, 6.28], (4, 3))], axis=0
+    )
     u = 10 * (u - u.min()) / np.ptp(u)
     place = rng.uniform()
     read = (np.round(u[::10] / step + place) - place) * step
@@ -155,7 +163,9 @@ def fine_steps(seed, commanded=False, step=0.02, noise=0.005):
     y, a = np.full(len(fine), 2.0 * u[0]), np.exp(-0.01 / 1.5)
     for k in range(len(fine) - 1):
         y[k + 1] = a * y[k] + (1 - a) * 2.0 * (u[k] if commanded else 0.5 * (u[k] + u[k + 1]))
-    return Recording(0.1 * np.arange(600), {"u": Signal(read), "y": Signal(y[::10] + noise * rng.standard_normal(600))}, "run")
+    return Recording(
+        0.1 * np.arange(600), {"u": Signal(read), "y": Signal(y[::10] + noise * rng.standard_normal(600))}, "run"
+    )
 
 
 def test_intervals_allow_for_steps_that_are_fine_beside_the_range_and_not_beside_the_noise():
@@ -190,7 +200,9 @@ def test_a_check_speaks_of_steps_by_the_noise_of_the_output():
 
 def test_steps_follow_the_unit_of_their_signal():
     r = drive(1, 40)
-    turns = Recording(r.recording.t, {**r.recording.signals, "w": Signal(r.recording["w"] * 60 / (2 * np.pi), "rpm")}, "drive")
+    turns = Recording(
+        r.recording.t, {**r.recording.signals, "w": Signal(r.recording["w"] * 60 / (2 * np.pi), "rpm")}, "drive"
+    )
     step = input_steps(Problem(WHEEL, Experiment(turns, counted={"w": r.counted["w"] * 60 / (2 * np.pi)}), SPACE))[0]
     assert step.size == pytest.approx(2 * np.pi / 40, rel=1e-12)
 
@@ -206,7 +218,9 @@ def test_a_study_file_tells_by_its_cleaning_steps_which_speeds_are_made_of_count
     assert counted_signals(clean) == pytest.approx({"w": 4 * np.pi / 50, "slow": 2 * np.pi / 100})
 
 
-@pytest.mark.parametrize(("key", "given", "asked"), [("counted", {"v": 0.1}, "name one"), ("rounded", {"w": -1.0}, "or 0 for none")])
+@pytest.mark.parametrize(
+    ("key", "given", "asked"), [("counted", {"v": 0.1}, "name one"), ("rounded", {"w": -1.0}, "or 0 for none")]
+)
 def test_steps_of_what_is_not_there_are_refused(key, given, asked):
     from plantfit.errors import RecordingError
 
@@ -224,7 +238,9 @@ def test_steps_that_cannot_be_are_refused():
         Experiment(record, rounded={"w": 50.0})
     with pytest.raises(RecordingError, match="both name 'w'; keep one"):
         Experiment(record, counted={"w": 0.1}, rounded={"w": 0.0})
-    with pytest.raises(RecordingError, match=r"rounded names 'y', which is no input of the model; it is for inputs, here \['w'\]"):
+    with pytest.raises(
+        RecordingError, match=r"rounded names 'y', which is no input of the model; it is for inputs, here \['w'\]"
+    ):
         Problem(WHEEL, Experiment(record, rounded={"y": 1e-4}), SPACE)
 
 
@@ -262,7 +278,9 @@ unit = "s"
 
 def test_recordings_err_each_by_itself():
     one, two = drive(1, 40, noise=0.0), drive(2, 40, noise=0.0)
-    together = Problem(WHEEL, {"one": one, "two": two}, {"r": SPACE["r"], "x0": Parameter((-1.0, 1.0), "m", per_recording=True)})
+    together = Problem(
+        WHEEL, {"one": one, "two": two}, {"r": SPACE["r"], "x0": Parameter((-1.0, 1.0), "m", per_recording=True)}
+    )
     start = together.space.cube(together.space.vector({"r": RADIUS, "x0[one]": 0.0, "x0[two]": 0.0}))
     both = moves(together, start, linearise(together, start), input_steps(together)).values[0]
     alone = [

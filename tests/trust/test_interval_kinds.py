@@ -1,4 +1,5 @@
-"""Intervals by covariance, profile, bootstrap and posterior against closed forms, quadrature and coverage, for white and coloured noise."""
+"""Intervals by covariance, profile, bootstrap and posterior against closed forms, quadrature and coverage, for white
+and coloured noise."""
 
 import h5netcdf
 import numpy as np
@@ -20,7 +21,9 @@ ONE = {"u": "1", "y": "1"}
 
 def line(u, y, bounds=(-10.0, 10.0), **options):
     """The answer of y = a + b*u to samples (n,) a second apart."""
-    model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
+    model = pf.equations(
+        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False
+    )
     record = pf.from_arrays({"u": u, "y": y}, period=1.0, units=ONE)
     return pf.fit(pf.Problem(model, record, {"a": bounds, "b": bounds}, **options), seed=1)
 
@@ -38,7 +41,9 @@ def white():
 
 @pytest.fixture(scope="module")
 def found(white):
-    return pf.compare_intervals(white[2], kinds=("covariance", "profile", "bootstrap", "posterior"), replicates=2000, draws=2000)
+    return pf.compare_intervals(
+        white[2], kinds=("covariance", "profile", "bootstrap", "posterior"), replicates=2000, draws=2000
+    )
 
 
 def test_all_kinds_meet_the_closed_form_of_a_straight_line(white, found):
@@ -47,10 +52,13 @@ def test_all_kinds_meet_the_closed_form_of_a_straight_line(white, found):
     best, squares = np.linalg.lstsq(X, y, rcond=None)[:2]
     errors = np.sqrt(squares[0] / 38 * np.diag(np.linalg.inv(X.T @ X)))
     for k, p in enumerate(found.record["parameters"]):
-        # variance integrated out under 1/sigma: Student's t with n - d degrees of freedom (Box and Tiao 1973, section 2.7)
+        # variance integrated out under 1/sigma: Student's t with n - d degrees of freedom (Box and Tiao 1973, section
+        # 2.7)
         exact = student.interval(0.95, 38, best[k], errors[k])
         own = {i["kind"]: (i["low"], i["high"]) for i in p["kinds"]}
-        assert own["posterior"] == pytest.approx(exact, abs=0.08 * errors[k])  # 2.5 % quantiles of some 5000 draws: 0.04 errors
+        assert own["posterior"] == pytest.approx(
+            exact, abs=0.08 * errors[k]
+        )  # 2.5 % quantiles of some 5000 draws: 0.04 errors
         robust = errors[k] * np.sqrt(found.profiles["ab"[k]].inflation)  # at least 1: what correlation would add
         assert own["profile"] == pytest.approx(norm.interval(0.95, best[k], robust), abs=0.05 * errors[k])
         assert own["bootstrap"] == pytest.approx(exact, abs=0.35 * errors[k])
@@ -69,7 +77,9 @@ def test_the_posterior_under_coloured_noise_is_that_of_quadrature():
     assert noise[0].order == 1
     found = posterior(problem, z, noise, {}, draws=2000, seed=2)
 
-    def log_density(a, b):  # numpy alone: regression of the residual on the one before, variance and coefficient integrated out
+    def log_density(
+        a, b
+    ):  # numpy alone: regression of the residual on the one before, variance and coefficient integrated out
         e = y - a - b * u
         now, before = e[1:], e[:-1]
         gram = before @ before
@@ -92,7 +102,9 @@ def test_a_prior_and_the_data_meet_as_two_normal_distributions_do(white):
     _, _, answer = white
     rows = {r["name"]: r for r in answer.findings["parameters"]}
     error = rows["b"]["standard_error"]
-    known = pf.compare_intervals(answer, kinds=("posterior",), priors={"b": (rows["b"]["value"] + error, error)}, draws=2000)
+    known = pf.compare_intervals(
+        answer, kinds=("posterior",), priors={"b": (rows["b"]["value"] + error, error)}, draws=2000
+    )
     own = {p["name"]: p["kinds"][-1] for p in known.record["parameters"]}["b"]
     assert own["median"] == pytest.approx(rows["b"]["value"] + 0.5 * error, abs=0.15 * error)
     assert own["high"] - own["low"] == pytest.approx(2 * 1.96 * error / np.sqrt(2), rel=0.12)
@@ -109,7 +121,9 @@ def test_of_200_records_each_kind_holds_the_truth_in_95_percent():
         rng = np.random.default_rng(seed)
         u = np.repeat(rng.uniform(-1, 1, 30), 4)
         y = 1 + 2 * u + 0.3 * rng.standard_normal(120)
-        found = pf.compare_intervals(line(u, y), kinds=("profile", "bootstrap"), replicates=200, parameters=["b"], seed=seed)
+        found = pf.compare_intervals(
+            line(u, y), kinds=("profile", "bootstrap"), replicates=200, parameters=["b"], seed=seed
+        )
         for k in found.record["parameters"][0]["kinds"][1:]:
             held[k["kind"]] += k["low"] <= 2 <= k["high"]
     assert 180 <= held["profile"] <= 199, held  # binomial(200, 0.95): 184 to 196 in 95 % of seeds
@@ -123,7 +137,9 @@ def test_under_coloured_noise_each_kind_holds_the_truth_in_95_percent():
         rng = np.random.default_rng(1000 + seed)
         u = np.repeat(rng.uniform(-1, 1, 40), 10)
         y = 1 + 2 * u + slow_noise(rng, 400, 0.8, 0.3)
-        answer = line(u, y, standard_errors="robust")  # a model without states has classical ones by itself, and says so
+        answer = line(
+            u, y, standard_errors="robust"
+        )  # a model without states has classical ones by itself, and says so
         found = pf.compare_intervals(answer, kinds=tuple(held), replicates=300, draws=300, parameters=["b"], seed=seed)
         for k in found.record["parameters"][0]["kinds"][1:]:
             held[k["kind"]] += k["low"] <= 2 <= k["high"]
@@ -152,7 +168,9 @@ def test_gaps_and_uneven_clocks_break_the_autoregression():
     t[100:] += 50.5
     u = rng.uniform(-1, 1, 200)
     y = 1 + 2 * u + slow_noise(rng, 200, 0.7, 0.3)
-    model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
+    model = pf.equations(
+        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False
+    )
     record = pf.from_arrays({"t": t, "u": u, "y": y}, time="t", units=ONE)
     answer = pf.fit(pf.Problem(model, record, {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}), seed=1)
     found = noise_of(answer.problem, np.asarray(answer.problem.unsmoothed.residuals(answer.best.x)))
@@ -229,11 +247,14 @@ def test_refusals(white, asked, words):
 
 
 def test_profiles_of_puromycin_are_those_of_r():
-    # R 4, datasets::Puromycin (treated), confint(nls(rate ~ Vm*conc/(K + conc))), whose threshold is Student's t with 10 degrees of freedom
+    # R 4, datasets::Puromycin (treated), confint(nls(rate ~ Vm*conc/(K + conc))), whose threshold is Student's t with
+    # 10 degrees of freedom
     published = {"Vm": (197.30212848, 229.29006490), "K": (0.04692517, 0.08615995)}
     concentration = np.repeat([0.02, 0.06, 0.11, 0.22, 0.56, 1.10], 2)
     rate = np.array([76, 47, 97, 107, 123, 139, 159, 152, 191, 201, 207, 200.0])
-    model = pf.equations("y = Vm*u/(K + u)", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["Vm", "K"], name="enzyme", check=False)
+    model = pf.equations(
+        "y = Vm*u/(K + u)", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["Vm", "K"], name="enzyme", check=False
+    )
     record = pf.from_arrays({"u": concentration, "y": rate}, period=1.0, units=ONE)
     answer = pf.fit(pf.Problem(model, record, {"Vm": (50.0, 500.0), "K": (0.001, 1.0)}), seed=1)
     level = float(chi2.cdf(student.ppf(0.975, 10) ** 2, 1))
@@ -248,11 +269,27 @@ def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
 
     def told(*parameters, block=1):
         rows = [
-            {"name": n, "unit": "1", "value": 1.0, "standard_error": 0.1, "status": "determined", "scatters": False, "kinds": kinds}
+            {
+                "name": n,
+                "unit": "1",
+                "value": 1.0,
+                "standard_error": 0.1,
+                "status": "determined",
+                "scatters": False,
+                "kinds": kinds,
+            }
             for n, kinds in parameters
         ]
         bootstrap = {"block": {"y": block}, "blocks": {"y": 100}, "lost": 0, "replicates": 100}
-        whole = {"name": "x", "level": 0.95, "seed": 1, "parameters": rows, "bootstrap": bootstrap, "posterior": None, "refused": {}}
+        whole = {
+            "name": "x",
+            "level": 0.95,
+            "seed": 1,
+            "parameters": rows,
+            "bootstrap": bootstrap,
+            "posterior": None,
+            "refused": {},
+        }
         return [v["sentence"] for v in interval_sentences(ComparisonOfIntervals.model_validate(whole))]
 
     open_ = ("c", [kind("profile", 0.0, 9.0, open_=True), kind("bootstrap", 0.0, 9.0, open_=True)])

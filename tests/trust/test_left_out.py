@@ -26,7 +26,10 @@ def records(seed=0, n=50):
 
 def line(given, own):
     model = equations(
-        "y = b*u + c", inputs={"u": None}, outputs={"y": None}, parameters={"b": {"bounds": (-9, 9)}, "c": {"bounds": (-9, 9)}}
+        "y = b*u + c",
+        inputs={"u": None},
+        outputs={"y": None},
+        parameters={"b": {"bounds": (-9, 9)}, "c": {"bounds": (-9, 9)}},
     )
     return Problem(model, given, {"c": Parameter((-9.0, 9.0), per_recording=own)})
 

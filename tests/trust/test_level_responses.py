@@ -19,7 +19,9 @@ def plant(swing, noise=0.0):
     for goal in settled:
         y += (goal - y) * (1 - np.exp(-2.0 / 30.0))
         out.append(y)
-    values = np.array(out) + swing * np.sin(2 * np.pi * t / 350.0) + noise * np.random.default_rng(3).standard_normal(len(t))
+    values = (
+        np.array(out) + swing * np.sin(2 * np.pi * t / 350.0) + noise * np.random.default_rng(3).standard_normal(len(t))
+    )
     return Recording(t, {"u": Signal(u, "V"), "y": Signal(values, "degC")}, "plant")
 
 

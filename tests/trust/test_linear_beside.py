@@ -1,4 +1,5 @@
-"""A model of first order on a plant that oscillates: no addition explains it, and the best linear model says what does."""
+"""A model of first order on a plant that oscillates: no addition explains it, and the best linear model says what
+does."""
 
 import re
 
@@ -24,7 +25,12 @@ def record(seed, omega, damping, gain=2.0, noise=0.02, n=600, curve=lambda y: y)
 
 def told(text, recording, parameters, split=0.7):
     model = equations(
-        text, inputs={"u": "V"}, states=re.findall(r"(\w)' =", text), outputs={"y": "m"}, parameters=list(parameters), check=False
+        text,
+        inputs={"u": "V"},
+        states=re.findall(r"(\w)' =", text),
+        outputs={"y": "m"},
+        parameters=list(parameters),
+        check=False,
     )
     answer = fit(Problem(model, recording, parameters, split=split), budget=1000, seed=1)
     found = answer.diagnose()
@@ -37,7 +43,9 @@ def test_an_oscillation_is_named_and_what_to_write_reaches_the_noise(omega, damp
     _, said = told(FIRST, recording, OWN)
     (one,) = said
     assert one["level"] == "warning"
-    period, zeta = (float(v) for v in re.findall(r"period of ([\d.]+) s and a damping ratio of ([\d.]+),", one["sentence"])[0])
+    period, zeta = (
+        float(v) for v in re.findall(r"period of ([\d.]+) s and a damping ratio of ([\d.]+),", one["sentence"])[0]
+    )
     assert period == pytest.approx(2 * np.pi / (omega * np.sqrt(1 - damping**2)), rel=0.03)
     assert zeta == pytest.approx(damping, rel=0.15)
     start = float(re.findall(r"T is about ([\d.]+) s\.", one["sentence"])[0])
@@ -51,13 +59,16 @@ def test_an_oscillation_is_named_and_what_to_write_reaches_the_noise(omega, damp
 
 def test_a_gain_of_the_other_sign_is_named():
     _, (one,) = told(FIRST, record(5, 20.0, 5.0, gain=-3.0), OWN)
-    assert float(re.findall(r"Its static gain from u is (-[\d.]+); see", one["sentence"])[0]) == pytest.approx(-3.0, rel=0.02)
+    assert float(re.findall(r"Its static gain from u is (-[\d.]+); see", one["sentence"])[0]) == pytest.approx(
+        -3.0, rel=0.02
+    )
 
 
 def test_a_disturbance_that_another_state_imitates_on_fitted_samples_is_no_state():
     slow = record(6, 20.0, 5.0, noise=0.005)
     y = slow["y"] + 3.0 * np.sin(2 * np.pi * slow.t / 150.0)
-    _, said = told("x' = (K*u - x)/tau\ny = x + c", Recording(slow.t, {"u": Signal(slow["u"], "V"), "y": Signal(y, "m")}, "run"),
+    _, said = told("x' = (K*u - x)/tau\ny = x + c",
+                   Recording(slow.t, {"u": Signal(slow["u"], "V"), "y": Signal(y, "m")}, "run"),
                    {**OWN, "c": Parameter((-10.0, 10.0))})  # fmt: skip
     assert said == []
 

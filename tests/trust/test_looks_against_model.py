@@ -81,7 +81,9 @@ def test_a_model_that_rests_under_its_first_input_beside_a_plant_that_does_not()
     n = 600
     t, noise = 0.05 * np.arange(n), 0.02 * np.random.default_rng(1).normal(size=n)
     later = np.where(t > 15, 1 - np.exp(-(t - 15) / 2.0), 0.0)
-    recording = Recording(t, {"u": Signal(np.where(t > 15, 2.0, 1.0)), "y": Signal(3.0 - 2.0 * np.exp(-t / 2.0) + later + noise)}, "a")
+    recording = Recording(
+        t, {"u": Signal(np.where(t > 15, 2.0, 1.0)), "y": Signal(3.0 - 2.0 * np.exp(-t / 2.0) + later + noise)}, "a"
+    )
 
     def found(equation, initial):
         model = equations(
@@ -114,7 +116,9 @@ def test_an_input_that_never_moves_is_told_as_what_it_is():
     assert "nothing that depends on it can be told" in look.sentence
     (look,) = found(2.0 * (1 - np.exp(-t / 0.5)))  # it settles from its start
     assert look.level == "info"
-    assert look.sentence.endswith("throughout, so that what it does shows only in how the plant settles from its start.")
+    assert look.sentence.endswith(
+        "throughout, so that what it does shows only in how the plant settles from its start."
+    )
     assert not found(2.0 * (1 - np.exp(-t / 0.5)), before={"u": 0.0})  # a step at the first sample
     (look,) = found(np.full(n, 2.0), before={"u": 1.0})  # said to have been the same before
     assert look.level == "warning"

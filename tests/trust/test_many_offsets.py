@@ -1,4 +1,5 @@
-"""Of more than 60 coordinates: an offset near zero has the interval of its closed form, and one that nothing tells is open."""
+"""Of more than 60 coordinates: an offset near zero has the interval of its closed form, and one that nothing tells
+is open."""
 
 import numpy as np
 
@@ -14,9 +15,13 @@ def _fitted():
     for k in range(RECORDS):
         u, s = rng.normal(size=SAMPLES), np.full(SAMPLES, float(k < RECORDS - 5))
         y = 2.0 * u + NOISE * rng.normal(size=SAMPLES)
-        records[f"r{k}"] = Recording(np.arange(SAMPLES), {n: Signal(v, None) for n, v in {"u": u, "s": s, "y": y}.items()}, f"r{k}")
+        records[f"r{k}"] = Recording(
+            np.arange(SAMPLES), {n: Signal(v, None) for n, v in {"u": u, "s": s, "y": y}.items()}, f"r{k}"
+        )
     bounds = {"a": (0.0, 5.0), "c": (-1.0, 1.0)}
-    model = equations("y = a*u + c*s", inputs=["u", "s"], outputs=["y"], parameters={n: {"bounds": b} for n, b in bounds.items()})
+    model = equations(
+        "y = a*u + c*s", inputs=["u", "s"], outputs=["y"], parameters={n: {"bounds": b} for n, b in bounds.items()}
+    )
     problem = Problem(model, records, {"a": Parameter((0.0, 5.0)), "c": Parameter((-1.0, 1.0), per_recording=True)})
     rows = fit(problem, "least_squares", seed=1, budget=600).findings["parameters"]
     return [r for r in rows if r["parameter"] == "c"]

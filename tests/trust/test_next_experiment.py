@@ -47,7 +47,9 @@ def test_another_optimizer_finds_the_same():
 
 def test_units_of_the_parameters_do_not_matter():
     scale = np.array([1.0, 1e-6, 1e5])
-    found = d_optimal(lambda d: parabola(d) * np.outer(scale, scale), free, (-np.ones(3), np.ones(3)), budget=1500, seed=2)
+    found = d_optimal(
+        lambda d: parabola(d) * np.outer(scale, scale), free, (-np.ones(3), np.ones(3)), budget=1500, seed=2
+    )
     np.testing.assert_allclose(np.sort(found.design), [-1, 0, 1], atol=0.02)
     plain = np.linalg.slogdet(np.asarray(parabola(jnp.asarray(found.design))))[1]
     assert found.log_det - plain == pytest.approx(2 * np.sum(np.log(scale)), abs=1e-6)

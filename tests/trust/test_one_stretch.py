@@ -32,8 +32,8 @@ def found(t, measured, simulated, u):
 @pytest.mark.parametrize("plant", PLANTS)
 @pytest.mark.parametrize("clocked", [False, True])
 def test_lost_rows_are_placed(plant, clocked):
-    """The plant is simulated on without the rows that were lost: what it misses decays. Without a gap of the clock it is told where inputs
-    and simulation are at such levels elsewhere, too."""
+    """The plant is simulated on without the rows that were lost: what it misses decays. Without a gap of the clock
+    it is told where inputs and simulation are at such levels elsewhere, too."""
     told = tried = 0
     for seed in range(40):
         rng = np.random.default_rng(seed)
@@ -72,8 +72,12 @@ def test_a_wrong_model_is_not_told_as_a_wrong_record(seed):
     one = np.where(t > 60.0, 1.0, 0.0)  # a single step: all there is to miss is missed there
     assert found(t, output("two lags", one) + noise, output("lag", one) / 2.0, one) is None
     u = steps(rng)
-    assert found(t, output("lag", u) + 3.0 * np.exp(-t / 0.7) + noise, output("lag", u), u) is None  # another initial value
-    assert found(t, output("lag", u) + np.exp((t - t[-1]) / 5.0) + noise, output("lag", u), u) is None  # it runs away at the end
+    assert (
+        found(t, output("lag", u) + 3.0 * np.exp(-t / 0.7) + noise, output("lag", u), u) is None
+    )  # another initial value
+    assert (
+        found(t, output("lag", u) + np.exp((t - t[-1]) / 5.0) + noise, output("lag", u), u) is None
+    )  # it runs away at the end
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9, 0.99, 1.0])
@@ -93,7 +97,9 @@ def test_the_verdict_says_where_the_record_is_odd_and_blames_no_response(lost, c
     y = output("oscillator", u)[kept] + 0.01 * rng.normal(size=len(kept))
     t = H * (kept if clocked else np.arange(len(kept)))
     bounds = {n: {"bounds": b} for n, b in (("m", (0.05, 1.0)), ("c", (0.05, 1.0)), ("k", (0.5, 8.0)))}
-    model = equations("p' = v; v' = (u - c*v - k*p)/m; y = p", inputs=["u"], states=["p", "v"], outputs=["y"], parameters=bounds)
+    model = equations(
+        "p' = v; v' = (u - c*v - k*p)/m; y = p", inputs=["u"], states=["p", "v"], outputs=["y"], parameters=bounds
+    )
     answer = fit(Problem(model, Recording(t, {"u": Signal(u[kept]), "y": Signal(y)})), budget=500, seed=1)
     (test,) = read_findings(answer.findings).residual_tests
     said = [s["sentence"] for s in (*residual_sentences(answer.findings), *noise_sentences(answer.findings))]

@@ -15,7 +15,9 @@ def problem(free):
     """y = a t, and a parameter b of an input that stayed at 0."""
     t = np.linspace(0.0, 5.0, 60)
     y = 2.0 * t + np.random.default_rng(1).normal(0, 0.05, 60)
-    model = equations("x' = a + b*u\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["a", "b"], name="ramp")
+    model = equations(
+        "x' = a + b*u\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["a", "b"], name="ramp"
+    )
     parameters = {"a": Parameter((0.0, 5.0)), "b": Parameter((0.0, 1.0)) if free else Parameter(value=0.3)}
     return Problem(model, Recording(t, {"u": Signal(np.zeros(60), None), "y": Signal(y, None)}, "run"), parameters)
 

@@ -1,4 +1,5 @@
-"""Sentences on what is open: ranges that bounds of the search and limits cut, how many numbers are fixed, and no advice of a budget."""
+"""Sentences on what is open: ranges that bounds of the search and limits cut, how many numbers are fixed, and no
+advice of a budget."""
 
 import numpy as np
 import pytest
@@ -13,7 +14,9 @@ X = np.linspace(0.05, 4.0, 200)
 
 def static(text, y, parameters):
     model = equations(text, inputs=["x"], outputs=["y"], parameters=list(parameters), name="curve")
-    return fit(Problem(model, Recording(0.1 * np.arange(200), {"x": Signal(X), "y": Signal(y)}, "run"), parameters), seed=1)
+    return fit(
+        Problem(model, Recording(0.1 * np.arange(200), {"x": Signal(X), "y": Signal(y)}, "run"), parameters), seed=1
+    )
 
 
 @pytest.fixture(scope="module")
@@ -50,13 +53,16 @@ def test_combinations_of_all_parameters_are_not_those_of_others(total):
 
 def test_no_larger_budget_is_asked_for_where_a_parameter_is_flat():
     told = {"runs": 1, "spent": 0, "spent_and_agree": 0, "ended": "cut", "symmetries": [], "answers": []}
-    flat, known = ({"agreement": told, "parameters": [{"name": "Td", "status": s, "open": None}]} for s in ("flat", "determined"))
+    flat, known = (
+        {"agreement": told, "parameters": [{"name": "Td", "status": s, "open": None}]} for s in ("flat", "determined")
+    )
     assert "Give a larger budget" not in next(agreement_sentences(flat))["sentence"]
     assert "Give a larger budget" in next(agreement_sentences(known))["sentence"]
 
 
 def test_an_interval_against_the_box_is_told_by_its_ends():
-    row = {"name": "Td", "status": "flat", "index": [], "unit": "s", "value": 0.9, "standard_error": 0.23, "low": 0.46, "high": 1.0,
+    row = {"name": "Td", "status": "flat", "index": [], "unit": "s", "value": 0.9, "standard_error": 0.23, "low": 0.46,
+           "high": 1.0,
            "lower_bound": 0.1, "upper_bound": 1.0, "limits": None, "open": None}  # fmt: skip
     (said,) = parameter_sentences({"parameters": [row]})
     assert said["sentence"] == "Td is not determined: the data allow 0.46 to 1 s, of 0.1 to 1 s that was searched."
@@ -64,7 +70,9 @@ def test_an_interval_against_the_box_is_told_by_its_ends():
 
 def test_many_directions_are_one_sentence():
     def said(n):
-        found = [{"sentence": f"one {k}", "weights": {f"a{k}": 1.0, "b": -0.5}, "relative_sd": 1.0 + k} for k in range(n)]
+        found = [
+            {"sentence": f"one {k}", "weights": {f"a{k}": 1.0, "b": -0.5}, "relative_sd": 1.0 + k} for k in range(n)
+        ]
         return list(_combinations({"combinations": found}))
 
     assert [s["sentence"] for s in said(6)] == [f"one {k}" for k in range(6)]
@@ -93,24 +101,33 @@ def test_the_error_of_a_simulation_is_told_at_its_worst_and_in_the_rms(share, le
     (said,) = _steps({"simulation": simulation, "recordings": [{"outputs": {}}]})
     assert said["level"] == level
     assert "exact to 0.004 A at worst (scipy LSODA); in the rms it is off by" in said["sentence"]
-    assert f"{100 * share:.2g} % of the residual: {'negligible.' if level == 'good' else 'not negligible'}" in said["sentence"]
+    assert (
+        f"{100 * share:.2g} % of the residual: {'negligible.' if level == 'good' else 'not negligible'}"
+        in said["sentence"]
+    )
 
 
 def test_an_artefact_of_coarse_steps_is_told_where_one_was_left_out_only(total):
     run = {"failures": 0, "evaluations": 1.0, "extra": {}}
     told = [
-        list(_refused({"runs": [run, {**run, "extra": extra}]}, total.best)) for extra in ({}, {"refused": "The answer is refused: x."})
+        list(_refused({"runs": [run, {**run, "extra": extra}]}, total.best))
+        for extra in ({}, {"refused": "The answer is refused: x."})
     ]
     assert told[0] == []
-    assert told[1][0]["sentence"] == "A run found an answer that is an artefact of coarse steps, and it was left out: x."
+    assert (
+        told[1][0]["sentence"] == "A run found an answer that is an artefact of coarse steps, and it was left out: x."
+    )
 
 
 def test_entries_of_tables_are_counted_among_what_is_determined():
     def entry(k, status):
-        return {"name": f"k[{k}]", "parameter": "k", "index": [k], "status": status, "value": 1.0, "standard_error": 0.1, "unit": None,
+        return {"name": f"k[{k}]", "parameter": "k", "index": [k], "status": status, "value": 1.0,
+                "standard_error": 0.1, "unit": None,
                 "recording": None, "limits": None, "low": None, "high": None}  # fmt: skip
 
     for known in (1, 2):
         findings = {"parameters": [entry(k, "determined" if k < known else "flat") for k in range(3)]}
         said = " ".join(s["sentence"] for s in parameter_sentences(findings))
-        assert f"The data determine {known} of 3 parameters: {known} {'entry' if known == 1 else 'entries'} of k." in said
+        assert (
+            f"The data determine {known} of 3 parameters: {known} {'entry' if known == 1 else 'entries'} of k." in said
+        )

@@ -25,13 +25,20 @@ def with_known_mass(p, mass=0.05, at=0.25):
     """Coefficients after a point mass was added to link 2."""
     m2 = p["m2"] + mass
     lc2 = (p["m2"] * p["lc2"] + mass * at) / m2
-    return base_values({**p, "m2": m2, "lc2": lc2, "I2": p["I2"] + p["m2"] * (p["lc2"] - lc2) ** 2 + mass * (at - lc2) ** 2})
+    return base_values(
+        {**p, "m2": m2, "lc2": lc2, "I2": p["I2"] + p["m2"] * (p["lc2"] - lc2) ** 2 + mass * (at - lc2) ** 2}
+    )
 
 
-SCALE1, SCALE2 = Measurement("link 1 on a scale", lambda p: p["m1"], 5e-4), Measurement("link 2 on a scale", lambda p: p["m2"], 5e-4)
+SCALE1, SCALE2 = (
+    Measurement("link 1 on a scale", lambda p: p["m1"], 5e-4),
+    Measurement("link 2 on a scale", lambda p: p["m2"], 5e-4),
+)
 SWING2 = Measurement("link 2 swung on its own", lambda p: period(p["I2"], p["m2"], p["lc2"]), 1e-3)
 SWING1 = Measurement("link 1 swung on its own", lambda p: period(p["I1"], p["m1"], p["lc1"]), 1e-3)
-ALONE1 = Measurement("the torque of link 1 alone", lambda p: [p["m1"] * p["lc1"], p["I1"] + p["m1"] * p["lc1"] ** 2], [1e-4, 1e-5])
+ALONE1 = Measurement(
+    "the torque of link 1 alone", lambda p: [p["m1"] * p["lc1"], p["I1"] + p["m1"] * p["lc1"] ** 2], [1e-4, 1e-5]
+)
 ADDED = Measurement("a known mass on link 2", with_known_mass, [1e-5, 1e-5, 1e-4, 1e-4])
 
 
@@ -79,8 +86,17 @@ def test_nothing_opens_everything_when_a_direction_stays(pendubot, spread):
 
 
 def test_standard_errors_agree_with_monte_carlo(pendubot, spread):
-    rng, exact, sd = np.random.default_rng(0), pendubot.function(TRUTH), np.sqrt(np.diag(spread)) / 10  # small, so that linear is right
-    small = openings(pendubot, spread / 100, TRUTH, [Measurement("a", lambda p: p["m1"], 1e-4), Measurement("b", lambda p: p["m2"], 1e-4)])
+    rng, exact, sd = (
+        np.random.default_rng(0),
+        pendubot.function(TRUTH),
+        np.sqrt(np.diag(spread)) / 10,
+    )  # small, so that linear is right
+    small = openings(
+        pendubot,
+        spread / 100,
+        TRUTH,
+        [Measurement("a", lambda p: p["m1"], 1e-4), Measurement("b", lambda p: p["m2"], 1e-4)],
+    )
     assert small.together is not None
     estimates = []
     for _ in range(300):

@@ -23,7 +23,10 @@ STEP = "step"
 def line(seed: int, offset: float = 0.0, gain: float = 0.0) -> Problem:
     """y = a + b u, a = 1, b = 2, with errors of the sensor of y and noise of 0.05."""
     model = pf.equations(
-        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "V"}, parameters={"a": {"bounds": [-9, 9]}, "b": {"bounds": [-9, 9]}}
+        "y = a + b*u",
+        inputs={"u": "1"},
+        outputs={"y": "V"},
+        parameters={"a": {"bounds": [-9, 9]}, "b": {"bounds": [-9, 9]}},
     )
     u = np.sin(T)
     y = (1.0 + 2.0 * u) * (1.0 + gain) + offset + 0.05 * np.random.default_rng(seed).standard_normal(len(T))
@@ -31,10 +34,14 @@ def line(seed: int, offset: float = 0.0, gain: float = 0.0) -> Problem:
 
 
 def process(noise: float = 0.01) -> Problem:
-    y = TRUTH["K"] * -np.expm1(-np.maximum(T - TRUTH["L"], 0.0) / TRUTH["tau"]) + noise * np.random.default_rng(1).standard_normal(len(T))
+    y = TRUTH["K"] * -np.expm1(-np.maximum(T - TRUTH["L"], 0.0) / TRUTH["tau"]) + noise * np.random.default_rng(
+        1
+    ).standard_normal(len(T))
     record = Recording(T, {"u": Signal(np.ones(len(T))), "y": Signal(np.r_[0.0, y[1:]])}, STEP)
     box = {"K": (0.5, 5.0), "tau": (0.2, 6.0), "L": (0.0, 3.0)}
-    return Problem(first_order(offset=False), Experiment(record, fit=(0.05, np.inf), before={"u": 0.0}), box, substeps=1)
+    return Problem(
+        first_order(offset=False), Experiment(record, fit=(0.05, np.inf), before={"u": 0.0}), box, substeps=1
+    )
 
 
 def fitted(problem: Problem) -> np.ndarray:
@@ -52,11 +59,17 @@ def test_offset_and_gain_of_a_straight_line_in_closed_form():
     problem = line(0)
     z = fitted(problem)
     a, b = np.asarray(problem.space.physical(z))
-    found = propagate(problem, z, [SharedError(type_b("zero", 0.3, "V"), "offset", "y"), SharedError(type_b("span", 0.02), "gain", "y")])
+    found = propagate(
+        problem,
+        z,
+        [SharedError(type_b("zero", 0.3, "V"), "offset", "y"), SharedError(type_b("span", 0.02), "gain", "y")],
+    )
     u = np.array([0.3, 0.02]) / np.sqrt(3)
     assert found.systematic["zero"] == pytest.approx([u[0], 0.0], abs=1e-6)
     assert found.systematic["span"] == pytest.approx([abs(a) * u[1], abs(b) * u[1]], rel=1e-3)
-    assert found.combined == pytest.approx(np.sqrt(found.random**2 + found.systematic["zero"] ** 2 + found.systematic["span"] ** 2))
+    assert found.combined == pytest.approx(
+        np.sqrt(found.random**2 + found.systematic["zero"] ** 2 + found.systematic["span"] ** 2)
+    )
 
 
 def test_a_slow_clock_makes_every_time_long(step):
@@ -109,13 +122,16 @@ def test_other_recordings_are_fitted_without_compiling_anew(step):
     late = problem.with_recordings({STEP: Recording(record.t * 1.001, record.signals, STEP)})
     assert late.compiled["residuals"] is problem.compiled["residuals"]
     fresh = Problem(
-        first_order(offset=False), dataclasses.replace(problem.experiments[STEP], recording=late.experiments[STEP].recording),
+        first_order(offset=False), dataclasses.replace(problem.experiments[STEP],
+                                                       recording=late.experiments[STEP].recording),
         {"K": (0.5, 5.0), "tau": (0.2, 6.0), "L": (0.0, 3.0)}, substeps=1,
     )  # fmt: skip
     np.testing.assert_allclose(late.residuals(z), fresh.residuals(z), atol=1e-12)
     assert not np.allclose(late.residuals(z), problem.residuals(z), atol=1e-6)
     untouched = process()
-    untouched.with_recordings({STEP: Recording(record.t, {**record.signals, "y": Signal(0.0 * record.t)}, STEP)}).residuals(z)
+    untouched.with_recordings(
+        {STEP: Recording(record.t, {**record.signals, "y": Signal(0.0 * record.t)}, STEP)}
+    ).residuals(z)
     np.testing.assert_array_equal(untouched.residuals(z), problem.residuals(z))
 
 
@@ -151,7 +167,9 @@ def test_total_intervals_of_steam_parameters_hold_what_they_promise():
 
     for opening, noise in ((100.0, 0.05), (40.0, 0.01)):  # records whose answers lie inside the bounds
         rig = SteamChamberRig(truth=constant_truth, noise=noise)
-        sources = [type_b(n, 2 * limit / 100, shape="triangular") for n, limit in rig.error_limits.items()]  # of a zeroed span
+        sources = [
+            type_b(n, 2 * limit / 100, shape="triangular") for n, limit in rig.error_limits.items()
+        ]  # of a zeroed span
         errors = [SharedError(s, "gain", "y") for s in sources]
         run = rig.record(opening, 0)
         name, p = run.recording.name, run.truth["parameters"]

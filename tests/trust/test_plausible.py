@@ -1,4 +1,5 @@
-"""Draws of parameters that the data allow: their covariance is that of the answer, open ones keep the cost, limits hold."""
+"""Draws of parameters that the data allow: their covariance is that of the answer, open ones keep the cost, limits
+hold."""
 
 import numpy as np
 import pytest
@@ -15,7 +16,9 @@ def answered(text, parameters, bounds, noise):
     for k in range(149):
         x[k + 1] = gain * u[k] + (x[k] - gain * u[k]) * np.exp(-1 / tau)
     y = x + rng.normal(0, noise, 150)
-    model = pf.equations(text, inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["y"], parameters=parameters, name="lag")
+    model = pf.equations(
+        text, inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["y"], parameters=parameters, name="lag"
+    )
     problem = pf.Problem(model, pf.from_arrays(t, signals={"u": u, "y": y}), bounds)
     return pf.fit(problem, budget=600, seed=1)
 
@@ -80,5 +83,7 @@ def test_draws_that_seldom_lie_within_all_limits_are_made_until_there_are_enough
     drawn = plausible(answer.problem, answer.best.x, rows, 100, seed=2)
     assert drawn.values.shape == (101, 3)
     monkeypatch.setattr(module, "MORE_ROUNDS", 0)
-    with pytest.raises(SearchError, match=r"Of \d+ draws of the parameters within their limits \d+ have a cost that the data allow"):
+    with pytest.raises(
+        SearchError, match=r"Of \d+ draws of the parameters within their limits \d+ have a cost that the data allow"
+    ):
         plausible(answer.problem, answer.best.x, rows, 100, seed=2)

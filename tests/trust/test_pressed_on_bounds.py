@@ -24,7 +24,8 @@ def test_of_two_coordinates_known_only_as_a_sum_the_one_on_its_bound_is_not_pres
 
 
 def test_it_is_pressed_where_the_partner_has_no_room_to_follow():
-    """The sum should be lower than both bounds allow: both stand at 0 and are pressed; near 0 the partner cannot follow."""
+    """The sum should be lower than both bounds allow: both stand at 0 and are pressed; near 0 the partner cannot
+    follow."""
     rng = np.random.default_rng(2)
     a = rng.normal(size=200)
     jacobian = np.column_stack([a, a])

@@ -24,7 +24,10 @@ BOX = {"K": (0.5, 5.0), "tau": (0.2, 6.0)}
 def line(noise: np.ndarray) -> Problem:
     """y = a + b u with given noise (200,)."""
     model = pf.equations(
-        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters={"a": {"bounds": [-9, 9]}, "b": {"bounds": [-9, 9]}}
+        "y = a + b*u",
+        inputs={"u": "1"},
+        outputs={"y": "1"},
+        parameters={"a": {"bounds": [-9, 9]}, "b": {"bounds": [-9, 9]}},
     )
     u = np.sin(T)
     return Problem(model, Recording(T, {"u": Signal(u, "1"), "y": Signal(1.0 + 2.0 * u + noise, "1")}))
@@ -34,10 +37,14 @@ def line(noise: np.ndarray) -> Problem:
 def step(late: float, noise: float, seed: int, low: float = 0.0, high: float = 3.0, n: int = 200) -> Problem:
     """A step through a first order process with dead time, from its closed form."""
     t = T[:n]
-    y = TRUTH["K"] * -np.expm1(-np.maximum(t - late, 0.0) / TRUTH["tau"]) + noise * np.random.default_rng(seed).standard_normal(n)
+    y = TRUTH["K"] * -np.expm1(-np.maximum(t - late, 0.0) / TRUTH["tau"]) + noise * np.random.default_rng(
+        seed
+    ).standard_normal(n)
     record = Recording(t, {"u": Signal(np.ones(n)), "y": Signal(np.r_[0.0, y[1:]])})
     changes = {**BOX, "L": (low, high)}
-    return Problem(first_order(offset=False), Experiment(record, fit=(0.05, np.inf), before={"u": 0.0}), changes, substeps=1)
+    return Problem(
+        first_order(offset=False), Experiment(record, fit=(0.05, np.inf), before={"u": 0.0}), changes, substeps=1
+    )
 
 
 def test_a_straight_line_has_the_interval_of_the_text_book():
@@ -74,7 +81,9 @@ def test_the_profile_of_a_dead_time_is_that_of_scipy():
         return np.sum((p[0] * -np.expm1(-np.maximum(T[1:] - late, 0.0) / p[1]) - y) ** 2)
 
     def least(late):
-        return minimize(squares, (2.0, 1.5), args=(late,), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}).fun
+        return minimize(
+            squares, (2.0, 1.5), args=(late,), method="Nelder-Mead", options={"xatol": 1e-9, "fatol": 1e-12}
+        ).fun
 
     variance = least(found.value) / (len(y) - 3)
     for value, excess in zip(found.points, found.excess, strict=True):

@@ -35,14 +35,20 @@ def test_a_well_known_line_has_the_textbook_intervals():
         row = rows(found)[name]
         assert row["status"] == "determined"
         assert row["standard_error"] == pytest.approx(error, rel=1e-6)
-        assert row["high"] - row["value"] == pytest.approx(1.972 * error, rel=2e-3)  # Student's t with 198 degrees of freedom
+        assert row["high"] - row["value"] == pytest.approx(
+            1.972 * error, rel=2e-3
+        )  # Student's t with 198 degrees of freedom
     assert found.findings["determined"]["count"] == 2
 
 
 @pytest.mark.parametrize("scale", ["linear", "log"])
 @pytest.mark.parametrize("most", [5.0, 1e3])
 def test_of_a_product_only_the_product_is_determined_in_any_box(scale, most):
-    found = answer("y = a*b*x", lambda x: 2.0 * x, {"a": Parameter((1e-3, most), scale=scale), "b": Parameter((1e-3, most), scale=scale)})
+    found = answer(
+        "y = a*b*x",
+        lambda x: 2.0 * x,
+        {"a": Parameter((1e-3, most), scale=scale), "b": Parameter((1e-3, most), scale=scale)},
+    )
     assert {rows(found)[n]["status"] for n in "ab"} == {"flat"}
     told = found.findings["determined"]
     assert (told["count"], told["of"]) == (1, 2)
@@ -55,11 +61,14 @@ def test_of_a_product_only_the_product_is_determined_in_any_box(scale, most):
 
 
 def test_a_ratio_is_told_as_well_as_by_the_fit_in_which_its_divisor_is_known():
-    """It is known to 0.035 % where each alone is open to any factor: by entries of their covariance that would be rounding."""
+    """It is known to 0.035 % where each alone is open to any factor: by entries of their covariance that would be
+    rounding."""
     t, rng = np.arange(N) * 0.02, np.random.default_rng(5)
     y = 3.0 * np.exp(-0.7 * t) + 1e-3 * rng.normal(size=N)
     record = Recording(t, {"y": Signal(y, None)}, "run")
-    model = equations("x' = -a*x/b\ny = x", states={"x": {"initial": "y"}}, outputs=["y"], parameters=["a", "b"], name="decay")
+    model = equations(
+        "x' = -a*x/b\ny = x", states={"x": {"initial": "y"}}, outputs=["y"], parameters=["a", "b"], name="decay"
+    )
     wide = Parameter((1e-3, 1e3), scale="log")
     errors = []
     for b in (wide, 2.0):
@@ -99,7 +108,9 @@ def test_physical_limits_end_a_range_where_bounds_of_the_search_do_not():
 
 def test_what_a_parameter_on_a_bound_gauges_is_not_called_determined():
     """a b = 0.02 with b searched down to 0.05: b ends on its bound or a somewhere, and a is known only up to b."""
-    found = answer("y = a*(1 + b)*x", lambda x: 1.02 * x, {"a": Parameter((0.0, 10.0)), "b": Parameter((0.05, 5.0))}, noise=1e-3)
+    found = answer(
+        "y = a*(1 + b)*x", lambda x: 1.02 * x, {"a": Parameter((0.0, 10.0)), "b": Parameter((0.05, 5.0))}, noise=1e-3
+    )
     assert rows(found)["a"]["status"] != "determined"
 
 
@@ -115,7 +126,8 @@ def test_the_status_does_not_depend_on_the_width_of_the_box(width):
 
 
 def test_an_end_is_followed_where_the_problem_is_curved():
-    """y = exp(-k x) with little of the curve seen: the interval of k is that of a grid of costs, not a symmetric one."""
+    """y = exp(-k x) with little of the curve seen: the interval of k is that of a grid of costs, not a symmetric
+    one."""
     box = {"k": Parameter((1e-4, 5.0), scale="log"), "c": Parameter((0.01, 1e4), scale="log")}
     found = answer("y = c*(1 - exp(-k*x))", lambda x: 10.0 * (1.0 - np.exp(-0.05 * x)), box, noise=0.01)
     row, y = rows(found)["k"], np.asarray(found.problem.experiments["run"].recording["y"])
@@ -147,7 +159,9 @@ def test_limits_are_checked_and_have_defaults():
 
 def test_standard_errors_without_a_box():
     """The error of an offset that is hardly known is its own, not that of a box."""
-    found = answer("y = a*x + b", lambda x: 2.0 * x, {"a": Parameter((0.0, 5.0)), "b": Parameter((-1e-3, 1e-3))}, noise=0.05)
+    found = answer(
+        "y = a*x + b", lambda x: 2.0 * x, {"a": Parameter((0.0, 5.0)), "b": Parameter((-1e-3, 1e-3))}, noise=0.05
+    )
     local = linearise(found.problem, found.best.x)
     matrix = np.column_stack([X, np.ones(N)])
     expected = 0.05 * np.sqrt(np.linalg.inv(matrix.T @ matrix)[1, 1])
@@ -155,7 +169,8 @@ def test_standard_errors_without_a_box():
 
 
 def test_classical_and_robust_errors_are_an_option():
-    """Noise with a correlation of 0.8 from row to row: robust errors are larger by about sqrt((1 + r) / (1 - r)) = 3 for a mean."""
+    """Noise with a correlation of 0.8 from row to row: robust errors are larger by about sqrt((1 + r) / (1 - r)) = 3
+    for a mean."""
     noise = np.asarray(lfilter([0.6], [1.0, -0.8], np.random.default_rng(3).normal(size=N))) * 0.05
     box, errors = {"a": Parameter((0.0, 5.0)), "b": Parameter((-5.0, 5.0))}, {}
     for kind in (None, "classical", "robust"):
@@ -181,7 +196,9 @@ def test_few_rows_and_outputs_that_are_all_zero_have_a_verdict(text, n):
 def test_a_plant_at_rest_has_a_verdict():
     """Outputs of a dynamic model that are all zero: nothing is known, and nothing crashes."""
     t = np.arange(100) * 0.1
-    model = equations("x' = a*u - b*x\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["a", "b"], name="lag")
+    model = equations(
+        "x' = a*u - b*x\ny = x", inputs=["u"], states=["x"], outputs=["y"], parameters=["a", "b"], name="lag"
+    )
     record = Recording(t, {"u": Signal(np.ones(100), None), "y": Signal(np.zeros(100), None)}, "run")
     found = fit(Problem(model, record, {"a": Parameter((0.0, 5.0)), "b": Parameter((0.1, 5.0), scale="log")}))
     assert rows(found)["b"]["status"] != "determined"
@@ -190,7 +207,8 @@ def test_a_plant_at_rest_has_a_verdict():
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("known", [False, True])
 def test_a_bound_of_the_search_on_a_partner_ends_no_range(known, seed):
-    """p/q and p/r are all that y shows. One of them leaves its bounds first when all three grow or shrink: that is no end of the others."""
+    """p/q and p/r are all that y shows. One of them leaves its bounds first when all three grow or shrink: that is
+    no end of the others."""
     rng = np.random.default_rng(seed)
     u, v = rng.uniform(0.5, 2.0, (2, 200))
     y = 5e-5 * u / 1.2e-4 + 5e-5 * v / 0.02 + 1e-3 * rng.standard_normal(200)
@@ -209,13 +227,20 @@ def test_a_bound_of_the_search_on_a_partner_ends_no_range(known, seed):
 
 @pytest.mark.parametrize("divides", [True, False])
 def test_a_divisor_on_a_bound_of_the_search_ends_no_range(divides):
-    """q may be as small as it likes: p/q then goes on below what q's bound allows. With p - q, p ends where q is nothing."""
+    """q may be as small as it likes: p/q then goes on below what q's bound allows. With p - q, p ends where q is
+    nothing."""
     x = np.linspace(0.1, 2.0, 200)
     y = 2.0 * x + 1e-2 * np.random.default_rng(3).standard_normal(200)
     boxes = {"p": (1e-4, 10.0), "q": (0.05, 10.0)} if divides else {"p": (1e-2, 10.0), "q": (1e-2, 10.0)}
     parameters = {n: Parameter(b, scale="log") for n, b in boxes.items()}
-    model = equations("y = p/q*x" if divides else "y = (p - q)*x", inputs=["x"], outputs=["y"], parameters=list(boxes), check=False)
-    found = rows(fit(Problem(model, Recording(0.1 * np.arange(200), {"x": Signal(x), "y": Signal(y)}, "run"), parameters), seed=1))["p"]
+    model = equations(
+        "y = p/q*x" if divides else "y = (p - q)*x", inputs=["x"], outputs=["y"], parameters=list(boxes), check=False
+    )
+    found = rows(
+        fit(
+            Problem(model, Recording(0.1 * np.arange(200), {"x": Signal(x), "y": Signal(y)}, "run"), parameters), seed=1
+        )
+    )["p"]
     assert found["low"] == pytest.approx(0.0 if divides else 2.0, rel=5e-3)
 
 
@@ -224,7 +249,9 @@ def test_a_wide_range_does_not_end_where_it_is_no_longer_followed(spread):
     """Ranges are followed to -5 and 5 here; beyond, the growth says how they go on."""
     noise = np.random.default_rng(1).standard_normal(N)
     noise = 1e-4 * spread * (noise - X * (X @ noise) / (X @ X))  # the fit finds the truth
-    found = rows(answer("y = exp(1e-4*a*x)", lambda x: np.exp(1e-4 * 0.2 * x) + noise, {"a": Parameter((-1.0, 1.0))}, noise=0.0))["a"]
+    found = rows(
+        answer("y = exp(1e-4*a*x)", lambda x: np.exp(1e-4 * 0.2 * x) + noise, {"a": Parameter((-1.0, 1.0))}, noise=0.0)
+    )["a"]
     half = 1.96 * np.linalg.norm(noise) * 1e4 / np.sqrt(N - 1) / np.linalg.norm(X)
     assert [found["low"], found["high"]] == pytest.approx([0.2 - half, 0.2 + half], abs=0.03 * half)
 
@@ -237,7 +264,8 @@ FAMILIES = {  # all parameters may grow or shrink together: bounds of the search
 
 
 def scaled_fit(text, truth, seed, box):
-    """The fit of static equations with one percent of noise, bounds `box` times around values some way off the truth."""
+    """The fit of static equations with one percent of noise, bounds `box` times around values some way off the
+    truth."""
     rng = np.random.default_rng(seed)
     inputs = {name: rng.uniform(0.5, 2.0, 200) for name in "uvw" if name in text}
     y = eval(text.removeprefix("y = ").replace("^", "**"), {}, {**inputs, **truth})

@@ -1,4 +1,5 @@
-"""Standard errors of regressions with several targets: against closed forms and by how often their intervals hold the truth."""
+"""Standard errors of regressions with several targets: against closed forms and by how often their intervals hold
+the truth."""
 
 import numpy as np
 import pytest
@@ -25,7 +26,10 @@ def targets(seed, n=500, rho=0.7, together=0.8):
 def fit(columns, ys, together=True):
     estimate = np.linalg.lstsq(np.vstack(columns), np.concatenate(ys))[0]
     left = [y - c @ estimate for c, y in zip(columns, ys, strict=True)]
-    parts = [RegressionPart(c, r, record="" if together else str(i)) for i, (c, r) in enumerate(zip(columns, left, strict=True))]
+    parts = [
+        RegressionPart(c, r, record="" if together else str(i))
+        for i, (c, r) in enumerate(zip(columns, left, strict=True))
+    ]
     return estimate, regression_covariance(parts)
 
 
@@ -46,7 +50,9 @@ def test_white_errors_give_the_classical_covariance():
     columns = rng.normal(size=(20_000, 3)) * [1.0, 1e-4, 1e5]
     r = rng.normal(size=20_000)
     classical = np.linalg.inv(columns.T @ columns)
-    np.testing.assert_allclose(np.diag(regression_covariance([RegressionPart(columns, r)])), np.diag(classical), rtol=0.05)
+    np.testing.assert_allclose(
+        np.diag(regression_covariance([RegressionPart(columns, r)])), np.diag(classical), rtol=0.05
+    )
 
 
 def test_one_target_agrees_with_the_covariance_of_a_fit():
@@ -88,7 +94,9 @@ def test_recordings_add_their_information():
     r = [y - c @ TRUTH for c, y in zip(columns, ys, strict=True)]
     parts = [RegressionPart(c, e, record=str(i)) for i, (c, e) in enumerate(zip(columns, r, strict=True))]
     one = regression_covariance(parts)
-    two = regression_covariance([*parts, *(RegressionPart(p.columns, p.residuals, record=p.record + "b") for p in parts)])
+    two = regression_covariance(
+        [*parts, *(RegressionPart(p.columns, p.residuals, record=p.record + "b") for p in parts)]
+    )
     np.testing.assert_allclose(two, one / 2, rtol=0.01)
 
 
@@ -105,7 +113,8 @@ def test_wrong_input_is_told_in_a_sentence():
 @pytest.mark.parametrize(("length", "least"), [(5, 0.84), (12, 0.90), (60, 0.92)])
 @pytest.mark.parametrize("rho", [0.0, 0.8])
 def test_errors_of_what_one_short_move_tells_are_those_of_few_samples(length, least, rho):
-    """The second column is there in few of 300 rows: 1.96 standard errors of many held the truth in 46, 73 and 93 % at rho = 0."""
+    """The second column is there in few of 300 rows: 1.96 standard errors of many held the truth in 46, 73 and 93 %
+    at rho = 0."""
     columns = np.c_[np.sin(np.arange(300) / 9.0), np.zeros(300)]
     columns[200 : 200 + length, 1] = np.hanning(length + 2)[1:-1] * np.where(np.arange(length) % 2, 2.0, -2.0)
     held, spread = [], []

@@ -1,4 +1,5 @@
-"""Results of other commands than `run` are records: the schema holds, a wrong maker is told, and the page of the docs has their words."""
+"""Results of other commands than `run` are records: the schema holds, a wrong maker is told, and the page of the
+docs has their words."""
 
 import json
 
@@ -23,7 +24,11 @@ def two_models() -> ComparisonOfModels:
     """A line, and a model that cannot be simulated."""
     y = np.sin(T) + 0.1 * np.random.default_rng(1).normal(size=200)
     series = (Series("r", "y", "V", T, y, T < 12.0, T >= 12.0),)
-    return compared(series, (Candidate("sine", 1, 1.0, (np.sin(T),)), Candidate("lost", 1, 1.0, (np.full(200, np.inf),))), {"y": 1.0})
+    return compared(
+        series,
+        (Candidate("sine", 1, 1.0, (np.sin(T),)), Candidate("lost", 1, 1.0, (np.full(200, np.inf),))),
+        {"y": 1.0},
+    )
 
 
 def test_what_is_printed_keeps_its_schema_and_leaves_samples_out():
@@ -41,7 +46,9 @@ def test_what_is_printed_keeps_its_schema_and_leaves_samples_out():
 def test_a_first_look_keeps_its_schema():
     u = np.repeat(np.random.default_rng(2).normal(size=40), 5)
     found = look(Recording(T, {"u": Signal(u, "V"), "y": Signal(np.r_[0.0, 2 * u[:-1]], "K")}, "run"), ["u"], ["y"])
-    jsonschema.validate(json.loads(json.dumps(found.printed(written="look.html"), allow_nan=False)), result_schema("look"))
+    jsonschema.validate(
+        json.loads(json.dumps(found.printed(written="look.html"), allow_nan=False)), result_schema("look")
+    )
     assert found.outputs[0].pairs[0].input == "u"
 
 
@@ -67,5 +74,7 @@ def test_a_maker_is_told_of_a_key_and_a_value_that_the_record_does_not_know():
 
 
 def test_a_command_without_a_schema_is_named():
-    with pytest.raises(SpecError, match="There is no schema of 'comparing'; there are compare, compare --methods, compare-records"):
+    with pytest.raises(
+        SpecError, match="There is no schema of 'comparing'; there are compare, compare --methods, compare-records"
+    ):
         result_schema("comparing")

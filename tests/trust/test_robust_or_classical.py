@@ -15,7 +15,9 @@ def line(seed, memory, period=0.1, time=None, **options):
     rng = np.random.default_rng(seed)
     u = np.sin(np.arange(N) / 15.0)
     e = np.asarray(lfilter([1.0], [1.0, -memory], np.sqrt(1 - memory**2) * rng.standard_normal(N + 100)))[100:]
-    model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
+    model = pf.equations(
+        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False
+    )
     data = {"u": u, "y": 1.0 + 2.0 * u + 0.3 * e}
     if time is not None:
         record = pf.from_arrays({"t": time, **data}, time="t", time_unit="s", units={"u": "1", "y": "1"})
@@ -35,7 +37,11 @@ def held(answers, name):
 
 @pytest.mark.parametrize("time", [None, np.arange(N) * 1.0], ids=["every 0.1 s", "column of whole seconds"])
 def test_samples_in_time_get_errors_that_allow_for_their_correlation(time):
-    answer, asked, taken = line(1, 0.8, time=time), line(1, 0.8, standard_errors="robust"), line(1, 0.8, standard_errors="classical")
+    answer, asked, taken = (
+        line(1, 0.8, time=time),
+        line(1, 0.8, standard_errors="robust"),
+        line(1, 0.8, standard_errors="classical"),
+    )
     assert answer.findings["standard_errors"] == {"kind": "robust", "in_time": False}
     assert answer.standard_errors == asked.standard_errors
     assert answer.standard_errors["a"] > 2.0 * taken.standard_errors["a"]

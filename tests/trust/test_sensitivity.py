@@ -55,13 +55,18 @@ def test_sobol_indices_of_ishigami():
 
 
 def test_sobol_indices_of_the_g_function_by_group():
-    """V_i = 1/(3 (1 + a_i)^2), V = prod(1 + V_i) - 1: A. Saltelli, I. Sobol (1995). A group's first index is that of its product."""
+    """V_i = 1/(3 (1 + a_i)^2), V = prod(1 + V_i) - 1: A. Saltelli, I. Sobol (1995). A group's first index is that of
+    its product."""
     partial = 1 / (3 * (1 + A) ** 2)
     v = np.prod(1 + partial) - 1
     alone = sobol_indices(studied(sobol_g, 4), samples=4096, resamples=100)
     np.testing.assert_allclose(alone.first, partial / v, atol=0.015)
-    np.testing.assert_allclose(alone.total, [p * np.prod(1 + np.delete(partial, i)) / v for i, p in enumerate(partial)], atol=0.015)
-    both = sobol_indices(studied(sobol_g, 4), groups={"rough": ["x1", "x3"], "calm": ["x2", "x4"]}, samples=4096, resamples=100)
+    np.testing.assert_allclose(
+        alone.total, [p * np.prod(1 + np.delete(partial, i)) / v for i, p in enumerate(partial)], atol=0.015
+    )
+    both = sobol_indices(
+        studied(sobol_g, 4), groups={"rough": ["x1", "x3"], "calm": ["x2", "x4"]}, samples=4096, resamples=100
+    )
     assert (both.groups, both.sizes) == (("rough", "calm"), (2, 2))
     rough, calm = (np.prod(1 + partial[i]) - 1 for i in ([0, 2], [1, 3]))
     np.testing.assert_allclose(both.first, [rough / v, calm / v], atol=0.015)
@@ -99,7 +104,9 @@ def test_trajectories_are_chosen_once_for_all_points(monkeypatch):
     asked, sample = [], salib_sample.sample
     monkeypatch.setattr(salib_sample, "sample", lambda *given, **named: asked.append(0) or sample(*given, **named))
     problem = studied(ishigami, 3)
-    around = [morris(problem, at, radius=0.1, trajectories=4, pool=9, seed=11) for at in ([0.2, 0.3, 0.4], [0.7, 0.6, 0.5])]
+    around = [
+        morris(problem, at, radius=0.1, trajectories=4, pool=9, seed=11) for at in ([0.2, 0.3, 0.4], [0.7, 0.6, 0.5])
+    ]
     assert len(asked) == 1
     assert not np.array_equal(around[0].mu_star, around[1].mu_star)
     morris(problem, [0.2, 0.3, 0.4], radius=0.1, trajectories=4, pool=9, seed=12)
@@ -125,7 +132,8 @@ def test_trajectories_that_failed_are_left_out_whole():
 
 
 def test_samples_that_failed_are_left_out_with_their_copies():
-    """The corner that fails is a box of its own, so that what is left keeps x1 and x2 independent; x3 alone fails here."""
+    """The corner that fails is a box of its own, so that what is left keeps x1 and x2 independent; x3 alone fails
+    here."""
     plain = studied(lambda z: z[0] + 0.5 * z[1], 3)
     failing = studied(lambda z: np.where(z[2] > 0.9, np.nan, z[0] + 0.5 * z[1]), 3)
     found, whole = sobol_indices(failing, samples=2048, resamples=50), sobol_indices(plain, samples=2048, resamples=50)
@@ -140,7 +148,9 @@ def test_intervals_of_mu_star_hold_what_many_trajectories_give():
     design = {"num_vars": 4, "names": list(problem.space.names), "bounds": [[0.0, 1.0]] * 4}
     points = salib_sample.sample(design, 2000, seed=np.random.default_rng(0))
     true = np.asarray(
-        salib_analyze.analyze(design, points, problem.costs(points), num_resamples=10, seed=np.random.default_rng(1))["mu_star"]
+        salib_analyze.analyze(design, points, problem.costs(points), num_resamples=10, seed=np.random.default_rng(1))[
+            "mu_star"
+        ]
     )
     inside = []
     for seed in range(25):

@@ -1,4 +1,5 @@
-"""Errors that come back, as those of an encoder's slots at every turn: their intervals against closed forms and by how often they hold."""
+"""Errors that come back, as those of an encoder's slots at every turn: their intervals against closed forms and by
+how often they hold."""
 
 import numpy as np
 import pytest
@@ -17,7 +18,8 @@ LINE = equations("y = a + b*u", inputs=["u"], outputs=["y"], parameters={n: {"bo
 
 
 def experiment(seed, shared=True, edges=False):
-    """y = 1 + 2 u, errors of 60 places that come back in each of 8 turns; with `edges` those of two edges, which neighbours share."""
+    """y = 1 + 2 u, errors of 60 places that come back in each of 8 turns; with `edges` those of two edges, which
+    neighbours share."""
     rng = np.random.default_rng(seed)
     place = np.tile(np.arange(SLOTS), TURNS)
     e = rng.normal(size=SLOTS)
@@ -70,7 +72,9 @@ def test_edges_between_slots_cancel_over_a_turn():
 def test_samples_without_a_number_have_errors_of_their_own():
     e = experiment(1)
     none = Signal(np.full(len(e.recording.t), np.nan))
-    blind = Experiment(Recording(e.recording.t, {**e.recording.signals, "place": none}, "turns"), shared_errors={"y": "place"})
+    blind = Experiment(
+        Recording(e.recording.t, {**e.recording.signals, "place": none}, "turns"), shared_errors={"y": "place"}
+    )
     z = np.array([0.6, 0.7])
     plain = linearise(Problem(LINE, experiment(1, shared=False)), z)
     np.testing.assert_allclose(linearise(Problem(LINE, blind), z).covariance, plain.covariance, rtol=1e-12)

@@ -1,5 +1,5 @@
-"""Strengths of smoothing against a direct maximum of the restricted likelihood, brute-force cross-validation and known truths; and
-the coverage of intervals beside the smoothing."""
+"""Strengths of smoothing against a direct maximum of the restricted likelihood, brute-force cross-validation and
+known truths; and the coverage of intervals beside the smoothing."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,15 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.report import render_html
 from plantfit.space import Parameter
 from plantfit.trust.finish.smoothed_descent import Rows, descend
-from plantfit.trust.finish.smoothing_strength import BENDS, FOLDS, PIECES, by_cross_validation, by_reml, choose_strengths, typical_bends
+from plantfit.trust.finish.smoothing_strength import (
+    BENDS,
+    FOLDS,
+    PIECES,
+    by_cross_validation,
+    by_reml,
+    choose_strengths,
+    typical_bends,
+)
 from plantfit.trust.intervals.linearised import linearise
 
 NODES = tuple(np.linspace(0.0, 10.0, 21).tolist())
@@ -74,7 +82,10 @@ def test_reml_is_where_the_restricted_likelihood_is_largest():
         return (n - 2) * np.log(size) + np.linalg.slogdet(x.T @ x + s)[1] - 19 * log_strength
 
     best = np.exp(
-        min((minimize(lambda a: minus_twice(a[0]), [start], method="Nelder-Mead") for start in (0.0, 5.0)), key=lambda r: r.fun).x[0]
+        min(
+            (minimize(lambda a: minus_twice(a[0]), [start], method="Nelder-Mead") for start in (0.0, 5.0)),
+            key=lambda r: r.fun,
+        ).x[0]
     )
     (strength,) = smoothing_of(found.problem).strengths.values()
     assert strength == pytest.approx(best, rel=0.02)
@@ -97,7 +108,9 @@ def test_cross_validation_is_that_by_hand():
             z = np.linalg.solve(x[kept].T @ x[kept] + variance / bend**2 * b.T @ b, x[kept].T @ target[kept])
             squares.append((x[~kept] @ z - target[~kept]) ** 2)
         assert score.score == pytest.approx(np.mean(np.concatenate(squares)), rel=1e-5)
-        assert score.standard_error == pytest.approx(np.std([s.mean() for s in squares], ddof=1) / np.sqrt(FOLDS), rel=1e-4)
+        assert score.standard_error == pytest.approx(
+            np.std([s.mean() for s in squares], ddof=1) / np.sqrt(FOLDS), rel=1e-4
+        )
     best = min(found.scores, key=lambda s: s.score)
     assert smoothing_of(found.problem).strengths["f", "u"] == pytest.approx(variance / best.bend**2)
 
@@ -143,7 +156,9 @@ def test_reml_gives_each_axis_its_own_strength():
     found = by_reml(problem, np.full(126, 0.5))
     strengths = smoothing_of(found.problem).strengths
     assert strengths["f", "v"] > 30.0 * strengths["f", "u"]  # straight along v, a sine along u
-    error = np.asarray(found.problem.space.physical(found.z)).reshape(21, 6) - truth(np.array(NODES))[:, None] * (0.5 + np.array(second))
+    error = np.asarray(found.problem.space.physical(found.z)).reshape(21, 6) - truth(np.array(NODES))[:, None] * (
+        0.5 + np.array(second)
+    )
     assert np.sqrt(np.mean(error**2)) < 0.1
 
 

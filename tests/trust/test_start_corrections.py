@@ -1,4 +1,5 @@
-"""States that begin at first measured values: the fit estimates the noise of these samples, as a free start would be."""
+"""States that begin at first measured values: the fit estimates the noise of these samples, as a free start would
+be."""
 
 import dataclasses
 import subprocess
@@ -22,7 +23,8 @@ TEXT = "x' = (K*u - x)/tau\ny = x"
 
 
 def record(seed, tau=6.0, off=None, lag=0.0, x0=1.5, samples=N, noise=NOISE, name="bench"):
-    """A lag with K 2 in random steps, measured from x = x0 on; `off`: of the first value, in standard deviations; `lag`: a second one."""
+    """A lag with K 2 in random steps, measured from x = x0 on; `off`: of the first value, in standard deviations;
+    `lag`: a second one."""
     rng = np.random.default_rng(seed)
     u = rng.uniform(0.0, 1.0, samples // 25 + 1).repeat(25)[:samples]
     pole = np.exp(-PERIOD / tau)
@@ -45,7 +47,8 @@ def problem_of(records, initial="y", **options):
 
 
 def other(records, skip=0.0):
-    """K, tau, starts and standard errors of the first two: scipy with starts of their own, first values that are skipped as samples."""
+    """K, tau, starts and standard errors of the first two: scipy with starts of their own, first values that are
+    skipped as samples."""
 
     def residuals(p):
         found = []
@@ -85,7 +88,11 @@ def test_a_first_value_that_is_skipped_counts_as_a_sample():
 
 
 def test_every_recording_has_a_start_of_its_own():
-    records = [record(7, off=2.0), record(8, off=-2.0, x0=0.3, samples=250, name="short"), record(9, off=1.0, x0=4.0, name="hot")]
+    records = [
+        record(7, off=2.0),
+        record(8, off=-2.0, x0=0.3, samples=250, name="short"),
+        record(9, off=1.0, x0=4.0, name="hot"),
+    ]
     answer = pf.fit(problem_of({r.name: r for r in records}, standard_errors="classical"), budget=600)
     (k, tau, *starts), errors = other(records)
     assert abs(answer.values["K"] - k) < 1e-3 * errors[0]
@@ -95,7 +102,11 @@ def test_every_recording_has_a_start_of_its_own():
 
 
 def test_a_first_value_that_no_noise_explains_stays_and_the_others_do_not():
-    records = [record(7, off=12.0, samples=60), record(8, off=-2.0, x0=0.3, name="short"), record(9, off=1.0, x0=4.0, name="hot")]
+    records = [
+        record(7, off=12.0, samples=60),
+        record(8, off=-2.0, x0=0.3, name="short"),
+        record(9, off=1.0, x0=4.0, name="hot"),
+    ]
     problem = problem_of({r.name: r for r in records})
     made, end = with_start_corrections(problem, descent(problem, np.full(2, 0.3)))
     assert set(made.start_corrections) == {"short", "hot"}
@@ -104,29 +115,45 @@ def test_a_first_value_that_no_noise_explains_stays_and_the_others_do_not():
     assert first_value_effects(made, end.z, residual_blocks(made)).estimated.shape[1] == 2
 
 
-@pytest.mark.parametrize(("initial", "found"), [("y", set()), ("y + start", {"start"}), ("K*start", {"K", "start"}), ("1.5", set())])
+@pytest.mark.parametrize(
+    ("initial", "found"), [("y", set()), ("y + start", {"start"}), ("K*start", {"K", "start"}), ("1.5", set())]
+)
 def test_parameters_that_a_start_counts_by(initial, found):
     model = pf.equations(
         TEXT, inputs={"u": "V"}, states={"x": {"unit": "K", "initial": initial}}, outputs={"y": "K"}, check=False,
-        parameters={"K": {"bounds": (0.1, 20.0)}, "tau": {"bounds": (0.1, 50.0)}, **({"start": {"bounds": (-1.0, 1.0)}} if found else {})},
+        parameters={"K": {"bounds": (0.1, 20.0)}, "tau": {"bounds": (0.1, 50.0)},
+                    **({"start": {"bounds": (-1.0, 1.0)}} if found else {})},
     )  # fmt: skip
-    problem = pf.Problem(model, {"a": record(1), "b": record(2)}, {"start": Parameter((-1.0, 1.0), per_recording=True)} if found else {})
+    problem = pf.Problem(
+        model, {"a": record(1), "b": record(2)}, {"start": Parameter((-1.0, 1.0), per_recording=True)} if found else {}
+    )
     assert start_parameters(problem, np.asarray(problem.space.physical(np.full(problem.space.dimension, 0.4)))) == found
 
 
 def test_a_nonlinear_plant_of_two_outputs():
-    """A pendulum whose angle and current are measured, against a fit in which the angle's start is a parameter of the model."""
+    """A pendulum whose angle and current are measured, against a fit in which the angle's start is a parameter of
+    the model."""
     t, rng = np.arange(0.0, 6.0, 0.02), np.random.default_rng(3)
     text = "angle' = w\nw' = -g*sin(angle) - d*w\ny = angle\nz = g*cos(angle)"
     declared = {"g": {"bounds": (5.0, 60.0)}, "d": {"bounds": (0.01, 3.0)}}
-    clean = pf.equations(text, states={"angle": {"initial": "1.2"}, "w": {}}, outputs=["y", "z"], parameters=declared, check=False)
-    made = pf.Problem(clean, pf.Recording(t, {"y": pf.Signal(np.zeros(len(t))), "z": pf.Signal(np.zeros(len(t)))}), substeps=4)
+    clean = pf.equations(
+        text, states={"angle": {"initial": "1.2"}, "w": {}}, outputs=["y", "z"], parameters=declared, check=False
+    )
+    made = pf.Problem(
+        clean, pf.Recording(t, {"y": pf.Signal(np.zeros(len(t))), "z": pf.Signal(np.zeros(len(t)))}), substeps=4
+    )
     out = made.predict(made.space.vector({"g": 20.0, "d": 0.4}))
-    signals = {k: pf.Signal(v + s * rng.standard_normal(len(t))) for (k, v), s in zip(out.items(), (0.03, 0.5), strict=True)}
+    signals = {
+        k: pf.Signal(v + s * rng.standard_normal(len(t))) for (k, v), s in zip(out.items(), (0.03, 0.5), strict=True)
+    }
     found = []
     for initial, more in (("y", {}), ("a0", {"a0": {"bounds": (0.5, 2.0)}})):
         model = pf.equations(
-            text, states={"angle": {"initial": initial}, "w": {}}, outputs=["y", "z"], parameters={**declared, **more}, check=False
+            text,
+            states={"angle": {"initial": initial}, "w": {}},
+            outputs=["y", "z"],
+            parameters={**declared, **more},
+            check=False,
         )
         answer = pf.fit(pf.Problem(model, pf.Recording(t, signals), substeps=4), budget=800)
         found.append({p["name"]: (p["value"], p["standard_error"]) for p in answer.findings["parameters"]})
@@ -138,7 +165,9 @@ def test_a_nonlinear_plant_of_two_outputs():
 
 
 @pytest.mark.parametrize(
-    "changes", [{"off": 12.0}, {"noise": 0.0}, {"lag": 3.0, "x0": 3.0, "tau": 2.0}], ids=["no noise explains it", "no noise", "a lag lacks"]
+    "changes",
+    [{"off": 12.0}, {"noise": 0.0}, {"lag": 3.0, "x0": 3.0, "tau": 2.0}],
+    ids=["no noise explains it", "no noise", "a lag lacks"],
 )
 def test_starts_stay_where_nothing_but_noise_is_to_be_taken_off(changes):
     problem = problem_of(record(1, **changes))
@@ -185,9 +214,15 @@ def test_a_stored_study_opens_with_the_same_bits(tmp_path, monkeypatch):
     text = 'name = "lag"\n[recording.bench]\nfile = "bench.csv"\n[model]\nkind = "first_order"\n'
     text += "[parameters.K]\nbounds = [0.1, 20]\n[parameters.tau]\nbounds = [0.1, 50]\n"
     (tmp_path / "lag.toml").write_text(text, "utf-8")
-    code = "import sys; sys.argv = ['plantfit', 'run', 'lag.toml', '--no-diagnose']; from plantfit.cli.start import run; run()"
+    code = (
+        "import sys; sys.argv = ['plantfit', 'run', 'lag.toml', '--no-diagnose']; from plantfit.cli.start import "
+        "run; run()"
+    )
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
-    first, again = pf.open_study("lag"), pf.open_study("lag")  # the second one reads what the first one's finishing left in the store
+    first, again = (
+        pf.open_study("lag"),
+        pf.open_study("lag"),
+    )  # the second one reads what the first one's finishing left in the store
     fresh = pf.fit(spec.load("lag.toml").problem, budget=600)
     assert first.problem.start_corrections["bench"]["y"] != 0.0
     assert first.problem.start_corrections == again.problem.start_corrections
@@ -197,7 +232,8 @@ def test_a_stored_study_opens_with_the_same_bits(tmp_path, monkeypatch):
 
 
 def test_intervals_hold_the_truth_and_are_no_wider_than_needed():
-    """The spread of estimates over records that differ in noise is that which is stated, and much smaller than without."""
+    """The spread of estimates over records that differ in noise is that which is stated, and much smaller than
+    without."""
     taus, errors, before = [], [], []
     for seed in range(60):
         rng = np.random.default_rng(1000 + seed)

@@ -20,7 +20,8 @@ def record(opening, seconds=40.0):
     """A step of the valve; the pressures are not used, only where the model goes."""
     t = np.arange(0.0, seconds, 0.5)
     return Experiment(
-        Recording(t, {"u": Signal(np.full(len(t), opening), "%"), "y": Signal(np.zeros(len(t)), "bar")}, "r"), before={"u": 0.0}
+        Recording(t, {"u": Signal(np.full(len(t), opening), "%"), "y": Signal(np.zeros(len(t)), "bar")}, "r"),
+        before={"u": 0.0},
     )
 
 
@@ -74,7 +75,9 @@ def test_every_recording_counts_its_own_way_through_its_tables():
 
 
 def test_entries_that_recordings_share_add_their_samples_up():
-    problem = Problem(steam_chamber(opening_nodes=[10.0, 35.0, 60.0]), {"low": record(10.0), "high": record(60.0)}, substeps=1)
+    problem = Problem(
+        steam_chamber(opening_nodes=[10.0, 35.0, 60.0]), {"low": record(10.0), "high": record(60.0)}, substeps=1
+    )
     (k, *_) = table_visits(problem, at(problem, 0.2))
     assert (k.recording, k.total, k.weight.shape) == (None, 160, (10, 3))
     assert k.weight.sum() == pytest.approx(160.0)
@@ -119,7 +122,9 @@ def test_gaps_at_both_ends_and_in_the_middle_of_two_signals():
 
 
 def test_many_gaps_make_one_sentence():
-    rows = [row("k", f"r{i}", ["determined"] * i + ["not visited"] * (10 - i), (tuple(range(10)),)) for i in range(1, 10)]
+    rows = [
+        row("k", f"r{i}", ["determined"] * i + ["not visited"] * (10 - i), (tuple(range(10)),)) for i in range(1, 10)
+    ]
     (said,) = table_sentences([], rows)
     assert said["figures"]["unvisited"] == 45
     assert "and 4 more such gaps" in said["sentence"]

@@ -1,4 +1,5 @@
-"""How many compiled functions one small fit takes: a loop is compiled once for a shape, from the choice of steps to the verdict."""
+"""How many compiled functions one small fit takes: a loop is compiled once for a shape, from the choice of steps to
+the verdict."""
 
 import collections
 import logging
@@ -75,10 +76,25 @@ def few_samples() -> Problem:
     """The case of the issue: 16 samples, 6 parameters."""
     t = np.linspace(0.0, 3.0, 16)
     text = "x1' = (K1*u - x1)/T1\nx2' = (K2*u - x2)/T2\ny = x1 - x2 + c + s*u"
-    declared = {"K1": (0.1, 5.0), "T1": (0.2, 5.0), "K2": (0.1, 5.0), "T2": (0.2, 5.0), "c": (-1.0, 1.0), "s": (-1.0, 1.0)}
-    model = equations(text, inputs=["u"], states=["x1", "x2"], outputs=["y"], parameters={n: {"bounds": b} for n, b in declared.items()})
+    declared = {
+        "K1": (0.1, 5.0),
+        "T1": (0.2, 5.0),
+        "K2": (0.1, 5.0),
+        "T2": (0.2, 5.0),
+        "c": (-1.0, 1.0),
+        "s": (-1.0, 1.0),
+    }
+    model = equations(
+        text,
+        inputs=["u"],
+        states=["x1", "x2"],
+        outputs=["y"],
+        parameters={n: {"bounds": b} for n, b in declared.items()},
+    )
     rng = np.random.default_rng(0)
-    return Problem(model, Recording(t, {"u": Signal(np.sin(2 * t)), "y": Signal(np.sin(2 * t - 0.5) + 0.01 * rng.normal(size=16))}))
+    return Problem(
+        model, Recording(t, {"u": Signal(np.sin(2 * t)), "y": Signal(np.sin(2 * t - 0.5) + 0.01 * rng.normal(size=16))})
+    )
 
 
 # costs: a search evaluates its sample in chunks of 64 and 16; rate: the tight solver takes it and its Jacobian;
@@ -87,7 +103,9 @@ ONCE = {"residuals_and_jacobian": 1, "costs": 2, "outputs": 2, "work": 1, "rate"
 
 
 def check(compiled, allowed):
-    grown = {name: f"{n} times, {allowed.get(name, 0)} allowed" for name, n in compiled.items() if n > allowed.get(name, 0)}
+    grown = {
+        name: f"{n} times, {allowed.get(name, 0)} allowed" for name, n in compiled.items() if n > allowed.get(name, 0)
+    }
     assert not grown, f"compiled more often than one shape needs: {grown}"
 
 
@@ -99,7 +117,8 @@ def test_prepare_search_finish_and_verdict_share_their_shapes(compiled, make, ru
     findings = through(problem, runs=runs)
     assert findings["agreement"]["agree"] >= 1
     steps = findings["simulation"]["substeps"]
-    # steps are judged by half of them, which takes no derivatives; whole steps and those that were chosen are searched with
+    # steps are judged by half of them, which takes no derivatives; whole steps and those that were chosen are searched
+    # with
     check(compiled, {**ONCE, "residuals_and_jacobian": 1 + int(steps > 1), "residuals": 1 + int(np.log2(steps))})
 
 
@@ -131,4 +150,6 @@ def test_a_point_beside_others_is_the_point_alone(make):
         np.testing.assert_allclose(points.residuals(problem, z), problem.residuals(z), rtol=1e-9, atol=1e-11)
         few, slopes = points.compressed(problem, z)
         assert np.mean(few**2) == pytest.approx(np.mean(alone**2), rel=1e-12)
-        np.testing.assert_allclose(slopes.T @ slopes / len(few), derivatives.T @ derivatives / len(alone), rtol=1e-9, atol=1e-11)
+        np.testing.assert_allclose(
+            slopes.T @ slopes / len(few), derivatives.T @ derivatives / len(alone), rtol=1e-9, atol=1e-11
+        )

@@ -60,7 +60,9 @@ def test_white_residuals_give_the_classical_standard_errors():
 def test_scaling_residuals_and_jacobian_together_changes_nothing():
     matrix, e = regression(2, rho=0.5)
     block, free = [Block(slice(0, len(e)), np.arange(len(e)))], np.ones(3, bool)
-    np.testing.assert_allclose(covariance(matrix, e, block, free), covariance(7.0 * matrix, 7.0 * e, block, free), rtol=1e-9)
+    np.testing.assert_allclose(
+        covariance(matrix, e, block, free), covariance(7.0 * matrix, 7.0 * e, block, free), rtol=1e-9
+    )
 
 
 def test_permuting_parameters_permutes_the_covariance():
@@ -94,7 +96,9 @@ def test_coordinates_on_a_bound_have_no_variance():
     cov = covariance(matrix, e, block, np.array([True, False, True]))
     assert np.all(cov[1] == 0.0)
     assert np.all(cov[:, 1] == 0.0)
-    np.testing.assert_allclose(cov[np.ix_([0, 2], [0, 2])], covariance(matrix[:, [0, 2]], e, block, np.ones(2, bool)), rtol=1e-9)
+    np.testing.assert_allclose(
+        cov[np.ix_([0, 2], [0, 2])], covariance(matrix[:, [0, 2]], e, block, np.ones(2, bool)), rtol=1e-9
+    )
 
 
 @pytest.mark.parametrize("lags", [0, 1, 7])
@@ -162,7 +166,8 @@ def test_determined_parameters_have_no_flat_direction():
 
 @pytest.mark.parametrize(("n", "rho"), [(800, 0.97), (100, 0.5)])
 def test_slow_residuals_and_short_records_have_intervals_that_hold(n, rho):
-    """Four regressors, two of them slow; without the correction of the correlation's bias 0.885 of the means are held at 0.97."""
+    """Four regressors, two of them slow; without the correction of the correlation's bias 0.885 of the means are
+    held at 0.97."""
     held, seeds = np.zeros(4), 200
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
@@ -172,7 +177,9 @@ def test_slow_residuals_and_short_records_have_intervals_that_hold(n, rho):
         estimate = np.linalg.lstsq(matrix, e)[0]
         residuals, block = matrix @ estimate - e, Block(slice(0, n), np.arange(n))
         bread = np.linalg.inv(matrix.T @ matrix) * (residuals @ residuals) / (n - 4)
-        spread = sandwich(matrix, residuals, [block], bread, np.zeros((4, 4)), float(residuals @ residuals) / (n - 4), n - 4, True)
+        spread = sandwich(
+            matrix, residuals, [block], bread, np.zeros((4, 4)), float(residuals @ residuals) / (n - 4), n - 4, True
+        )
         samples = effective_samples(residuals, [block], 4)[0]
         held += np.abs(estimate) <= student.ppf(0.975, max(1.0, samples - 4)) * np.sqrt(np.diag(spread))
     assert np.all(held / seeds >= 0.90), held / seeds
@@ -182,7 +189,8 @@ def test_slow_residuals_and_short_records_have_intervals_that_hold(n, rho):
 @pytest.mark.parametrize("robust", [True, False])
 @pytest.mark.parametrize(("few", "given"), [(3, True), (4, True), (4, False), (8, False), (25, False)])
 def test_an_output_of_few_samples_has_intervals_that_hold(few, given, robust):
-    """Two parameters seen by y at 150 samples, two more by w at few: its scale is given, or the rms of its residuals."""
+    """Two parameters seen by y at 150 samples, two more by w at few: its scale is given, or the rms of its
+    residuals."""
     held, seeds, m = np.zeros(4), 400, 150 + few
     for seed in range(seeds):
         rng = np.random.default_rng(seed)
@@ -215,7 +223,8 @@ def test_where_samples_are_worth_too_little_intervals_are_not_sound():
 
 
 def uneven(seed, n=600):
-    """Jacobian (n, 2) and white noise that is a tenth as large in the half of the samples that alone tell the second value."""
+    """Jacobian (n, 2) and white noise that is a tenth as large in the half of the samples that alone tell the second
+    value."""
     rng = np.random.default_rng(seed)
     quiet = np.arange(n) % 2 == 0
     matrix = np.c_[np.where(quiet, 0.0, 1.0), np.where(quiet, 1.0, 0.0)] * rng.normal(size=(n, 2))
@@ -229,7 +238,9 @@ def test_samples_with_less_noise_make_intervals_that_are_not_too_wide():
         estimate, cov = fit(20.0 * matrix, e)
         held += np.abs(estimate) <= 1.96 * np.sqrt(np.diag(cov))
         ratio.append(np.sqrt(np.diag(cov)) / (np.array([1.0, 0.1]) / 20.0 / np.linalg.norm(matrix, axis=0)))
-    assert np.all(np.mean(ratio, axis=0) < 1.15), np.mean(ratio, axis=0)  # that of residuals of one size is 7 times as wide
+    assert np.all(np.mean(ratio, axis=0) < 1.15), np.mean(
+        ratio, axis=0
+    )  # that of residuals of one size is 7 times as wide
     assert np.all(held / 300 > 0.92), held / 300
 
 

@@ -62,7 +62,10 @@ def test_findings_are_plain_json_and_complete():
     assert set(parsed) == set(Findings.model_fields)
     assert {"verdict", "parameters", "runs", "agreement", "determined"} < set(parsed)
     assert not parsed["combinations"]
-    assert all(v["sentence"].rstrip().endswith(".") and v["level"] in {"good", "warning", "bad", "info"} for v in parsed["verdict"])
+    assert all(
+        v["sentence"].rstrip().endswith(".") and v["level"] in {"good", "warning", "bad", "info"}
+        for v in parsed["verdict"]
+    )
     assert not [v for v in parsed["verdict"] if v["level"] == "bad"]
 
 
@@ -123,7 +126,9 @@ def test_a_bound_counts_only_where_the_data_press_onto_it(position, edge):
     recording = Recording(np.arange(200.0), {"u": Signal(u), "y": Signal(u + 0.1 * rng.normal(size=200))})
     problem = Problem(model, recording)
     z = np.full(2, position)
-    run = RunResult("given", 0, 0, z, float(problem.costs(z[None])[0]), 1.0, 0.0, Status.converged, np.ones(1), np.ones(1))
+    run = RunResult(
+        "given", 0, 0, z, float(problem.costs(z[None])[0]), 1.0, 0.0, Status.converged, np.ones(1), np.ones(1)
+    )
     rows = {p["name"]: p for p in Answer(problem, [run], 0).findings["parameters"]}
     assert (rows["a"]["status"], rows["a"]["at_bound"]) == ("at bound", edge)
     assert (rows["idle"]["status"], rows["idle"]["at_bound"]) == ("flat", None)

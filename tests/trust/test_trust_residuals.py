@@ -67,7 +67,9 @@ def test_tests_do_not_depend_on_scale_or_offset():
     rng = np.random.default_rng(3)
     e, u = ar1(rng, 300, 0.5), rng.normal(size=300)
     np.testing.assert_allclose(autocorrelation(3.0 * e + 5.0, 10), autocorrelation(e, 10), atol=1e-12)
-    np.testing.assert_allclose(cross_correlation(-2.0 * e + 1.0, 4.0 * u - 3.0).values, -cross_correlation(e, u).values, atol=1e-12)
+    np.testing.assert_allclose(
+        cross_correlation(-2.0 * e + 1.0, 4.0 * u - 3.0).values, -cross_correlation(e, u).values, atol=1e-12
+    )
     assert whiteness(1e-6 * e)[1] == pytest.approx(whiteness(e)[1])
 
 
@@ -103,7 +105,8 @@ def test_a_signal_with_times_of_its_own_is_tested_from_one_measurement_to_the_ne
 
 
 def noisy_line(shared, seed=4):
-    """A constant seen at every second sample, differences of neighbouring edges as its errors, as a disc's slots make them."""
+    """A constant seen at every second sample, differences of neighbouring edges as its errors, as a disc's slots
+    make them."""
     rng = np.random.default_rng(seed)
     n = 1200
     u, y = np.tile([1.0, 3.0], n // 2), np.full(n, np.nan)

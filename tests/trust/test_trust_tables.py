@@ -38,7 +38,9 @@ def curve() -> Model:
             Declared("g", None, value=(0.0, 1.0), shape=known.shape),
             Declared("c", "V", (-5.0, 5.0)),
         ),
-        output=lambda x, u, p: {"y": free(p["f"], u["u"]) + p["c"] * known(p["g"], u["u"]) * 0.0 + p["c"] * u["u"] ** 2 / 400.0},
+        output=lambda x, u, p: {
+            "y": free(p["f"], u["u"]) + p["c"] * known(p["g"], u["u"]) * 0.0 + p["c"] * u["u"] ** 2 / 400.0
+        },
         tables=(free, known),
     )
 
@@ -52,11 +54,15 @@ def findings(names=("a", "b")):
         y = np.interp(u, NODES, TRUTH) + 1.0 * u**2 / 400.0 + 0.02 * rng.normal(size=300)
         records[name] = Recording(np.arange(300.0), {"u": Signal(u, "bar"), "y": Signal(y, "V")}, name)
     problem = Problem(
-        curve(), records, {"f": Parameter((0.0, 10.0), "V", per_recording=True, shape=(6,)), "c": Parameter((-5.0, 5.0), "V")}
+        curve(),
+        records,
+        {"f": Parameter((0.0, 10.0), "V", per_recording=True, shape=(6,)), "c": Parameter((-5.0, 5.0), "V")},
     )
     tree = {c.name: (1.0 if c.parameter == "c" else TRUTH[c.index]) for c in problem.space.coordinates}
     z = problem.space.cube(problem.space.vector(tree))
-    run = RunResult("given", 0, 0, z, float(problem.costs(z[None])[0]), 1.0, 0.0, Status.converged, np.ones(1), np.ones(1))
+    run = RunResult(
+        "given", 0, 0, z, float(problem.costs(z[None])[0]), 1.0, 0.0, Status.converged, np.ones(1), np.ones(1)
+    )
     return Answer(problem, [run], 0).findings
 
 
@@ -89,7 +95,9 @@ def test_a_table_has_one_sentence_that_counts_and_says_where():
     assert "of 12 entries of table f are determined" in said
     assert "in a" in said
     assert "4 are never visited (2 in a and 2 in b)" in said
-    (gap,) = [v for v in findings()["verdict"] if v["sentence"].startswith("f of a and b: u of 16 to 20 bar never visited")]
+    (gap,) = [
+        v for v in findings()["verdict"] if v["sentence"].startswith("f of a and b: u of 16 to 20 bar never visited")
+    ]
     assert gap["figures"] == {"unvisited": 4.0}
 
 
@@ -117,7 +125,8 @@ def test_more_recordings_do_not_make_more_sentences():
 
 def row(name, status, recording=None, index=(), value=1.0):
     return {
-        "name": name, "parameter": name.split("[")[0], "recording": recording, "index": list(index), "unit": "s", "value": value,
+        "name": name, "parameter": name.split("[")[0], "recording": recording, "index": list(index), "unit": "s",
+        "value": value,
         "standard_error": 0.1, "low": 0.8, "high": 1.2, "lower_bound": 0.0, "upper_bound": 2.0, "status": status,
         "at_bound": "upper" if status == "at bound" else None,
     }  # fmt: skip
@@ -145,9 +154,19 @@ def test_all_entries_determined_is_good_news():
 
 
 def test_a_place_in_a_table_over_two_signals_names_both():
-    rows = [row(f"k[{i},{j}]", "flat" if (i, j) == (1, 2) else "determined", index=(i, j)) for i in range(3) for j in range(4)]
+    rows = [
+        row(f"k[{i},{j}]", "flat" if (i, j) == (1, 2) else "determined", index=(i, j))
+        for i in range(3)
+        for j in range(4)
+    ]
     nodes = [[0.0, 5.0, 9.0], [10.0, 20.0, 30.0, 40.0]]
-    table = {"name": "k", "over": ["y", "u"], "over_units": ["bar", "%"], "nodes": nodes, "status": [r["status"] for r in rows]}
+    table = {
+        "name": "k",
+        "over": ["y", "u"],
+        "over_units": ["bar", "%"],
+        "nodes": nodes,
+        "status": [r["status"] for r in rows],
+    }
     said = [v["sentence"] for v in parameter_sentences({"parameters": rows, "tables": [table]})][-1]
     assert said.endswith("The data tell too little at y of 5 bar and u of 30 %.")
 
@@ -190,7 +209,9 @@ def test_block_by_block_equals_the_whole():
     free = np.ones(jacobian.shape[1], bool)
     # a tiny number in every place leaves no column of zeros to skip
     whole = covariance(jacobian + 1e-13, residuals, blocks, free)
-    np.testing.assert_allclose(covariance(jacobian, residuals, blocks, free), whole, rtol=1e-9, atol=1e-12 * np.max(whole))
+    np.testing.assert_allclose(
+        covariance(jacobian, residuals, blocks, free), whole, rtol=1e-9, atol=1e-12 * np.max(whole)
+    )
     np.testing.assert_allclose(normal_matrix(jacobian, blocks), jacobian.T @ jacobian, rtol=1e-12, atol=1e-9)
 
 
@@ -230,7 +251,8 @@ def test_statuses_and_intervals_of_entries_do_not_depend_on_the_box():
 
 @functools.cache
 def _by_box(width):
-    """Statuses of the entries and rows by name: the node at 12 bar is seen by samples up to 9 bar, the one at 16 by one at 12.02."""
+    """Statuses of the entries and rows by name: the node at 12 bar is seen by samples up to 9 bar, the one at 16 by
+    one at 12.02."""
     u = np.concatenate([np.random.default_rng(1).uniform(0.0, 8.6, 300), [12.02]])
     y = np.interp(u, NODES, TRUTH) + u**2 / 400.0
     y += 0.05 * np.random.default_rng(2).normal(size=len(u))

@@ -1,4 +1,5 @@
-"""An output that moves against the simulation in a part of the record: a sign is wrong there, and only there it is said."""
+"""An output that moves against the simulation in a part of the record: a sign is wrong there, and only there it is
+said."""
 
 import numpy as np
 import pytest
@@ -77,7 +78,8 @@ def test_slow_records_of_wrong_models_and_slow_noise_do_not_turn():
         size = np.std(x)
         noise = [lfilter([1.0], [1.0, -memory], rng.normal(size=N)) for memory in (0.9, 0.98, 0.998, 1.0)]
         others = [
-            *(x + size * r * e / np.std(e) for e in noise for r in (0.3, 1.0, 3.0)), *noise, output(u, [1.0], [6.0, 5.0, 1.0]),
+            *(x + size * r * e / np.std(e) for e in noise for r in (0.3, 1.0, 3.0)), *noise,
+            output(u, [1.0], [6.0, 5.0, 1.0]),
             (u - np.mean(u)) ** 2, -x, np.r_[np.zeros(100), x[:-100]], x + 3.0 * size * (T > 90.0), x + 0.05 * size * T,
             x * np.where(T > 70.0, 0.2, 1.0), output(u, [-1.0, 1.0], [1.0, 2.0, 1.0]),
         ]  # fmt: skip
@@ -97,8 +99,10 @@ def test_wrong_models_do_not_turn(held):
         x = output(u)
         slow = lfilter([1.0], [1.0, -0.98], rng.normal(size=N))
         others = [
-            output(u, [1.0], [6.0, 5.0, 1.0]), output(u, [4.5], [1.0, 1.2, 9.0]), output(u, [1.0], [1.0, 0.1, 1.0]), x + slow, slow,
-            np.cumsum(rng.normal(size=N)), x**2, np.abs(x), -x, np.r_[np.zeros(30), x[:-30]], np.r_[np.zeros(100), x[:-100]],
+            output(u, [1.0], [6.0, 5.0, 1.0]), output(u, [4.5], [1.0, 1.2, 9.0]), output(u, [1.0], [1.0, 0.1, 1.0]),
+            x + slow, slow,
+            np.cumsum(rng.normal(size=N)), x**2, np.abs(x), -x, np.r_[np.zeros(30), x[:-30]],
+            np.r_[np.zeros(100), x[:-100]],
         ]  # fmt: skip
         assert not [k for k, y in enumerate(others) if turned(T, y, x) is not None]
 

@@ -47,7 +47,9 @@ def test_type_a_and_effective_degrees_of_freedom():
     assert gauge.coverage_factor(0.99) == pytest.approx(2.92, abs=0.02)
 
 
-@pytest.mark.parametrize(("shape", "divisor"), [("rectangular", 3**0.5), ("triangular", 6**0.5), ("u-shaped", 2**0.5), ("normal", 2.0)])
+@pytest.mark.parametrize(
+    ("shape", "divisor"), [("rectangular", 3**0.5), ("triangular", 6**0.5), ("u-shaped", 2**0.5), ("normal", 2.0)]
+)
 def test_draws_have_the_spread_of_their_shape(shape, divisor):
     source = type_b("x", 3.0, shape=shape)
     errors = source.draw(np.random.default_rng(0), 100_000)
@@ -59,7 +61,9 @@ def test_draws_have_the_spread_of_their_shape(shape, divisor):
 
 
 def test_sensitivities_and_shares():
-    budget = uncertainty_budget([type_b("a", 3.0, "K", "normal", k=1.0, sensitivity=2.0), type_b("b", 8.0, "V", "normal", k=1.0)], "bar")
+    budget = uncertainty_budget(
+        [type_b("a", 3.0, "K", "normal", k=1.0, sensitivity=2.0), type_b("b", 8.0, "V", "normal", k=1.0)], "bar"
+    )
     assert budget.combined == pytest.approx(10.0)
     assert [r["share"] for r in budget.rows()] == pytest.approx([0.36, 0.64])
     assert budget.degrees_of_freedom == np.inf

@@ -1,4 +1,5 @@
-"""Stated errors in the findings of a fit: closed forms, the same as `propagate` in Python, and how often the truth lies inside."""
+"""Stated errors in the findings of a fit: closed forms, the same as `propagate` in Python, and how often the truth
+lies inside."""
 
 import dataclasses
 
@@ -23,7 +24,9 @@ T = np.arange(200) * 0.1
 TRUTH = {"a": 1.0, "b": 2.0, "c": 4.0}
 
 
-def record(seed: int, name: str = "run", offset: float = 0.0, gain: float = 0.0, c: float = TRUTH["c"], noise: float = 0.05) -> Recording:
+def record(
+    seed: int, name: str = "run", offset: float = 0.0, gain: float = 0.0, c: float = TRUTH["c"], noise: float = 0.05
+) -> Recording:
     """y = a + b c u with errors of its sensor."""
     u = np.sin(T)
     clean = TRUTH["a"] + TRUTH["b"] * c * u
@@ -34,7 +37,8 @@ def record(seed: int, name: str = "run", offset: float = 0.0, gain: float = 0.0,
 def line(*records: Recording) -> Problem:
     """a and b are fitted, c is held."""
     parameters = {
-        "a": {"bounds": [-9, 9], "unit": "V"}, "b": {"bounds": [-9, 9], "unit": "1"}, "c": {"value": TRUTH["c"], "unit": "ohm"},
+        "a": {"bounds": [-9, 9], "unit": "V"}, "b": {"bounds": [-9, 9], "unit": "1"},
+        "c": {"value": TRUTH["c"], "unit": "ohm"},
     }  # fmt: skip
     model = pf.equations("y = a + b*c*u", inputs={"u": "A"}, outputs={"y": "V"}, parameters=parameters)
     return Problem(model, {r.name: r for r in records})
@@ -64,7 +68,11 @@ def test_a_fit_says_what_python_says_and_what_the_closed_form_says(answer):
     gain, zero, ohm = 0.03 / np.sqrt(3), 0.3 / np.sqrt(3), 0.04 / np.sqrt(3)
     expected = {
         "a": {"span": abs(rows["a"]["value"]) * gain, "zero": zero, "bridge": 0.0},
-        "b": {"span": abs(rows["b"]["value"]) * gain, "zero": 0.0, "bridge": abs(rows["b"]["value"]) / TRUTH["c"] * ohm},
+        "b": {
+            "span": abs(rows["b"]["value"]) * gain,
+            "zero": 0.0,
+            "bridge": abs(rows["b"]["value"]) / TRUTH["c"] * ohm,
+        },
     }
     for i, name in enumerate(found.names):
         stated = rows[name]["uncertainty"]
@@ -85,7 +93,9 @@ def test_the_keys_that_were_there_stay_as_they_are(answer):
     assert plain["uncertainty"] is None
     assert all(p["uncertainty"] is None for p in plain["parameters"])
     for old, new in zip(plain["parameters"], answer.findings["parameters"], strict=True):
-        assert {k: v for k, v in old.items() if k != "uncertainty"} == {k: v for k, v in new.items() if k != "uncertainty"}
+        assert {k: v for k, v in old.items() if k != "uncertainty"} == {
+            k: v for k, v in new.items() if k != "uncertainty"
+        }
 
 
 def test_the_verdict_names_what_is_worst(answer, problem):
@@ -105,7 +115,9 @@ def test_a_held_constant_moves_the_rest_as_a_free_one_that_the_fit_held(problem)
     z = fitted(problem)
     held = propagate(problem, z, [BRIDGE])
     freed = problem.freed({"c": (3.0, 5.0)})
-    at = freed.space.cube(freed.space.vector({**dict(zip(problem.space.names, held.values, strict=True)), "c": TRUTH["c"]}))
+    at = freed.space.cube(
+        freed.space.vector({**dict(zip(problem.space.names, held.values, strict=True)), "c": TRUTH["c"]})
+    )
     free = propagate(freed, at, [BRIDGE])
     assert held.names == ("a", "b")
     places = [free.names.index(n) for n in held.names]
@@ -131,7 +143,9 @@ def test_errors_of_one_recording_and_of_each():
 def test_a_reference_that_two_channels_share_leaves_their_ratio(problem):
     both = dataclasses.replace(GAIN, of=("u", "y"))
     found = propagate(problem, fitted(problem), [both])
-    assert found.systematic["span"] == pytest.approx([abs(found.values[0]) * GAIN.source.standard, 0.0], rel=1e-3, abs=1e-6)
+    assert found.systematic["span"] == pytest.approx(
+        [abs(found.values[0]) * GAIN.source.standard, 0.0], rel=1e-3, abs=1e-6
+    )
     alone = propagate(problem, fitted(problem), [GAIN, dataclasses.replace(GAIN, of="u", source=type_b("other", 0.03))])
     assert np.hypot(alone.systematic["span"], alone.systematic["other"])[1] > 0.04  # as two cards would
     drawn = propagate_by_monte_carlo(problem, fitted(problem), [both], draws=60, seed=1)
@@ -175,7 +189,8 @@ def test_monte_carlo_is_that_of_python(problem):
 
 
 def test_a_regression_with_a_held_coefficient():
-    """p1 x1 + p2 x2 with p2 held: p1 moves by -x1.x2/x1.x1 for a unit of it, and a gain of y by p1 plus that times p2."""
+    """p1 x1 + p2 x2 with p2 held: p1 moves by -x1.x2/x1.x1 for a unit of it, and a gain of y by p1 plus that times
+    p2."""
     columns = lambda s: np.column_stack([s["x1"], s["x2"]])  # noqa: E731
     names = (pf.Declared("p1", "1", (-9.0, 9.0)), pf.Declared("p2", "1", (-9.0, 9.0)))
     model = LinearModel("sum", {"y": "V"}, names, columns, {"x1": "V", "x2": "V"})
@@ -217,11 +232,14 @@ def test_a_gain_scales_the_gain_of_moving_and_steady_records_alike():
 def test_noise_part_is_the_standard_error_with_smoothed_tables():
     model = pf.equations(
         "y = f(u)", inputs={"u": "1"}, outputs={"y": "V"},
-        tables={"f": {"over": ["u"], "nodes": [list(np.linspace(-1, 1, 6))], "unit": "V"}}, parameters={"f": {"bounds": [-5, 5]}},
+        tables={"f": {"over": ["u"], "nodes": [list(np.linspace(-1, 1, 6))], "unit": "V"}},
+        parameters={"f": {"bounds": [-5, 5]}},
     )  # fmt: skip
     u = np.sin(T)
     y = u**2 + 0.1 * np.random.default_rng(3).standard_normal(len(T))
-    problem = Problem(model, Recording(T, {"u": Signal(u), "y": Signal(y, "V")}, "run"), {"f": pf.Parameter((-5.0, 5.0), smooth=3.0)})
+    problem = Problem(
+        model, Recording(T, {"u": Signal(u), "y": Signal(y, "V")}, "run"), {"f": pf.Parameter((-5.0, 5.0), smooth=3.0)}
+    )
     z = fitted(problem)
     found = propagate(problem, z, [GAIN])
     np.testing.assert_allclose(found.random, linearise(problem, z).standard_error, rtol=1e-9)
@@ -231,7 +249,9 @@ def test_budgets_stand_at_the_most_uncertain_reading():
     problem = line(record(1, "one"), record(2, "two"))
     card = SharedError(type_b("card", 0.1, "V"), "zero", "y", span=20.0)
     only = dataclasses.replace(OFFSET, recordings=("two",))
-    first, second, clock, held = reading_budgets(problem, [GAIN, card, only, SharedError(type_b("clock", 1e-4), "clock"), BRIDGE])
+    first, second, clock, held = reading_budgets(
+        problem, [GAIN, card, only, SharedError(type_b("clock", 1e-4), "clock"), BRIDGE]
+    )
     largest = max(problem.experiments["one"].recording["y"])
     assert (first.recordings, second.recordings) == (["one"], ["two"])
     assert first.at == largest
@@ -246,7 +266,11 @@ def test_budgets_stand_at_the_most_uncertain_reading():
 
 def test_intervals_with_a_held_constant_and_few_repeats_hold_what_they_promise():
     """A zero that was set with three repeats, and a held value off by a draw: 1.96 would hold a in about 81 %."""
-    problem, inside, short = line(record(0)).freed({"c": (3.0, 5.0)}), [], []  # freed once, as `propagate` would each time
+    problem, inside, short = (
+        line(record(0)).freed({"c": (3.0, 5.0)}),
+        [],
+        [],
+    )  # freed once, as `propagate` would each time
     start = problem.space.cube(problem.space.vector({"a": 3.0, "b": -2.0, "c": TRUTH["c"]}))
     free, truth = np.array([n != "c" for n in problem.space.names]), np.array([TRUTH[n] for n in problem.space.names])
     for seed in range(200):
@@ -270,9 +294,19 @@ def test_the_reference_of_voltage_and_current_scales_a_motor_as_its_units_say():
     volts = np.repeat(rng.uniform(-6.0, 6.0, 10), 30)
     simulator = Simulator.of(model, substeps=16)
     y = simulator.outputs(truth, simulator.drive(t, {"V": volts}, measured={"w": np.zeros(300), "i": np.zeros(300)}))
-    noisy = {"w": np.asarray(y["w"]) + 0.1 * rng.standard_normal(300), "i": np.asarray(y["i"]) + 0.01 * rng.standard_normal(300)}
+    noisy = {
+        "w": np.asarray(y["w"]) + 0.1 * rng.standard_normal(300),
+        "i": np.asarray(y["i"]) + 0.01 * rng.standard_normal(300),
+    }
     run = Recording(t, {"V": Signal(volts, "V"), "w": Signal(noisy["w"], "rad/s"), "i": Signal(noisy["i"], "A")}, "run")
-    box = {"Rm": (0.2, 20.0), "Kb": (0.005, 0.5), "Jm": (1e-6, 1e-3), "Cm": (1e-7, 1e-3), "Tf": (1e-4, 1e-1), "Lm": truth["Lm"]}
+    box = {
+        "Rm": (0.2, 20.0),
+        "Kb": (0.005, 0.5),
+        "Jm": (1e-6, 1e-3),
+        "Cm": (1e-7, 1e-3),
+        "Tf": (1e-4, 1e-1),
+        "Lm": truth["Lm"],
+    }
     problem = Problem(model, run, box, substeps=4)
     start = problem.space.cube(problem.space.vector({n: 1.3 * v for n, v in truth.items() if n != "Lm"}))
     z, _ = refit(problem, start, np.ones(5, bool), 1e-10)

@@ -1,4 +1,5 @@
-"""Unseen samples that the answer cannot simulate: said in words, with the time; they made the verdict raise TypeError."""
+"""Unseen samples that the answer cannot simulate: said in words, with the time; they made the verdict raise
+TypeError."""
 
 import numpy as np
 import pytest
@@ -16,7 +17,9 @@ def emptied(recordings=1):
     for k in range(recordings):
         y = 2.0 * np.sqrt(np.maximum(level, 0.0)) + 0.01 * np.random.default_rng(k).standard_normal(300)
         seen = slice(None, 200 if recordings > 1 and k == 0 else None)
-        found[f"run{k}"] = pf.Recording(T[seen], {"u": pf.Signal(u[seen], "1/s"), "y": pf.Signal(y[seen], "V")}, f"run{k}")
+        found[f"run{k}"] = pf.Recording(
+            T[seen], {"u": pf.Signal(u[seen], "1/s"), "y": pf.Signal(y[seen], "V")}, f"run{k}"
+        )
     model = pf.equations(
         "x' = c*u\ny = k*sqrt(x)", inputs={"u": "1/s"}, states={"x": {"unit": "", "initial": 1.0}}, outputs={"y": "V"},
         parameters={"k": "V", "c": ""},
@@ -47,8 +50,10 @@ def test_a_command_ends_in_a_sentence(tmp_path, capsys, monkeypatch):
     problem = emptied()
     pf.recording.to_csv(problem.experiments["run0"].recording, tmp_path / "run.csv")
     (tmp_path / "tank.toml").write_text(
-        'name = "tank"\n[recording.run]\nfile = "run.csv"\nsplit = 0.66\n[model]\nequations = "x\' = c*u\\ny = k*sqrt(x)"\n'
-        'inputs = ["u"]\noutputs = ["y"]\n[model.states]\nx = { initial = 1.0 }\n[parameters]\nk = { bounds = [0.1, 10] }\n'
+        'name = "tank"\n[recording.run]\nfile = "run.csv"\nsplit = 0.66\n[model]\nequations = "x\' = c*u\\ny = '
+        'k*sqrt(x)"\n'
+        'inputs = ["u"]\noutputs = ["y"]\n[model.states]\nx = { initial = 1.0 }\n[parameters]\nk = { bounds = [0.1, '
+        "10] }\n"
         "c = { bounds = [0.1, 5] }\n[search]\nbudget = 600\n"
     )
     monkeypatch.chdir(tmp_path)

@@ -17,10 +17,17 @@ def test_no_sentence_is_missing():
     calls = said()
     assert len(calls) > 40
     bare = [place for place, pieces in calls.items() if not pieces]
-    assert {place.split(":")[0] for place in bare} <= PASSED_ON, f"write the words of the sentence where it is said: {bare}"
-    missing = {place: pieces for place, pieces in calls.items() if pieces and max(pieces, key=len) not in PAGE and pieces[0] not in PAGE}
+    assert {place.split(":")[0] for place in bare} <= PASSED_ON, (
+        f"write the words of the sentence where it is said: {bare}"
+    )
+    missing = {
+        place: pieces
+        for place, pieces in calls.items()
+        if pieces and max(pieces, key=len) not in PAGE and pieces[0] not in PAGE
+    }
     assert missing == {}, (
-        f"add a row to docs/verdict.md for each sentence that is said at {sorted(missing)} (files of src/plantfit/trust/verdict/)"
+        f"add a row to docs/verdict.md for each sentence that is said at {sorted(missing)} (files of "
+        f"src/plantfit/trust/verdict/)"
     )
 
 

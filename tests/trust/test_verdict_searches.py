@@ -63,7 +63,12 @@ def test_an_affine_problem_needs_no_agreement():
 
 @pytest.mark.parametrize(
     ("reached", "refused", "part"),
-    [(200, "", False), (120, "", True), (120, "at t = 3 s state x (1e9) grows without bound", False), (None, "", False)],
+    [
+        (200, "", False),
+        (120, "", True),
+        (120, "at t = 3 s state x (1e9) grows without bound", False),
+        (None, "", False),
+    ],
 )
 def test_a_check_of_a_part_of_a_record_says_which_part(reached, refused, part):
     output = {"unit": "V", "max_error": 1e-6, "rms_error": 1e-7, "rms_residual": 0.1}
@@ -71,7 +76,9 @@ def test_a_check_of_a_part_of_a_record_says_which_part(reached, refused, part):
     simulation |= {} if reached is None else {"checked_samples": reached}
     said = [
         s["sentence"]
-        for s in _steps({"simulation": simulation | ({"refused": refused} if refused else {}), "recordings": [{"outputs": {}}]})
+        for s in _steps(
+            {"simulation": simulation | ({"refused": refused} if refused else {}), "recordings": [{"outputs": {}}]}
+        )
     ]
     assert any("over the first 120 of 200 samples" in s for s in said) == part
     assert any("is refused: in recording r, at t = 3 s" in s for s in said) == bool(refused)
@@ -90,13 +97,24 @@ def test_in_a_flat_valley_no_larger_budget_is_advised():
     ("costs", "best", "valley"),
     [
         ([1.0, 1.01, 1.05, 1.2], 1.0, True),  # most at about the best cost
-        ([6.5, 7.0, 9.0, 30.0], 1.0, False),  # optima of their own: Osborne's second problem, whose best search was cut off
+        (
+            [6.5, 7.0, 9.0, 30.0],
+            1.0,
+            False,
+        ),  # optima of their own: Osborne's second problem, whose best search was cut off
         ([1.0, 6.5, 7.0, 9.0], 1.0, False),
         ([1e-26, 3e-24, 2e-25], 1e-27, True),  # nothing is left: all are the best
     ],
 )
 def test_only_searches_that_end_near_the_best_cost_are_in_its_valley(costs, best, valley):
-    extra = {"basin_hits": 0, "starts": len(costs), "optima": len(costs), "unseen": 1.0, "local_costs": costs, "basin_cost": best}
+    extra = {
+        "basin_hits": 0,
+        "starts": len(costs),
+        "optima": len(costs),
+        "unseen": 1.0,
+        "local_costs": costs,
+        "basin_cost": best,
+    }
     [sentence] = search_sentences(extra, flat=True)
     assert ("valley" in sentence["sentence"]) == valley
     assert sentence["level"] == ("info" if valley else "warning")
@@ -110,7 +128,9 @@ def test_where_a_simulation_is_lost_the_sentence_names_shooting():
     assert "`shooting = 100` under [search]" in lost["sentence"]
     [forgets] = search_sentences(extra, lost=True, forgets=True)  # another sentence says what to do
     assert forgets["sentence"].endswith("a better one may exist.")
-    [repeated] = search_sentences({"basin_hits": 5, "starts": 5}, lost=True)  # a model that cannot, not a search that did not find
+    [repeated] = search_sentences(
+        {"basin_hits": 5, "starts": 5}, lost=True
+    )  # a model that cannot, not a search that did not find
     assert "shooting" not in repeated["sentence"]
 
 

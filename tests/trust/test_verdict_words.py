@@ -8,13 +8,16 @@ from plantfit.trust.verdict.words import estimate, interval
 
 
 @pytest.mark.parametrize(("error", "said"), [
-    (4.5e-16, "R = 2 ohm (exact to rounding)"), (0.04, "R = 2.000 ± 0.040 ohm"), (1e-8, "R = 2.000000000 ± 0.000000010 ohm"),
+    (4.5e-16, "R = 2 ohm (exact to rounding)"), (0.04, "R = 2.000 ± 0.040 ohm"),
+    (1e-8, "R = 2.000000000 ± 0.000000010 ohm"),
 ])  # fmt: skip
 def test_a_standard_error_of_rounding_is_told_as_such(error, said):
     assert estimate({"name": "R", "value": 2.0, "standard_error": error, "unit": "ohm"}) == said
 
 
-@pytest.mark.parametrize(("unit", "said"), [("V", "k = 0.500 ± 0.020 V"), ("1", "k = 0.500 ± 0.020"), (None, "k = 0.500 ± 0.020")])
+@pytest.mark.parametrize(
+    ("unit", "said"), [("V", "k = 0.500 ± 0.020 V"), ("1", "k = 0.500 ± 0.020"), (None, "k = 0.500 ± 0.020")]
+)
 def test_a_number_without_unit_is_told_without(unit, said):
     assert estimate({"name": "k", "value": 0.5, "standard_error": 0.02, "unit": unit}) == said
 
@@ -22,7 +25,9 @@ def test_a_number_without_unit_is_told_without(unit, said):
 @pytest.mark.parametrize("noise", [0.0, 0.01])
 def test_exact_data_give_exact_parameters_and_noisy_ones_do_not(noise):
     u = np.linspace(-1, 1, 40)
-    model = pf.equations("y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False)
+    model = pf.equations(
+        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False
+    )
     y = 1 + 2 * u + noise * np.random.default_rng(0).normal(size=40)
     record = pf.from_arrays({"u": u, "y": y}, period=1.0, units={"u": "1", "y": "1"})
     verdict = pf.fit(pf.Problem(model, record, {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}), seed=1).verdict

@@ -23,7 +23,11 @@ from plantfit.trust.verdict.weights import weight_sentences
 
 @pytest.mark.parametrize(
     ("given", "held", "estimated"),
-    [({"y": 0.2, "w": 3.0}, {"y": 0.2, "w": 3.0}, {}), ({"w": 3.0}, {"w": 3.0}, {"y": 0.05}), (None, {}, {"y": 0.05, "w": 0.4})],
+    [
+        ({"y": 0.2, "w": 3.0}, {"y": 0.2, "w": 3.0}, {}),
+        ({"w": 3.0}, {"w": 3.0}, {"y": 0.05}),
+        (None, {}, {"y": 0.05, "w": 0.4}),
+    ],
 )
 def test_given_scales_are_held_and_missing_ones_estimated(given, held, estimated, tmp_path):
     problem = two_outputs(given)
@@ -34,7 +38,9 @@ def test_given_scales_are_held_and_missing_ones_estimated(given, held, estimated
     rows = {row["output"]: row for row in found.findings["weights"]}
     for o in ("y", "w"):
         assert rows[o]["scale"] == found.problem.scales[o]
-        assert rows[o]["who"] == ("given" if o in held else f"estimated from the residuals in {rows[o]['rounds']} rounds")
+        assert rows[o]["who"] == (
+            "given" if o in held else f"estimated from the residuals in {rows[o]['rounds']} rounds"
+        )
     # with the scales in force the residuals of each output are what the scores say
     rmse = found.score("fit")
     expected = np.mean([(rmse[o] / found.problem.scales[o]) ** 2 for o in ("y", "w")])
@@ -84,13 +90,23 @@ def test_findings_made_before_there_were_weights_still_load():
 
 
 def seen_rarely(samples, noise, seed=0):
-    """A first-order plant, y at all samples and w, whose gain nobody knows, at few: two of them can be followed exactly."""
+    """A first-order plant, y at all samples and w, whose gain nobody knows, at few: two of them can be followed
+    exactly."""
     rng = np.random.default_rng(seed)
     t = np.linspace(0.0, 10.0, 200)
     u = np.repeat(rng.normal(size=20), 10)
-    declared = {"K": {"bounds": (0.1, 10.0)}, "tau": {"bounds": (0.05, 5.0)}, "b": {"bounds": (-5.0, 5.0)}, "c": {"bounds": (-50.0, 50.0)}}
-    model = equations("x' = (K*u - x)/tau\ny = x\nw = b*x + c", inputs=["u"], states=["x"], outputs=["y", "w"], parameters=declared)
-    clean = Problem(model, Recording(t, {n: Signal(u) for n in ("u", "y", "w")}), substeps=8).predict(np.array([2.0, 0.7, 1.5, 20.0]))
+    declared = {
+        "K": {"bounds": (0.1, 10.0)},
+        "tau": {"bounds": (0.05, 5.0)},
+        "b": {"bounds": (-5.0, 5.0)},
+        "c": {"bounds": (-50.0, 50.0)},
+    }
+    model = equations(
+        "x' = (K*u - x)/tau\ny = x\nw = b*x + c", inputs=["u"], states=["x"], outputs=["y", "w"], parameters=declared
+    )
+    clean = Problem(model, Recording(t, {n: Signal(u) for n in ("u", "y", "w")}), substeps=8).predict(
+        np.array([2.0, 0.7, 1.5, 20.0])
+    )
     y, w = (clean[n] + s * rng.normal(size=len(t)) for n, s in (("y", 0.05), ("w", noise)))
     w = np.where(np.isin(np.arange(len(t)), samples), w, np.nan)
     return Problem(model, Recording(t, {"u": Signal(u), "y": Signal(y), "w": Signal(w)}))
@@ -108,7 +124,9 @@ def test_a_scale_does_not_go_to_zero_where_few_samples_are_followed_exactly(seed
     assert found.problem.scales["y"] == pytest.approx(0.05, rel=0.2)
     [said] = [v for v in found.findings["verdict"] if "count as 1" in v["sentence"]]
     assert said["level"] == "warning"
-    assert said["sentence"].endswith("so that it fixes no parameter. Give a scale for w if you know the size of the errors.")
+    assert said["sentence"].endswith(
+        "so that it fixes no parameter. Give a scale for w if you know the size of the errors."
+    )
     rows = {row["name"]: row for row in found.findings["parameters"]}
     assert {n: rows[n]["status"] for n in ("K", "tau")} == {"K": "determined", "tau": "determined"}
     assert {"b", "c"}.isdisjoint(n for n, row in rows.items() if row["status"] == "determined" or row["standard_error"])
@@ -147,7 +165,9 @@ def test_bootstrap_and_profile_have_no_interval_of_what_rests_on_unknown_noise()
 def test_a_next_experiment_asks_for_a_noise_that_nothing_shows():
     problem = seen_rarely([60, 150], noise=0.4)
     found = fit(problem, seed=1)
-    with pytest.raises(SpecError, match=r"Nothing shows how large the errors of w are: .* Give its noise, as in --noise w=0.1"):
+    with pytest.raises(
+        SpecError, match=r"Nothing shows how large the errors of w are: .* Give its noise, as in --noise w=0.1"
+    ):
         design(found, inputs={"u": (-2.0, 2.0)}, duration=5.0, budget=200)
     told = design(found, inputs={"u": (-2.0, 2.0)}, duration=5.0, noise={"w": 0.4}, draws=1, budget=200)
     assert told.typed.parameters
@@ -165,12 +185,22 @@ def test_a_next_experiment_asks_for_a_noise_that_nothing_shows():
 def test_errors_of_the_simulation_are_held_to_what_says_something(residual, error, said, level):
     outputs = {"y": {"measured": [0.0, 2.0, None, 9.0], "part": ["fit", "fit", "fit", "validation"]}}
     row = {"unit": None, "max_error": error, "rms_error": error, "rms_residual": residual}
-    findings = {"recordings": [{"name": "a", "outputs": outputs}], "simulation": {"checked_with": "LSODA", "outputs": {"y": row}}}
+    findings = {
+        "recordings": [{"name": "a", "outputs": outputs}],
+        "simulation": {"checked_with": "LSODA", "outputs": {"y": row}},
+    }
     (told,) = _steps(findings)
     assert told["sentence"].endswith(said)
     assert told["level"] == level
     outputs["y"]["measured"][1] = 0.0  # a constant that is followed exactly: nothing can be said
-    assert list(_steps({**findings, "simulation": {"checked_with": "LSODA", "outputs": {"y": {**row, "rms_residual": 0.0}}}})) == []
+    assert (
+        list(
+            _steps(
+                {**findings, "simulation": {"checked_with": "LSODA", "outputs": {"y": {**row, "rms_residual": 0.0}}}}
+            )
+        )
+        == []
+    )
 
 
 def test_a_scale_that_is_given_tells_the_errors_of_what_is_followed_exactly():
@@ -183,7 +213,11 @@ def test_a_scale_that_is_given_tells_the_errors_of_what_is_followed_exactly():
 
 @pytest.mark.parametrize(
     ("few", "said"),
-    [((), ""), (("a",), "it fixes no parameter. Give a scale for a"), (("a", "b"), "they fix no parameter. Give scales for a, b")],
+    [
+        ((), ""),
+        (("a",), "it fixes no parameter. Give a scale for a"),
+        (("a", "b"), "they fix no parameter. Give scales for a, b"),
+    ],
 )
 def test_scales_are_asked_for_where_few_samples_cannot_show_them(few, said):
     row = {"unit": None, "scale": 1.0, "chosen": "residuals", "who": "w", "settled": True}
@@ -195,12 +229,15 @@ def test_scales_are_asked_for_where_few_samples_cannot_show_them(few, said):
 
 def praised(found, output):
     """What the verdict says in favour of an output, but of the steps of its simulation."""
-    said = [v for v in found.findings["verdict"] if "simulation" not in v["sentence"] and "count as 1" not in v["sentence"]]
+    said = [
+        v for v in found.findings["verdict"] if "simulation" not in v["sentence"] and "count as 1" not in v["sentence"]
+    ]
     return [v["sentence"] for v in said if v["level"] == "good" and f" {output} " in v["sentence"]]
 
 
 @pytest.mark.parametrize(
-    ("samples", "given"), [([60, 150], False), ([60, 150], True), ([20, 60, 110, 150], False), (range(5, 200, 9), False)]
+    ("samples", "given"),
+    [([60, 150], False), ([60, 150], True), ([20, 60, 110, 150], False), (range(5, 200, 9), False)],
 )
 def test_what_could_not_fail_is_not_praised(samples, given):
     problem = seen_rarely(samples, noise=0.4)
@@ -211,7 +248,8 @@ def test_what_could_not_fail_is_not_praised(samples, given):
         assert score["spare"] == pytest.approx(0.0, abs=0.01)
         assert told["level"] == "warning"
         assert told["sentence"].endswith(
-            "these 2 are no more than the free parameters that follow them, so that this shows nothing: give more samples of w."
+            "these 2 are no more than the free parameters that follow them, so that this shows nothing: give more "
+            "samples of w."
         )
         assert praised(found, "w") == []
     else:
@@ -225,9 +263,16 @@ def test_unseen_samples_are_compared_with_nothing_where_fitted_ones_could_not_mi
     for samples, compared in (([60, 110, 150, 170, 190], False), (range(5, 200, 9), True)):
         problem = seen_rarely(samples, noise=0.4)
         record = problem.experiments["recording"].recording
-        own = Problem(problem.model, Experiment(record, fit=(0.0, 7.0 if compared else 5.6), validate=(7.0 if compared else 5.6, 10.0)))
+        own = Problem(
+            problem.model,
+            Experiment(record, fit=(0.0, 7.0 if compared else 5.6), validate=(7.0 if compared else 5.6, 10.0)),
+        )
         found = fit(own, seed=1)
-        (told,) = [v for v in found.findings["verdict"] if v["sentence"].startswith("On samples it has not seen, the RMSE of w")]
+        (told,) = [
+            v
+            for v in found.findings["verdict"]
+            if v["sentence"].startswith("On samples it has not seen, the RMSE of w")
+        ]
         assert ("times that of the fitted samples" in told["sentence"]) is compared
         assert told["sentence"].endswith("do not tell how large it may be.") is not compared
         assert compared or told["level"] == "info"
@@ -239,7 +284,9 @@ def line(u, noise, seed, given=None, free=("a", "b")):
     declared = {n: {"bounds": (-10.0, 10.0)} for n in free}
     model = equations(f"y = a*u + {'b' if 'b' in free else '1'}", inputs=["u"], outputs=["y"], parameters=declared)
     u = np.asarray(u, dtype=float)
-    record = Recording(np.arange(len(u), dtype=float), {"u": Signal(u), "y": Signal(1.5 * u + 1.0 + noise * rng.normal(size=len(u)))})
+    record = Recording(
+        np.arange(len(u), dtype=float), {"u": Signal(u), "y": Signal(1.5 * u + 1.0 + noise * rng.normal(size=len(u)))}
+    )
     return Problem(model, record, scales=given)
 
 
@@ -260,7 +307,9 @@ def test_two_points_of_a_line_fix_nothing_unless_their_errors_are_known(seed):
     assert rows["a"]["high"] - rows["a"]["low"] == pytest.approx(2 * 1.96 * rows["a"]["standard_error"], rel=1e-2)
     compared = compare_intervals(known, kinds=("profile", "bootstrap"), replicates=50).typed
     (profile,) = [k for k in compared.parameters[0].kinds if k.kind == "profile"]
-    assert any(v.sentence.startswith("Refits do not move a, for its samples are followed exactly") for v in compared.verdict)
+    assert any(
+        v.sentence.startswith("Refits do not move a, for its samples are followed exactly") for v in compared.verdict
+    )
     assert (profile.low, profile.high) == pytest.approx((rows["a"]["low"], rows["a"]["high"]), rel=0.02)
 
 

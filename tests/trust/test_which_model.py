@@ -1,6 +1,8 @@
-"""Which of several models: statements on data whose truth is known, counted over many seeds, and true and false cases of each sentence.
+"""Which of several models: statements on data whose truth is known, counted over many seeds, and true and false cases
+of each sentence.
 
-Models are fitted here by their closed forms, so that hundreds of records cost nothing; `tests/face/test_compare_models.py` fits real ones.
+Models are fitted here by their closed forms, so that hundreds of records cost nothing;
+`tests/face/test_compare_models.py` fits real ones.
 """
 
 import sys
@@ -47,7 +49,8 @@ def record(y, fitted, *candidates, unit="V"):
 
 
 def trial(seed, truth, memory=0.0):
-    """Data of `truth` among a line and a line with a bend; candidates "line" and "bend", nested, and "wave", which is not."""
+    """Data of `truth` among a line and a line with a bend; candidates "line" and "bend", nested, and "wave", which
+    is not."""
     rng = np.random.default_rng(seed)
     u, fitted = inputs(rng), T < 0.6 * N
     shapes = {"line": 2 * u, "bend": 2 * u + 0.4 * u**2, "wave": 2 * np.sin(1.5 * u)}

@@ -1,4 +1,5 @@
-"""Of many recordings of a right plant some fail the test of white noise; that is said to be chance, and nothing else is."""
+"""Of many recordings of a right plant some fail the test of white noise; that is said to be chance, and nothing else
+is."""
 
 import numpy as np
 import pytest
@@ -9,12 +10,20 @@ from plantfit.trust.verdict.residuals import WHITE, by_chance, residual_sentence
 def findings(p_values):
     tests = [
         {
-            "recording": f"run-{k}", "output": "y", "white": bool(p > WHITE), "p_value": float(p), "n": 200, "autocorrelation": [1.0, 0.1],
+            "recording": f"run-{k}", "output": "y", "white": bool(p > WHITE), "p_value": float(p), "n": 200,
+            "autocorrelation": [1.0, 0.1],
             "cross": {}, "past": None, "shared": None, "stretch": None, "turned": None, "first": None,
         }
         for k, p in enumerate(p_values)
     ]  # fmt: skip
-    return {"residual_tests": tests, "scores": [], "recordings": [], "outputs": ["y"], "parameters": [], "simulation": {}}
+    return {
+        "residual_tests": tests,
+        "scores": [],
+        "recordings": [],
+        "outputs": ["y"],
+        "parameters": [],
+        "simulation": {},
+    }
 
 
 def accused(p_values):
@@ -32,7 +41,10 @@ def test_right_plants_are_accused_in_one_study_of_fifty_at_most(count):
 def test_what_many_recordings_lack_is_told(count, share):
     """Each of them fails the test with this probability, none of them by much."""
     rng = np.random.default_rng(count)
-    told = [accused(np.where(rng.random(count) < share, 0.009 * rng.random(count) + 0.001, rng.random(count))) for _ in range(300)]
+    told = [
+        accused(np.where(rng.random(count) < share, 0.009 * rng.random(count) + 0.001, rng.random(count)))
+        for _ in range(300)
+    ]
     assert np.mean(told) >= 0.9
 
 
@@ -44,7 +56,9 @@ def test_one_recording_of_many_that_lacks_much_is_told():
 def test_the_sentence_names_the_recording_and_no_problem():
     [said] = residual_sentences(findings(np.r_[0.5 * np.ones(19), 0.004]))
     assert said["level"] == "good"
-    assert "white in 19 of 20 recordings, and as few as fail the test at 1 % (run-19) do so by chance" in said["sentence"]
+    assert (
+        "white in 19 of 20 recordings, and as few as fail the test at 1 % (run-19) do so by chance" in said["sentence"]
+    )
     [white] = residual_sentences(findings(0.5 * np.ones(20)))
     assert "in all 20 recordings: no dynamics" in white["sentence"]
     assert not by_chance([0.004], 1)

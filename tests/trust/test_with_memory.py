@@ -1,4 +1,5 @@
-"""Variances of estimates that few samples decide: correlated errors of neighbours add up, as the residuals of the whole record show."""
+"""Variances of estimates that few samples decide: correlated errors of neighbours add up, as the residuals of the
+whole record show."""
 
 import numpy as np
 import pytest
@@ -23,7 +24,9 @@ def test_it_is_the_sum_over_all_pairs():
     np.testing.assert_allclose(with_memory(influences, residuals, 2), influences.T @ r**lags @ influences, rtol=1e-9)
 
 
-@pytest.mark.parametrize("residuals", [np.random.default_rng(1).standard_normal(400), -ar1(np.random.default_rng(2), 8, 0.9)])
+@pytest.mark.parametrize(
+    "residuals", [np.random.default_rng(1).standard_normal(400), -ar1(np.random.default_rng(2), 8, 0.9)]
+)
 def test_correlations_that_chance_explains_count_as_none(residuals):
     influences = np.random.default_rng(3).standard_normal((len(residuals), 2))
     np.testing.assert_array_equal(with_memory(influences, residuals, 2), influences.T @ influences)
@@ -37,7 +40,9 @@ def test_ranges_of_a_free_start_hold(memory):
     u = np.random.default_rng(9).uniform(0.0, 1.0, 15).repeat(10)
     bounds = {"K": (0.1, 20.0), "tau": (0.1, 20.0), "c": (-5.0, 5.0), "y0": (-5.0, 5.0)}
     truth = {"K": 2.0, "tau": 1.0, "c": 0.5, "y0": 1.0}
-    problem = pf.Problem(model, pf.Recording(t, {"u": pf.Signal(u), "y": pf.Signal(np.zeros(150))}, "run"), bounds, substeps=2)
+    problem = pf.Problem(
+        model, pf.Recording(t, {"u": pf.Signal(u), "y": pf.Signal(np.zeros(150))}, "run"), bounds, substeps=2
+    )
     clean, held = problem.predict(problem.space.vector(truth))["y"], []
     for seed in range(120):
         y = clean + ar1(np.random.default_rng(seed), 150, memory, 0.05)

@@ -145,7 +145,8 @@ def c_code(plant: Plant) -> dict[str, str | bytes]:
 
     inputs = list(plant.model.inputs)
     common = {
-        "name": plant.name, "UPPER": plant.name.upper(), "n": len(plant.vector.states), "m": len(inputs), "q": len(plant.vector.outputs),
+        "name": plant.name, "UPPER": plant.name.upper(), "n": len(plant.vector.states), "m": len(inputs),
+        "q": len(plant.vector.outputs),
         "k": len(plant.p), "d": len(plant.model.delays),
     }  # fmt: skip
     told = "\n * ".join(_comment(line) for line in plant.story)
@@ -153,10 +154,12 @@ def c_code(plant: Plant) -> dict[str, str | bytes]:
     typed = {"rate": "    const double {} = {};", "output": "    const double {} = {};"}
     source = _C_SOURCE.format(
         **common, values=listed(plant.p.values()), x0=listed(plant.x0[n] for n in plant.vector.states),
-        before=listed(plant.before[n] for n in inputs), rate=rate.text("", typed["rate"]), output=output.text("", typed["output"]),
+        before=listed(plant.before[n] for n in inputs), rate=rate.text("", typed["rate"]),
+        output=output.text("", typed["output"]),
         rate_results="".join(f"    dx[{i}] = {v};\n" for i, v in enumerate(rate.results)),
         output_results="".join(f"    y[{i}] = {v};\n" for i, v in enumerate(output.results)),
-        straight=whole(plant.hold[n] == "linear" for n in inputs), late_inputs=whole(inputs.index(d.input) for d in plant.model.delays),
+        straight=whole(plant.hold[n] == "linear" for n in inputs),
+        late_inputs=whole(inputs.index(d.input) for d in plant.model.delays),
         late_places=whole(list(plant.p).index(d.parameter) for d in plant.model.delays),
     )  # fmt: skip
     return {f"{plant.name}_plant.h": header, f"{plant.name}_plant.c": source}

@@ -63,7 +63,8 @@ def casadi_functions(plant: Plant) -> dict[str, str | bytes]:
     """Files by name: NAME_casadi.py."""
     rate, output = plant.lines("rate", "casadi"), plant.lines("output", "casadi")
     text = _CASADI.format(
-        **shared(plant), rate=rate.text("        "), rate_results=", ".join(rate.results), output=output.text("        "),
+        **shared(plant), rate=rate.text("        "), rate_results=", ".join(rate.results),
+        output=output.text("        "),
         output_results=", ".join(output.results),
     )  # fmt: skip
     return {f"{plant.name}_casadi.py": text}

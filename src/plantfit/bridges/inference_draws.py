@@ -24,4 +24,8 @@ def inference_draws(answer: Answer, name: str) -> dict[str, str | bytes]:
     if found.scatters:
         how += f" Recordings scatter in {', '.join(found.scatters)}; the plants are those of another recording."
     cost = np.asarray(problem.costs(problem.space.cube(values)))
-    return {f"{name}_draws.nc": netcdf_of(problem, Drawn(values[None], {"cost": cost[None]}, how), answer.score("fit"), SEED)}
+    return {
+        f"{name}_draws.nc": netcdf_of(
+            problem, Drawn(values[None], {"cost": cost[None]}, how), answer.score("fit"), SEED
+        )
+    }

@@ -29,7 +29,10 @@ def matlab_files(plant: Plant) -> dict[str, str | bytes]:
         data |= {f"B{k}": q["B"], f"D{k}": q["D"], f"delay{k}": q["delay"]}
     savemat(buffer, data)
     name = plant.name
-    parts = [f"ss(plant.A, plant.B{k}, plant.C, plant.D{k}, 'InputDelay', plant.delay{k})" for k in range(1, len(m["paths"]) + 1)]
+    parts = [
+        f"ss(plant.A, plant.B{k}, plant.C, plant.D{k}, 'InputDelay', plant.delay{k})"
+        for k in range(1, len(m["paths"]) + 1)
+    ]
     lines = [
         *(f"% {line}" for line in plant.story),
         f"% Near its rest: {one_line(m['output'])} = plant.y0 at {one_line(m['input'])} = plant.u0.",

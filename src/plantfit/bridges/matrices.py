@@ -15,7 +15,8 @@ def matrices(plant: Plant) -> dict[str, Any]:
     used = [k for k in range(rest.B.shape[1]) if np.any(rest.B[0, k]) or through[k]]
     places = [plant.vector.states.index(n) for n in names]
     return {
-        "A": rest.A[0].tolist(), "C": [rest.C[0].tolist()], "x0": rest.x[0][places].tolist(), "u0": float(rest.u[0]), "y0": level,
+        "A": rest.A[0].tolist(), "C": [rest.C[0].tolist()], "x0": rest.x[0][places].tolist(), "u0": float(rest.u[0]),
+        "y0": level,
         "paths": [
             {"delay": float(rest.late[0, k]), "B": rest.B[0, k][:, None].tolist(), "D": [[float(through[k])]]} for k in
             used ],
@@ -25,12 +26,14 @@ def matrices(plant: Plant) -> dict[str, Any]:
 
 
 def _linear(plant: Plant) -> tuple[Any, np.ndarray, float, tuple[str, ...]]:
-    """The plant at rest at the middle of its first output in the recording, how this follows every way of the input at once (c,), the
-    level, and the states that reach it. SimulationError for a plant of several inputs or outputs, or without a rest."""
+    """The plant at rest at the middle of its first output in the recording, how this follows every way of the input
+    at once (c,), the level, and the states that reach it. SimulationError for a plant of several inputs or outputs,
+    or without a rest."""
     model = plant.model
     if len(model.inputs) != 1 or len(model.outputs) != 1:
         raise SimulationError(
-            f"Model {model.name!r} has {len(model.inputs)} inputs and {len(model.outputs)} outputs; matrices can be exported "
+            f"Model {model.name!r} has {len(model.inputs)} inputs and {len(model.outputs)} outputs; matrices can be "
+            f"exported "
             "only for one input and one output. "
             "Export --to python, c or casadi, which hold the whole model."
         )
@@ -41,5 +44,7 @@ def _linear(plant: Plant) -> tuple[Any, np.ndarray, float, tuple[str, ...]]:
     u = plant.inputs[input_]
     rest = loop.at_rest(level, (float(u.min()), float(np.median(u)), float(u.max())))
     if not np.isfinite(rest.u[0]):
-        raise SimulationError(f"Model {model.name!r} has no rest at {output} = {level:.4g}, where it would be linearised.")
+        raise SimulationError(
+            f"Model {model.name!r} has no rest at {output} = {level:.4g}, where it would be linearised."
+        )
     return rest, loop.through(rest)[0], level, loop.followed

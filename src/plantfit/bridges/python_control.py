@@ -66,4 +66,7 @@ def python_control(plant: Plant) -> dict[str, str | bytes]:
     paths = [(q["delay"], q["B"], q["D"]) for q in m["paths"]]
     names = {k: docstring(one_line(m[k])) for k in ("input", "output")}
     text = _CONTROL.format(told=docstring("\n".join(plant.story)), **{**m, **names, "paths": paths})
-    return {f"{plant.name}_control.py": text, f"{plant.name}_control.json": json.dumps({"made_by": "plantfit", **m}, indent=1) + "\n"}
+    return {
+        f"{plant.name}_control.py": text,
+        f"{plant.name}_control.json": json.dumps({"made_by": "plantfit", **m}, indent=1) + "\n",
+    }

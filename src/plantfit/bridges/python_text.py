@@ -1,4 +1,5 @@
-"""What generated Python files share: what they declare of the plant, what `simulate` is given, and where an input has an edge."""
+"""What generated Python files share: what they declare of the plant, what `simulate` is given, and where an input
+has an edge."""
 
 from plantfit.bridges.plant import Plant
 
@@ -24,7 +25,8 @@ _EDGES = """    edges = np.unique(np.concatenate([t] + [t + d for _, d in late])
 def shared(plant: Plant) -> dict[str, str]:
     """Parts of a template by name: `told`, `declared`, `given`, `edges`."""
     declared = _DECLARED.format(
-        parameters={n: float(v) for n, v in plant.p.items()}, states=list(plant.vector.states), inputs=list(plant.model.inputs),
+        parameters={n: float(v) for n, v in plant.p.items()}, states=list(plant.vector.states),
+        inputs=list(plant.model.inputs),
         outputs=list(plant.vector.outputs), hold=plant.hold, x0=plant.x0, before=plant.before,
         delayed=[(d.input, d.parameter) for d in plant.model.delays],
     )  # fmt: skip

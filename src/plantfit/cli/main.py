@@ -82,12 +82,18 @@ def _ended(command: Callable[[], Any]) -> int:
         return 141
     except OSError as error:
         place = f" {error.filename!r}" if error.filename else ""
-        return _failed(f"the file system refused{place}: {error.strerror or error}. Free space or choose another place and run again.", 12)
+        return _failed(
+            f"the file system refused{place}: {error.strerror or error}. Free space or choose another place and run "
+            f"again.",
+            12,
+        )
     except KeyboardInterrupt:
         ending()
         return _failed("stopped before any work began.", 130)
     except MemoryError:
-        return _failed("the memory of this machine is not enough for this; use fewer samples, runs or workers, and run again.", 12)
+        return _failed(
+            "the memory of this machine is not enough for this; use fewer samples, runs or workers, and run again.", 12
+        )
     except Exception as error:
         return _failed(inside(error), INSIDE)
     return 0

@@ -5,8 +5,9 @@ import signal
 
 from plantfit.cli.terminal.interrupts import watched
 
-# A command makes a million objects that stay, most of them by importing jax. At Python's own 700 new objects the collector of cycles walks
-# through them again and again, which takes a sixth of a `plantfit check`; at its end another third is one walk through all of them.
+# A command makes a million objects that stay, most of them by importing jax. At Python's own 700 new objects the
+# collector of cycles walks through them again and again, which takes a sixth of a `plantfit check`; at its end another
+# third is one walk through all of them.
 COLLECTED = (50_000, 20, 20)
 
 

@@ -20,7 +20,8 @@ BATCH = 16  # starts on each side in a round
 
 @dataclass(frozen=True)
 class Caught:
-    """Along a direction every start in [-low, high] that was tried was caught, and the next outward by `resolution` was not.
+    """Along a direction every start in [-low, high] that was tried was caught, and the next outward by `resolution` was
+    not.
 
     `low`, `high` and `resolution` in units of the direction; `beyond` is True where nothing up to `largest` fell.
     """
@@ -62,10 +63,13 @@ def largest_initial_angle(
         if name not in states:
             raise SimulationError(f"The start names {name!r}; the plant has the states {list(states)}.")
     if not names or not any(along.values()):
-        raise SimulationError("No state is measured, or the direction is 0; measure a state and give a direction such as {'theta1': 1.0}.")
+        raise SimulationError(
+            "No state is measured, or the direction is 0; measure a state and give a direction such as {'theta1': 1.0}."
+        )
     if not (0 < resolution < largest and 0 < settled <= seconds and tolerance > 0):
         raise SimulationError(
-            f"resolution = {resolution:g}, largest = {largest:g}, settled = {settled:g}, seconds = {seconds:g}, tolerance = {tolerance:g}; "
+            f"resolution = {resolution:g}, largest = {largest:g}, settled = {settled:g}, seconds = {seconds:g}, "
+            f"tolerance = {tolerance:g}; "
             "give positive numbers, resolution below largest and settled at most seconds."
         )
     samples = round(seconds / loop.period)
@@ -74,13 +78,16 @@ def largest_initial_angle(
 
     def one(distance):
         x0 = {name: at.get(name, 0.0) + distance * along.get(name, 0.0) for name in states}
-        return loop.observe(watch, controller, plant, {} if reference is None else reference, samples=samples, x0=x0, inputs=inputs)
+        return loop.observe(
+            watch, controller, plant, {} if reference is None else reference, samples=samples, x0=x0, inputs=inputs
+        )
 
     def caught(far: np.ndarray) -> np.ndarray:
         good = np.asarray(jax.vmap(one)(np.r_[0.0, far.ravel()])) <= tolerance  # nan is not caught
         if not good[0]:
             raise SimulationError(
-                "The loop does not hold the state at which it begins; change the controller, or give more seconds or tolerance."
+                "The loop does not hold the state at which it begins; change the controller, or give more seconds or "
+                "tolerance."
             )
         return good[1:].reshape(far.shape)
 

@@ -30,8 +30,8 @@ class Gains(NamedTuple):
 
 
 def gain_units(output: str | None, input: str | None) -> dict[str, str]:
-    """Units of Kp, Ki and Kd as texts, such as V/(rad/s), for the units of an output and an input; where one of them is not known
-    those of dimensionless signals."""
+    """Units of Kp, Ki and Kd as texts, such as V/(rad/s), for the units of an output and an input; where one of them
+    is not known those of dimensionless signals."""
     y, u = ("1", "1") if output is None or input is None or output == input else (output, input)
     whole = y.removesuffix("/s")
     if whole != y:  # a rate: V/(rad/s), V/rad, V/(rad/s^2)
@@ -76,7 +76,8 @@ def pid(
     anti_windup: str = "clamping",
     tracking_time: float | None = None,
 ) -> Controller:
-    """A PID controller sampled every `period` seconds, its command limited to [lower, upper]; its parameters are `Gains`.
+    """A PID controller sampled every `period` seconds, its command limited to [lower, upper]; its parameters are
+    `Gains`.
 
         P = Kp (b r - y)
         I += Ki period (e + e_last) / 2                                            (Tustin)
@@ -84,8 +85,9 @@ def pid(
 
     anti_windup "clamping": the integral rests while the command is beyond a limit and the error drives it
     further; "back-calculation": I += period / tracking_time (limited command - command), with tracking_time
-    in seconds (at least `period`); "none". Integral and derivative part begin at 0, with reference and measurement equal before: the first
-    command is Kp (b r - y). `PidState.at_rest` begins at a command that holds the plant, as the exported C does.
+    in seconds (at least `period`); "none". Integral and derivative part begin at 0, with reference and measurement
+    equal before: the first command is Kp (b r - y). `PidState.at_rest` begins at a command that holds the plant, as the
+    exported C does.
 
     Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., section 8.5 (derivative: eq. 8.26,
     anti-windup: section 8.5); Astrom, Hagglund, Advanced PID Control, section 3.5 (conditional integration).
@@ -101,8 +103,8 @@ def pid(
 
 
 def pid_law(period: float, anti_windup: str) -> tuple[Callable[..., PidState], Callable[..., tuple[PidState, Any]]]:
-    """`pid` with limits and follow (share of the excess that back-calculation takes off) as further arguments: init(measurement, gains),
-    update(state, measurement, reference, gains, lower, upper, follow)."""
+    """`pid` with limits and follow (share of the excess that back-calculation takes off) as further arguments:
+    init(measurement, gains), update(state, measurement, reference, gains, lower, upper, follow)."""
 
     def init(measurement, gains):
         zero = jnp.zeros_like(measurement)

@@ -1,4 +1,5 @@
-"""Parameters from regressions with errors in the regressor, states and parameters by Kalman filters, and what two estimates say."""
+"""Parameters from regressions with errors in the regressor, states and parameters by Kalman filters, and what two
+estimates say."""
 
 from typing import TYPE_CHECKING
 

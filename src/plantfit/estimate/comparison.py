@@ -14,10 +14,11 @@ SURE = 0.01  # p-value below which a difference is called one
 
 @dataclass(frozen=True)
 class Comparison:
-    """`difference` (k,) = first - second, its covariance, chi-squared (k,) of each with one degree of freedom and p-values.
+    """`difference` (k,) = first - second, its covariance, chi-squared (k,) of each with one degree of freedom and
+    p-values.
 
-    `statistic` is the chi-squared of all together with `degrees` of freedom and `p_value` its tail. `paired` tells whether the
-    covariance is that of the difference itself, from the same samples, or the sum of both covariances.
+    `statistic` is the chi-squared of all together with `degrees` of freedom and `p_value` its tail. `paired` tells
+    whether the covariance is that of the difference itself, from the same samples, or the sum of both covariances.
     """
 
     names: tuple[str, ...]
@@ -32,16 +33,21 @@ class Comparison:
     sentence: str
 
 
-def compare_estimates(first: Estimate, second: Estimate, labels: tuple[str, str] = ("the first estimate", "the second")) -> Comparison:
+def compare_estimates(
+    first: Estimate, second: Estimate, labels: tuple[str, str] = ("the first estimate", "the second")
+) -> Comparison:
     """Chi-squared tests of the difference of two estimates, parameter by parameter and together (Wald).
 
-    From the same samples, both with influences, the variance of the difference is the long-run variance of the difference of the
-    influences, with nothing assumed about which is better; for instrumental variables against least squares this is the test of
-    Durbin, Wu and Hausman (Hausman, Econometrica 46 (1978) 1251) with a robust covariance. Otherwise the two count as independent.
-    Raises SearchError for different names.
+    From the same samples, both with influences, the variance of the difference is the long-run variance of the
+    difference of the influences, with nothing assumed about which is better; for instrumental variables against least
+    squares this is the test of Durbin, Wu and Hausman (Hausman, Econometrica 46 (1978) 1251) with a robust covariance.
+    Otherwise the two count as independent. Raises SearchError for different names.
     """
     if first.names != second.names:
-        raise SearchError(f"Estimates of {list(first.names)} and {list(second.names)} cannot be compared; estimate the same parameters.")
+        raise SearchError(
+            f"Estimates of {list(first.names)} and {list(second.names)} cannot be compared; estimate the same "
+            f"parameters."
+        )
     difference = first.values - second.values
     covariance, paired = _covariance(first, second)
     variance = np.diag(covariance)
@@ -66,10 +72,18 @@ def compare_estimates(first: Estimate, second: Estimate, labels: tuple[str, str]
 
 def _covariance(first: Estimate, second: Estimate) -> tuple[np.ndarray, bool]:
     a, b = first.influence, second.influence
-    if a is None or b is None or first.index is None or second.index is None or not np.array_equal(first.index, second.index):
+    if (
+        a is None
+        or b is None
+        or first.index is None
+        or second.index is None
+        or not np.array_equal(first.index, second.index)
+    ):
         return first.covariance + second.covariance, False
     covariance = prewhitened_long_run(a - b, first.index)
-    if first.degrees is not None and second.degrees is not None:  # the variance of the difference rests on as few samples
+    if (
+        first.degrees is not None and second.degrees is not None
+    ):  # the variance of the difference rests on as few samples
         few = widening(np.minimum(first.degrees, second.degrees))
         covariance = covariance * np.outer(few, few)
     return covariance, True

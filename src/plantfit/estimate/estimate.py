@@ -12,11 +12,11 @@ LEVEL = 0.95
 class Estimate:
     """Values (k,) with covariance (k, k), in the units of the parameters `names`.
 
-    `influence` (n, k), where known, is what the error of every sample adds to every value, at sample numbers `index` (n,):
-    two estimates from the same samples are compared by it. `residuals` (n, m) are those of the whitened rows, `order` the
-    order of the whitening filter, `iterations` how often the instruments were made anew. `degrees` (k,), where known, is on how many
-    independent errors the variance of each value rests. The covariance is widened for few of them: 1.96 standard errors are the 95 %
-    interval of Student's t with so many degrees of freedom.
+    `influence` (n, k), where known, is what the error of every sample adds to every value, at sample numbers `index`
+    (n,): two estimates from the same samples are compared by it. `residuals` (n, m) are those of the whitened rows,
+    `order` the order of the whitening filter, `iterations` how often the instruments were made anew. `degrees` (k,),
+    where known, is on how many independent errors the variance of each value rests. The covariance is widened for few
+    of them: 1.96 standard errors are the 95 % interval of Student's t with so many degrees of freedom.
     """
 
     names: tuple[str, ...]

@@ -34,18 +34,21 @@ def instrumental_variables(
 ) -> Estimate:
     """target = regressor @ values + error, where the regressor (N, k) or, for m outputs, (N, m, k) has errors too.
 
-    `instruments`, of the regressor's shape, move with it but not with the errors: the regressor of a noise-free simulation. As
-    a function of the values by name they are made anew at every estimate, from `start` (instruments of the first one, the regressor
-    itself if left out) on, until no value moves by 1 % of its standard error. With instruments = regressor it is least squares.
+    `instruments`, of the regressor's shape, move with it but not with the errors: the regressor of a noise-free
+    simulation. As a function of the values by name they are made anew at every estimate, from `start` (instruments of
+    the first one, the regressor itself if left out) on, until no value moves by 1 % of its standard error. With
+    instruments = regressor it is least squares.
 
-    Errors are made white by a vector autoregression of at most `largest_order` over samples numbered `index` (N,), which weights
-    the outputs too, unless `whiten` is False: all rows then count alike. They do so too where whitening makes no error smaller, or leads
-    away from the estimate without it by more than its errors. The covariance is the sandwich with leverages (HC3 of
-    MacKinnon and White, J. Econometrics 29 (1985) 305), long-run (Newey-West), and widened to Student's t where it rests on few samples,
-    as for a coefficient that one fast move tells (`Estimate.degrees`). Janot, Vandanjon, Gautier, IEEE Trans. Control
-    Syst. Technol. 22 (2014) 132; filter of the errors: Young, Recursive Estimation and Time-Series Analysis, 2nd ed. (2011).
+    Errors are made white by a vector autoregression of at most `largest_order` over samples numbered `index` (N,),
+    which weights the outputs too, unless `whiten` is False: all rows then count alike. They do so too where whitening
+    makes no error smaller, or leads away from the estimate without it by more than its errors. The covariance is the
+    sandwich with leverages (HC3 of MacKinnon and White, J. Econometrics 29 (1985) 305), long-run (Newey-West), and
+    widened to Student's t where it rests on few samples, as for a coefficient that one fast move tells
+    (`Estimate.degrees`). Janot, Vandanjon, Gautier, IEEE Trans. Control Syst. Technol. 22 (2014) 132; filter of the
+    errors: Young, Recursive Estimation and Time-Series Analysis, 2nd ed. (2011).
 
-    Raises SearchError for shapes that do not fit, values that are not finite and instruments that do not move with the regressor.
+    Raises SearchError for shapes that do not fit, values that are not finite and instruments that do not move with the
+    regressor.
     """
     x, y, index = _checked(regressor, target, index)
     k = x.shape[2]
@@ -85,7 +88,8 @@ class _Rows(NamedTuple):
 
 
 def _solved(data: _Data, z: np.ndarray, iteration: int) -> Estimate:
-    """With instruments z (n, m, k): plain, then with the whitening that the residuals ask for, where that is an improvement."""
+    """With instruments z (n, m, k): plain, then with the whitening that the residuals ask for, where that is an
+    improvement."""
     rows, order, settled = _Rows(data.x, data.y, z, np.arange(len(z))), 0, False
     values, inverse = _normal(rows, data.names)
     plain = _estimate(data, rows, values, inverse, order, iteration)
@@ -105,16 +109,20 @@ def _solved(data: _Data, z: np.ndarray, iteration: int) -> Estimate:
 
 
 def _improves(data: _Data, whitened: Estimate, plain: Estimate, settled: bool) -> bool:
-    """Whether an estimate with whitening is to be taken: both are consistent, so it lies within the errors of the plain one, below them.
+    """Whether an estimate with whitening is to be taken: both are consistent, so it lies within the errors of the plain
+    one, below them.
 
-    Else the rounds have led astray: an equation whose target is zero holds exactly where all its coefficients are zero, and its ever
-    smaller residuals get an ever larger weight.
+    Else the rounds have led astray: an equation whose target is zero holds exactly where all its coefficients are zero,
+    and its ever smaller residuals get an ever larger weight.
     """
     errors = np.maximum(plain.standard_error, 1e-300)
     if not settled and np.max(np.abs(whitened.values - plain.values) / errors) > SETTLED_AT_LAST:
         return False
     explained = [np.sqrt(np.mean((data.x @ e.values) ** 2, axis=0)) for e in (whitened, plain)]
-    if np.any(explained[0] < SHRUNK * explained[1]) or np.mean(np.log(np.maximum(whitened.standard_error, 1e-300) / errors)) > 0:
+    if (
+        np.any(explained[0] < SHRUNK * explained[1])
+        or np.mean(np.log(np.maximum(whitened.standard_error, 1e-300) / errors)) > 0
+    ):
         return False
     difference = (whitened.values - plain.values) / errors
     statistic = float(difference @ np.linalg.pinv(plain.covariance / np.outer(errors, errors), rcond=1e-6) @ difference)
@@ -128,13 +136,16 @@ def _normal(rows: _Rows, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray
     correlation = zx / np.outer(size_z, size_x)
     if np.linalg.cond(correlation) > 1e12:
         raise SearchError(
-            f"The instruments of {list(names)} do not tell them apart; take instruments that move with the regressor, or fewer parameters."
+            f"The instruments of {list(names)} do not tell them apart; take instruments that move with the regressor, "
+            f"or fewer parameters."
         )
     inverse = np.linalg.inv(correlation) / np.outer(size_x, size_z)
     return inverse @ np.einsum("nmk,nm->k", rows.z, rows.y), inverse
 
 
-def _estimate(data: _Data, rows: _Rows, values: np.ndarray, inverse: np.ndarray, order: int, iteration: int) -> Estimate:
+def _estimate(
+    data: _Data, rows: _Rows, values: np.ndarray, inverse: np.ndarray, order: int, iteration: int
+) -> Estimate:
     residuals = rows.y - rows.x @ values
     # what an error is without the fit that it has pulled itself: (I - H)^-1 r with H = X (Z'X)^-1 Z' of its own row
     leverage = np.einsum("nak,kl,nbl->nab", rows.x, inverse, rows.z)
@@ -142,22 +153,32 @@ def _estimate(data: _Data, rows: _Rows, values: np.ndarray, inverse: np.ndarray,
     influence = np.zeros((len(data.index), len(values)))
     influence[rows.kept] = np.einsum("kl,nml,nm->nk", inverse, rows.z, freed)
     index = data.index[rows.kept]
-    covariance, degrees = prewhitened_long_run(influence[rows.kept], index), _degrees(rows, inverse, residuals, influence, index)
+    covariance, degrees = (
+        prewhitened_long_run(influence[rows.kept], index),
+        _degrees(rows, inverse, residuals, influence, index),
+    )
     covariance = covariance * np.outer(widening(degrees), widening(degrees))
     return Estimate(data.names, values, covariance, influence, data.index, residuals, order, iteration, degrees)
 
 
-def _degrees(rows: _Rows, inverse: np.ndarray, residuals: np.ndarray, influence: np.ndarray, index: np.ndarray) -> np.ndarray:
+def _degrees(
+    rows: _Rows, inverse: np.ndarray, residuals: np.ndarray, influence: np.ndarray, index: np.ndarray
+) -> np.ndarray:
     """On how many independent errors the variance of each value (k,) rests."""
     weights = np.einsum("kl,nal->nka", inverse, rows.z)
     shares = np.einsum("nka,ab,nkb->nk", weights, residuals.T @ residuals, weights)
     return degrees_of_freedom(influence[rows.kept], shares, index)
 
 
-def _checked(regressor: np.ndarray, target: np.ndarray, index: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _checked(
+    regressor: np.ndarray, target: np.ndarray, index: np.ndarray | None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     x, y = np.asarray(regressor, dtype=float), np.asarray(target, dtype=float)
     if x.ndim not in (2, 3) or y.shape != x.shape[:-1]:
-        raise SearchError(f"A regressor of shape {x.shape} with a target of {y.shape}; give (N, k) with (N,), or (N, m, k) with (N, m).")
+        raise SearchError(
+            f"A regressor of shape {x.shape} with a target of {y.shape}; give (N, k) with (N,), or (N, m, k) with (N, "
+            f"m)."
+        )
     if x.ndim == 2:
         x, y = x[:, None, :], y[:, None]
     if len(x) <= 2 * x.shape[2]:
@@ -165,11 +186,14 @@ def _checked(regressor: np.ndarray, target: np.ndarray, index: np.ndarray | None
     for what, values in (("regressor", x), ("target", y)):
         if not np.all(np.isfinite(values)):
             raise SearchError(
-                f"The {what} is not finite at sample {int(np.argwhere(~np.isfinite(values))[0, 0])}; leave such samples out, with index."
+                f"The {what} is not finite at sample {int(np.argwhere(~np.isfinite(values))[0, 0])}; leave such "
+                f"samples out, with index."
             )
     index = np.arange(len(x)) if index is None else np.asarray(index, dtype=int)
     if index.shape != (len(x),) or np.any(np.diff(index) <= 0):
-        raise SearchError(f"index has shape {index.shape} for {len(x)} samples; give sample numbers that grow, one for each.")
+        raise SearchError(
+            f"index has shape {index.shape} for {len(x)} samples; give sample numbers that grow, one for each."
+        )
     return x, y, index
 
 
@@ -177,7 +201,11 @@ def _shaped(instruments: Any, x: np.ndarray) -> np.ndarray:
     z = np.asarray(instruments, dtype=float)
     z = z[:, None, :] if z.ndim == 2 else z
     if z.shape != x.shape:
-        raise SearchError(f"Instruments of shape {np.shape(instruments)} for a regressor of {x.shape}; give one for each column.")
+        raise SearchError(
+            f"Instruments of shape {np.shape(instruments)} for a regressor of {x.shape}; give one for each column."
+        )
     if not np.all(np.isfinite(z)):
-        raise SearchError(f"The instruments are not finite at sample {int(np.argwhere(~np.isfinite(z))[0, 0])}; simulate others.")
+        raise SearchError(
+            f"The instruments are not finite at sample {int(np.argwhere(~np.isfinite(z))[0, 0])}; simulate others."
+        )
     return z

@@ -24,7 +24,8 @@ SAMPLES = 2.5  # kept per period of the band's upper end: the filter leaves litt
 
 @dataclass(frozen=True)
 class InverseFit:
-    """`estimate` by instrumental variables, plain `least_squares` on the same rows (all alike), and whether they differ (`bias`)."""
+    """`estimate` by instrumental variables, plain `least_squares` on the same rows (all alike), and whether they
+    differ (`bias`)."""
 
     estimate: Estimate
     least_squares: Estimate
@@ -35,10 +36,11 @@ class InverseFit:
 class InverseDynamics:
     """How recorded angles become the rows of a regression `model` whose outputs are torques.
 
-    `joints` name each measured angle with the signals of its rate and acceleration. Angles and `held` inputs pass a low-pass
-    at `smoothing` Hz (None: none) before they are differentiated; columns and torques then the parallel filter of `band` Hz, the band of
-    the motion. `held` names signals that are constant from each sample to the next: at a sample such a signal has the mean of
-    both sides. `torques(signals)` gives the torque of every output, an array or a number.
+    `joints` name each measured angle with the signals of its rate and acceleration. Angles and `held` inputs pass a
+    low-pass at `smoothing` Hz (None: none) before they are differentiated; columns and torques then the parallel filter
+    of `band` Hz, the band of the motion. `held` names signals that are constant from each sample to the next: at a
+    sample such a signal has the mean of both sides. `torques(signals)` gives the torque of every output, an array or a
+    number.
     """
 
     model: LinearModel
@@ -54,7 +56,9 @@ class InverseDynamics:
             if name in recording.signals:
                 values = recording[name]
                 centred = np.concatenate([values[:1], 0.5 * (values[1:] + values[:-1])])
-                recording = with_signal(recording, name, centred, recording.signals[name].unit, f"{name!r} is held between samples.")
+                recording = with_signal(
+                    recording, name, centred, recording.signals[name].unit, f"{name!r} is held between samples."
+                )
                 recording = self._smooth(recording, name)
         for angle, (rate, acceleration) in self.joints.items():
             known = {n: s for n, s in recording.signals.items() if n not in (rate, acceleration)}
@@ -70,14 +74,17 @@ class InverseDynamics:
         """The regression whose signals are its columns, and these signals, filtered in parallel and thinned."""
         period = uniform_period(recording, "inverse dynamics")
         if not 0 < self.band < 0.4 / period:
-            raise RecordingError(f"band = {self.band:g} Hz at a period of {period:g} s; give one between 0 and {0.4 / period:g} Hz.")
+            raise RecordingError(
+                f"band = {self.band:g} Hz at a period of {period:g} s; give one between 0 and {0.4 / period:g} Hz."
+            )
         every = max(1, int(1.0 / (SAMPLES * self.band * period)))
         least = max(FEWEST, 2 * round(1.0 / self.band / period) + every + 1)
         if len(recording) < least:
             raise RecordingError(
                 f"Recording {recording.name!r} has {len(recording)} samples, which are too few: the filter of band = "
                 f"{self.band:g} Hz needs "
-                f"{least} at this sampling rate; use a longer recording{', or a higher band' if least > FEWEST else ''}."
+                f"{least} at this sampling rate; use a longer "
+                f"recording{', or a higher band' if least > FEWEST else ''}."
             )
         signals = self.motion(recording)
         given = self.torques(signals)
@@ -87,7 +94,9 @@ class InverseDynamics:
         for output, unit in self.model.outputs.items():
             torque = np.broadcast_to(given[output], signals.t.shape)
             signals = with_signal(signals, output, torque, unit, f"{output!r} is computed from the other signals.")
-        model, made = filter_alike(self.model, {recording.name: signals}, self.band, order=4, every=every, drop=1.0 / self.band)
+        model, made = filter_alike(
+            self.model, {recording.name: signals}, self.band, order=4, every=every, drop=1.0 / self.band
+        )
         return model, made[recording.name]
 
     def rows(self, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
@@ -105,31 +114,40 @@ class InverseDynamics:
     ) -> InverseFit:
         """The coefficients of the model by instrumental variables.
 
-        The first instruments come from the `reference` motion, angle -> signal of the recording that its controller was to follow,
-        or where it is left out from the recording itself, which is plain least squares. `simulate(values)` gives the angles of the
-        closed loop without noise, from which the next ones are made. Give one of the two at least.
-        Raises RecordingError for what is missing, SimulationError where the loop cannot be simulated at an estimate.
+        The first instruments come from the `reference` motion, angle -> signal of the recording that its controller was
+        to follow, or where it is left out from the recording itself, which is plain least squares. `simulate(values)`
+        gives the angles of the closed loop without noise, from which the next ones are made. Give one of the two at
+        least. Raises RecordingError for what is missing, SimulationError where the loop cannot be simulated at an
+        estimate.
         """
         if simulate is None and reference is None:
             raise RecordingError(
-                "There is nothing to make instruments of; give simulate (the closed loop without noise) or reference (the "
+                "There is nothing to make instruments of; give simulate (the closed loop without noise) or reference "
+                "(the "
                 "motion to follow)."
             )
         (x, y), names = self.rows(recording), tuple(self.model.coefficients)
         plain = instrumental_variables(x, y, x, names, whiten=False)
         first = x if reference is None else self.rows(self.followed(recording, reference))[0]
         again = None if simulate is None else lambda values: self.rows(_simulated(simulate, values))[0]
-        estimate = instrumental_variables(x, y, first if again is None else again, names, start=first, iterations=iterations)
-        return InverseFit(estimate, plain, compare_estimates(plain, estimate, ("plain least squares", "instrumental variables")))
+        estimate = instrumental_variables(
+            x, y, first if again is None else again, names, start=first, iterations=iterations
+        )
+        return InverseFit(
+            estimate, plain, compare_estimates(plain, estimate, ("plain least squares", "instrumental variables"))
+        )
 
     def followed(self, recording: Recording, reference: Mapping[str, str]) -> Recording:
         """The recording with the angles that its controller was to follow, angle -> signal, in place of those measured.
 
-        References are converted to the units of the angles. Raises RecordingError where one is missing, UnitError for another kind of unit.
+        References are converted to the units of the angles. Raises RecordingError where one is missing, UnitError for
+        another kind of unit.
         """
         missing = [angle for angle in self.joints if angle not in reference]
         if missing:
-            raise RecordingError(f"reference names no signal for {missing[0]!r}; give one for each of {list(self.joints)}.")
+            raise RecordingError(
+                f"reference names no signal for {missing[0]!r}; give one for each of {list(self.joints)}."
+            )
         units = {n: recording.signals[a].unit for a, n in reference.items()}
         meant = in_units(recording, units)
         signals = {a: Signal(meant[n], units[n]) for a, n in reference.items()}
@@ -141,4 +159,6 @@ def _simulated(simulate: Callable[[Mapping[str, float]], Recording], values: Map
         return simulate(values)
     except SimulationError as error:
         told = ", ".join(f"{n} = {v:.4g}" for n, v in values.items())
-        raise SimulationError(f"Instruments cannot be simulated at {told}: {error} Begin with the reference motion.") from None
+        raise SimulationError(
+            f"Instruments cannot be simulated at {told}: {error} Begin with the reference motion."
+        ) from None

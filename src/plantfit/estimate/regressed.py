@@ -1,4 +1,5 @@
-"""A regression problem by instrumental variables beside plain least squares: all its recordings, held coefficients, unseen samples."""
+"""A regression problem by instrumental variables beside plain least squares: all its recordings, held coefficients,
+unseen samples."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -20,11 +21,12 @@ APART = 1000  # sample numbers between recordings: no error of one reaches into 
 
 @dataclass(frozen=True)
 class Regressed:
-    """`estimate` by instrumental variables (None without instruments), plain `least_squares` on the same rows, and their test `bias`.
+    """`estimate` by instrumental variables (None without instruments), plain `least_squares` on the same rows, and
+    their test `bias`.
 
-    `held` are coefficients that were given, `units` those of all. `rmse` is that of "fit" and "validation" samples by output, of the
-    instrumental variables' estimate where there is one. `recordings` are plain records of outputs measured and explained, as the
-    findings of a fit have them.
+    `held` are coefficients that were given, `units` those of all. `rmse` is that of "fit" and "validation" samples by
+    output, of the instrumental variables' estimate where there is one. `recordings` are plain records of outputs
+    measured and explained, as the findings of a fit have them.
     """
 
     estimate: Estimate | None
@@ -48,8 +50,8 @@ class Regressed:
 
     @property
     def record(self) -> dict[str, Any]:
-        """JSON types: parameters with both estimates, 95 % intervals and on how many independent errors these rest (`degrees`), the test of
-        their difference, errors by output."""
+        """JSON types: parameters with both estimates, 95 % intervals and on how many independent errors these rest
+        (`degrees`), the test of their difference, errors by output."""
 
         def one(e: Estimate, k: int) -> dict[str, float | None]:
             numbers = {"value": e.values[k], "standard_error": e.standard_error[k], "low": e.low[k], "high": e.high[k]}
@@ -62,11 +64,13 @@ class Regressed:
             rows.append(row | {"instrumental_variables": None if self.estimate is None else one(self.estimate, k)})
         bias = self.bias
         test = None if bias is None else {
-            "statistic": bias.statistic, "degrees": bias.degrees, "p_value": bias.p_value, "differs": bias.p_value < SURE,
+            "statistic": bias.statistic, "degrees": bias.degrees, "p_value": bias.p_value,
+            "differs": bias.p_value < SURE,
             "sentence": bias.sentence,
         }  # fmt: skip
         return {
-            "parameters": rows, "held": dict(self.held), "durbin_wu_hausman": test, "rmse": {p: dict(v) for p, v in self.rmse.items()},
+            "parameters": rows, "held": dict(self.held), "durbin_wu_hausman": test,
+            "rmse": {p: dict(v) for p, v in self.rmse.items()},
             "rows": self.rows, "order_of_whitening": self.best.order,
         }  # fmt: skip
 
@@ -74,11 +78,13 @@ class Regressed:
 def regress(problem: Problem, instruments: Mapping[str, Recording] | None = None) -> Regressed:
     """The coefficients of a problem whose model is a `LinearModel`, from all its fitted samples.
 
-    `instruments` has for each recording one of the same samples with the signals that the model reads, free of the errors of the
-    measurement, as `InverseDynamics.columns` makes them of a reference motion; without it there is plain least squares alone, whose
-    errors are robust to correlation. Parameters held by a value are subtracted first where they are coefficients themselves.
+    `instruments` has for each recording one of the same samples with the signals that the model reads, free of the
+    errors of the measurement, as `InverseDynamics.columns` makes them of a reference motion; without it there is plain
+    least squares alone, whose errors are robust to correlation. Parameters held by a value are subtracted first where
+    they are coefficients themselves.
 
-    Raises SearchError for a model that is no regression, for what is held or tied otherwise, and for instruments of other samples.
+    Raises SearchError for a model that is no regression, for what is held or tied otherwise, and for instruments of
+    other samples.
     """
     model = problem.model
     if not isinstance(model, LinearModel):
@@ -104,12 +110,15 @@ def _held(problem: Problem, model: LinearModel) -> dict[str, float]:
     for name, p in problem.space.parameters.items():
         if p.per_recording or p.tied is not None:
             what = "its own in every recording" if p.per_recording else f"tied to {p.tied!r}"
-            raise SearchError(f"Parameter {name!r} is {what}, and a regression has one number for all recordings; leave that out.")
+            raise SearchError(
+                f"Parameter {name!r} is {what}, and a regression has one number for all recordings; leave that out."
+            )
         if p.value is None:
             continue
         if name not in model.coefficients:
             raise SearchError(
-                f"Parameter {name!r} is held, but it is none of the coefficients {list(model.coefficients)} that the regression has; "
+                f"Parameter {name!r} is held, but it is none of the coefficients {list(model.coefficients)} that the "
+                f"regression has; "
                 "hold one of these."
             )
         held[name] = float(p.value)
@@ -117,7 +126,8 @@ def _held(problem: Problem, model: LinearModel) -> dict[str, float]:
 
 
 def _rows(problem: Problem, model: LinearModel, instruments: Mapping[str, Recording] | None) -> Any:
-    """Columns (N, m, k), targets (N, m), instruments like the columns or None, and sample numbers (N,) of all fitted samples."""
+    """Columns (N, m, k), targets (N, m), instruments like the columns or None, and sample numbers (N,) of all fitted
+    samples."""
     parts, first = [], 0
     for name, experiment in problem.experiments.items():
         kept = np.flatnonzero(experiment.mask("fit"))
@@ -126,7 +136,9 @@ def _rows(problem: Problem, model: LinearModel, instruments: Mapping[str, Record
         if instruments is not None:
             moved = instruments.get(name)
             if moved is None or len(moved) != len(experiment.recording):
-                raise SearchError(f"Recording {name!r} has no instruments of its {len(experiment.recording)} samples; give them.")
+                raise SearchError(
+                    f"Recording {name!r} has no instruments of its {len(experiment.recording)} samples; give them."
+                )
             z = _of(model, moved)[0]
         kept = kept[np.isfinite(y[kept]).all(axis=1) & np.isfinite((x if z is None else x + z)[kept]).all(axis=(1, 2))]
         parts.append((x[kept], y[kept], x[kept] if z is None else z[kept], first + kept))
@@ -137,7 +149,9 @@ def _rows(problem: Problem, model: LinearModel, instruments: Mapping[str, Record
 
 def _of(model: LinearModel, recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     blocks = model.blocks({n: recording[n] for n in model.signals})
-    return np.stack([blocks[o] for o in model.outputs], axis=1), np.stack([recording[o] for o in model.outputs], axis=-1)
+    return np.stack([blocks[o] for o in model.outputs], axis=1), np.stack(
+        [recording[o] for o in model.outputs], axis=-1
+    )
 
 
 def _explained(model: LinearModel, name: str, experiment: Experiment, values: np.ndarray) -> dict[str, Any]:
@@ -148,7 +162,13 @@ def _explained(model: LinearModel, name: str, experiment: Experiment, values: np
         o: {"unit": unit, "measured": y[:, k].tolist(), "simulated": (x @ values)[:, k].tolist(), "part": part}
         for k, (o, unit) in enumerate(model.outputs.items())
     }
-    return {"name": name, "log": list(experiment.recording.log), "t": experiment.recording.t.tolist(), "inputs": {}, "outputs": outputs}
+    return {
+        "name": name,
+        "log": list(experiment.recording.log),
+        "t": experiment.recording.t.tolist(),
+        "inputs": {},
+        "outputs": outputs,
+    }
 
 
 def _rmse(recordings: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]]:
@@ -157,7 +177,9 @@ def _rmse(recordings: Sequence[Mapping[str, Any]]) -> dict[str, dict[str, float]
     for part in ("fit", "validation"):
         for o in recordings[0]["outputs"]:
             own = [r["outputs"][o] for r in recordings]
-            errors = np.concatenate([np.subtract(w["measured"], w["simulated"])[np.array(w["part"]) == part] for w in own])
+            errors = np.concatenate(
+                [np.subtract(w["measured"], w["simulated"])[np.array(w["part"]) == part] for w in own]
+            )
             if len(errors):
                 found.setdefault(part, {})[o] = float(np.sqrt(np.nanmean(errors**2)))
     return found

@@ -35,8 +35,8 @@ def usable(index: np.ndarray, order: int) -> np.ndarray:
 def whitening(residuals: np.ndarray, index: np.ndarray, largest: int) -> Whitening:
     """Vector autoregression of residuals (n, m), its order from 0 to `largest` that with the least BIC.
 
-    Least squares equation by equation: Luetkepohl, New Introduction to Multiple Time Series Analysis (2005), sections 3.2
-    and 4.3, all orders on the same rows. `scale` makes the innovations uncorrelated with unit variance.
+    Least squares equation by equation: Luetkepohl, New Introduction to Multiple Time Series Analysis (2005), sections
+    3.2 and 4.3, all orders on the same rows. `scale` makes the innovations uncorrelated with unit variance.
     """
     m, kept = residuals.shape[1], usable(index, largest)
     now, past = residuals[kept], [residuals[kept - 1 - i] for i in range(largest)]

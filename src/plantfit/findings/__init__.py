@@ -1,4 +1,5 @@
-"""The findings of an answer as frozen records, a file for each theme; `whole.py` puts them together, reads them and gives their schema."""
+"""The findings of an answer as frozen records, a file for each theme; `whole.py` puts them together, reads them and
+gives their schema."""
 
 from typing import TYPE_CHECKING
 
@@ -97,7 +98,8 @@ names_of(
     {
         "diagnosis": "Diagnosis Outliers ResidualChange Round Tried",
         "heterogeneity": "AllAtOnce Apart Estimated EstimatedAlone Heterogeneity Moved RecordingAlone SharedParameter",
-        "parameters": "ByNoise Combination Determined DeterminedCombination FirstValues KnownOther Parameter Scatter StandardErrors",
+        "parameters": "ByNoise Combination Determined DeterminedCombination FirstValues KnownOther Parameter Scatter "
+        "StandardErrors",
         "record": "Number Record Values array",
         "recordings": "Input Output Recording Score Weight",
         "residuals": "Cross ResidualTest",

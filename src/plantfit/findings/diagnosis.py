@@ -9,7 +9,8 @@ from plantfit.findings.verdict import Sentence
 
 
 class Tried(Record):
-    """One addition to the model, fitted: its `value` in `unit`, and the RMSE without and with it on fitted and on unseen samples."""
+    """One addition to the model, fitted: its `value` in `unit`, and the RMSE without and with it on fitted and on
+    unseen samples."""
 
     name: str
     kind: str = ""

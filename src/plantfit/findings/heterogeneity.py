@@ -38,7 +38,8 @@ class EstimatedAlone(Estimated):
 
 
 class SharedParameter(Record):
-    """A parameter that recordings share, and the test of Cochran that they agree on it; None where no two determine it alone."""
+    """A parameter that recordings share, and the test of Cochran that they agree on it; None where no two determine
+    it alone."""
 
     name: str
     unit: str | None = None

@@ -21,7 +21,8 @@ class Scatter(Record):
     """Of a parameter that scatters between recordings, or whose interval allows for that."""
 
     between: Number
-    """Standard deviation between recordings (Paule and Mandel), in the unit; 0 where the recordings agree on this one."""
+    """Standard deviation between recordings (Paule and Mandel), in the unit; 0 where the recordings agree on this
+    one."""
     degrees: float
     """Of freedom of the standard error."""
     told: bool
@@ -63,8 +64,8 @@ class Parameter(Record):
     equal_answers: list[Number] | None = None
     """From, to: over runs of the same cost, where these leave the interval."""
     by_steps: Number = None
-    """Standard uncertainty by the steps in which inputs were read, which `standard_error`, `low` and `high` allow for; None where they
-    matter little."""
+    """Standard uncertainty by the steps in which inputs were read, which `standard_error`, `low` and `high` allow
+    for; None where they matter little."""
     uncertainty: StatedUncertainty | None = None
     by_noise: ByNoise | None = None
     """None where the interval is that by the noise alone: one recording, or enough that agree."""
@@ -104,7 +105,8 @@ class DeterminedCombination(Record):
 
 
 class KnownOther(Record):
-    """The parameter that has to be `known` (`at` its value, in `unit`) for another one to be determined, and that one's value then."""
+    """The parameter that has to be `known` (`at` its value, in `unit`) for another one to be determined, and that
+    one's value then."""
 
     known: str
     unit: str | None = None
@@ -114,7 +116,8 @@ class KnownOther(Record):
 
 
 class FirstValues(Record):
-    """The parameter whose interval grows most, and by which factor, because states begin at measured values with noise."""
+    """The parameter whose interval grows most, and by which factor, because states begin at measured values with
+    noise."""
 
     parameter: str
     factor: float

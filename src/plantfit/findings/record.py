@@ -9,7 +9,15 @@ from textwrap import dedent
 from typing import Annotated, Any, ClassVar, Literal, Self, cast
 
 import numpy as np
-from pydantic import BaseModel, BeforeValidator, ConfigDict, GetJsonSchemaHandler, ValidationInfo, WithJsonSchema, model_validator
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    GetJsonSchemaHandler,
+    ValidationInfo,
+    WithJsonSchema,
+    model_validator,
+)
 
 
 def _finite(value: Any) -> Any:
@@ -25,7 +33,8 @@ def _real(value: Any) -> Any:
 
 
 Real = Annotated[float, BeforeValidator(_real), WithJsonSchema({"anyOf": [{"type": "number"}, {"type": "null"}]})]
-"""A number that may be infinite or not a number, which both say something, as the cost of a run that failed; None in `--json`."""
+"""A number that may be infinite or not a number, which both say something, as the cost of a run that failed; None in
+`--json`."""
 Exclude = dict[str, Any]
 """Keys that are left out, True or what is left out below them; `__all__` for all entries of a list."""
 Values = list[float | None]
@@ -45,13 +54,15 @@ READ = "read"
 
 
 class Record(BaseModel):
-    """A maker that gives a key which the record does not know is told so; a key that it does not give stays out of the JSON."""
+    """A maker that gives a key which the record does not know is told so; a key that it does not give stays out of
+    the JSON."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     @classmethod
     def __get_pydantic_json_schema__(cls, core_schema: Any, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        """With what is written under each field. Pydantic's own option reads it whenever a class is made, a tenth of a second a start."""
+        """With what is written under each field. Pydantic's own option reads it whenever a class is made, a tenth of
+        a second a start."""
         schema = handler(core_schema)
         keys = handler.resolve_ref_schema(schema).get("properties", {})
         for name, words in _attribute_docstrings(cls).items():

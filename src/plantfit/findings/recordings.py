@@ -64,11 +64,12 @@ class Score(Record):
     fit_percent: Number = None
     """100 (1 - |error| / |measured - mean|); none where the output never moves."""
     foretold: Number = None
-    """Of unseen samples that are followed worse than fitted ones: the RMSE that noise and the uncertainty of the parameters foretell for a
-    model that is right, exceeded in 1 %; none where residuals or records allow no such figure."""
+    """Of unseen samples that are followed worse than fitted ones: the RMSE that noise and the uncertainty of the
+    parameters foretell for a model that is right, exceeded in 1 %; none where residuals or records allow no such
+    figure."""
     spare: Number = None
-    """Of fitted samples that are no more than the free parameters: how many they are beyond the parameters that follow them (by
-    leverage). 0: they are followed whatever they are, which shows nothing."""
+    """Of fitted samples that are no more than the free parameters: how many they are beyond the parameters that
+    follow them (by leverage). 0: they are followed whatever they are, which shows nothing."""
 
 
 class Weight(Record):

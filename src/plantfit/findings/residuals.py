@@ -15,7 +15,8 @@ class Cross(Record):
 
 
 class Stretch(Record):
-    """A short stretch of a record that holds most of the squares of a residual, inputs and simulation being there as elsewhere."""
+    """A short stretch of a record that holds most of the squares of a residual, inputs and simulation being there as
+    elsewhere."""
 
     begin: float
     end: float
@@ -51,7 +52,8 @@ class ResidualTest(Record):
     """Whether the Ljung-Box test keeps white noise at 1 %."""
     p_value: Number = None
     first: Number = None
-    """By how much the simulation begins above the first measured value, whose noise the fit estimated; null where it does not."""
+    """By how much the simulation begins above the first measured value, whose noise the fit estimated; null where it
+    does not."""
     shared: str | None = None
     """The signal whose errors come back in this output."""
     cross: dict[str, Cross] = {}

@@ -66,7 +66,8 @@ class DistinctAnswer(Record):
 
 
 class SameModel(Record):
-    """A map between answers that are one model: parameter `name` takes the value of `source[name]`, times its `sign`."""
+    """A map between answers that are one model: parameter `name` takes the value of `source[name]`, times its
+    `sign`."""
 
     sentence: str
     source: dict[str, str] = {}

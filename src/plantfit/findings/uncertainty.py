@@ -6,7 +6,8 @@ from plantfit.findings.record import Number, Record
 
 
 class StatedUncertainty(Record):
-    """Standard uncertainties of one parameter: by noise, by stated errors and their sources, and together with the 95 % interval."""
+    """Standard uncertainties of one parameter: by noise, by stated errors and their sources, and together with the
+    95 % interval."""
 
     noise: Number = None
     """By the residuals alone: the standard error."""
@@ -23,7 +24,8 @@ class StatedUncertainty(Record):
 
 
 class StatedError(Record):
-    """A row of a budget (GUM, JCGM 100:2008): the limit that was stated, and what it contributes as a standard uncertainty."""
+    """A row of a budget (GUM, JCGM 100:2008): the limit that was stated, and what it contributes as a standard
+    uncertainty."""
 
     name: str
     kind: Literal["A", "B"] = "B"

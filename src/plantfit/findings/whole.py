@@ -24,7 +24,8 @@ VERSION = 1
 
 
 class Findings(Record):
-    """What `plantfit.trust.assess` finds of an answer: `plain()` is `answer.findings`, and `plantfit run --json` without the samples."""
+    """What `plantfit.trust.assess` finds of an answer: `plain()` is `answer.findings`, and `plantfit run --json`
+    without the samples."""
 
     schema_version: int = VERSION
     """Of these records; another one where keys change their meaning or go, the same where keys are added."""
@@ -67,7 +68,10 @@ class Findings(Record):
     @classmethod
     def _not_newer(cls, version: int) -> int:
         if version > VERSION:
-            raise ValueError(f"it was written by a newer plantfit, in version {version} of the record; this one reads up to {VERSION}")
+            raise ValueError(
+                f"it was written by a newer plantfit, in version {version} of the record; this one reads up to "
+                f"{VERSION}"
+            )
         return version
 
 
@@ -79,12 +83,16 @@ def read_findings(findings: Mapping[str, Any] | Findings) -> Findings:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(step) for step in first["loc"]) or "its top level"
         raise PlantfitError(
-            f"The findings record is wrong at {place} ({first['msg'].removeprefix('Value error, ')}); make it with plantfit.trust.assess."
+            f"The findings record is wrong at {place} ({first['msg'].removeprefix('Value error, ')}); make it with "
+            f"plantfit.trust.assess."
         ) from None
 
 
 def findings_schema() -> dict[str, Any]:
-    """The JSON schema of `answer.findings`. `plantfit run --json` leaves the samples out and adds `report`, where the page is."""
+    """The JSON schema of `answer.findings`. `plantfit run --json` leaves the samples out and adds `report`, where
+    the page is."""
     schema = Findings.model_json_schema()
-    schema["$defs"]["Look"].setdefault("description", inspect.getdoc(Look))  # pydantic before 2.13 leaves out words of a dataclass
+    schema["$defs"]["Look"].setdefault(
+        "description", inspect.getdoc(Look)
+    )  # pydantic before 2.13 leaves out words of a dataclass
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

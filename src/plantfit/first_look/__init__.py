@@ -1,4 +1,5 @@
-"""A recording before there is a model: frequency and step responses with bands, delays, and how well any linear model does."""
+"""A recording before there is a model: frequency and step responses with bands, delays, and how well any linear
+model does."""
 
 from typing import TYPE_CHECKING
 

@@ -18,8 +18,8 @@ ROUGH = 2  # Gauss-Newton steps while dead times are sought
 
 @dataclass(frozen=True)
 class Baseline:
-    """`fits` of all orders that could be made with their `bic` (less the least); `chosen` has the least. `share` (parts) of the variance
-    explained and `rmse` by part, "fit" and "unseen", NaN where there is none."""
+    """`fits` of all orders that could be made with their `bic` (less the least); `chosen` has the least. `share`
+    (parts) of the variance explained and `rmse` by part, "fit" and "unseen", NaN where there is none."""
 
     fits: tuple[LinearFit, ...]
     bic: tuple[float, ...]
@@ -36,16 +36,18 @@ class Baseline:
 
 
 def baseline(records: Sequence[Data], orders: Sequence[int] = ORDERS) -> Baseline:
-    """The output-error model of the least BIC over orders and dead times, judged on fitted samples alone, so that unseen ones stay unseen.
+    """The output-error model of the least BIC over orders and dead times, judged on fitted samples alone, so that
+    unseen ones stay unseen.
 
-    BIC = n ln(s^2)/c + k ln(n/c) with the c by which correlation of the residuals of the best fit inflates the variance of a mean.
-    Raises RecordingError where no model can be made.
+    BIC = n ln(s^2)/c + k ln(n/c) with the c by which correlation of the residuals of the best fit inflates the variance
+    of a mean. Raises RecordingError where no model can be made.
     """
     shifts = _shifts(records)
     made = [f for order in orders if (f := fit_linear(records, order, shifts)) is not None]
     if not made:
         raise RecordingError(
-            f"Recording {records[0].name!r}: no linear model can be fitted to so few samples; give a longer part to the fit."
+            f"Recording {records[0].name!r}: no linear model can be fitted to so few samples; give a longer part to "
+            f"the fit."
         )
     chosen_bic = _bic(records, made)
     k = int(np.argmin(chosen_bic))
@@ -60,19 +62,22 @@ def baseline(records: Sequence[Data], orders: Sequence[int] = ORDERS) -> Baselin
         errors = np.concatenate([(y - d.y)[m] for y, d, m in zip(made[k].simulated, records, masks, strict=True)])
         values = np.concatenate([d.y[m] for d, m in zip(records, masks, strict=True)])
         rmse[part] = float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan")
-        share[part] = float(1.0 - np.mean(errors**2) / np.var(values)) if len(errors) and np.var(values) > 0 else float("nan")
+        share[part] = (
+            float(1.0 - np.mean(errors**2) / np.var(values)) if len(errors) and np.var(values) > 0 else float("nan")
+        )
     return Baseline(tuple(made), tuple(float(v) for v in chosen_bic - np.min(chosen_bic)), made[k], rmse, share)
 
 
 def without(records: Sequence[Data], fit: LinearFit, hidden: Sequence[np.ndarray]) -> LinearFit | None:
-    """The same order and dead times fitted without the hidden samples (n,) bool of each record. Where its first sample is hidden a record
-    begins at rest: later ones do not tell initial states, which would run away back to it."""
+    """The same order and dead times fitted without the hidden samples (n,) bool of each record. Where its first
+    sample is hidden a record begins at rest: later ones do not tell initial states, which would run away back to it."""
     kept = [replace(d, fitted=d.fitted & ~h, rested=bool(h[0])) for d, h in zip(records, hidden, strict=True)]
     return fit_linear(kept, fit.order, fit.shifts, begin=fit)
 
 
 def _shifts(records: Sequence[Data]) -> tuple[int, ...]:
-    """Samples before each input acts: from the reaction that a correlation shows, else none, then made better by second-order fits."""
+    """Samples before each input acts: from the reaction that a correlation shows, else none, then made better by
+    second-order fits."""
     fitted = [d for d in records if d.fitted.sum() > 2] or list(records)
     longest = max(fitted, key=lambda d: int(d.fitted.sum()))
     own = replace(longest, y=np.where(longest.fitted, longest.y, np.nan))
@@ -86,7 +91,9 @@ def _grid(most: int) -> list[int]:
     return sorted({round(v) for v in np.geomspace(1, most, 6)} | {0, 1, 2})
 
 
-def _sought(records: Sequence[Data], start: tuple[int, ...], order: int, most: int, grid: Sequence[int]) -> tuple[int, ...]:
+def _sought(
+    records: Sequence[Data], start: tuple[int, ...], order: int, most: int, grid: Sequence[int]
+) -> tuple[int, ...]:
     """The shifts of the least cost, one input after the other: first over a grid, then between its neighbours."""
     known: dict[tuple[int, ...], float] = {}
 
@@ -130,7 +137,9 @@ def _bic(records: Sequence[Data], made: Sequence[LinearFit]) -> np.ndarray:
     best = min(made, key=lambda f: f.cost)
     residuals = [(y - d.y)[d.fitted] for y, d in zip(best.simulated, records, strict=True)]
     powers = [float(np.sum(r**2)) for r in residuals]
-    factors = [inflation(r, np.flatnonzero(d.fitted)) if len(r) else 1.0 for r, d in zip(residuals, records, strict=True)]
+    factors = [
+        inflation(r, np.flatnonzero(d.fitted)) if len(r) else 1.0 for r, d in zip(residuals, records, strict=True)
+    ]
     c = float(np.dot(powers, factors) / sum(powers)) if sum(powers) > 0 else 1.0
     floor = 1e-24 * max(float(np.sum(d.y[d.fitted] ** 2)) for d in records)  # exact data leave rounding
     return np.array([n / c * np.log(max(f.cost, floor, 1e-300) / n) + (f.count + 1) * np.log(n / c) for f in made])

@@ -12,7 +12,10 @@ from plantfit.first_look.linear import LinearFit, fit_linear
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 
-NOISE, CLOSER = 1.5, 0.8  # a linear model says something from that many times the noise on, and that part of the grey box's RMSE
+NOISE, CLOSER = (
+    1.5,
+    0.8,
+)  # a linear model says something from that many times the noise on, and that part of the grey box's RMSE
 DAMPED = 0.7  # damping ratio from which on nobody sees an oscillation
 FAST = 0.8  # of the Nyquist frequency: poles beyond it are noise
 LONGEST = 20_000  # samples of a recording beyond which it takes long
@@ -35,11 +38,13 @@ class Oscillation:
         return self.period * np.sqrt(1.0 - self.damping**2) / (4.0 * np.pi * self.damping)
 
 
-def linear_beside(problem: Problem, output: str, used: Used, rmse: tuple[float, float], noise: float, box: str = "this one") -> str:
+def linear_beside(
+    problem: Problem, output: str, used: Used, rmse: tuple[float, float], noise: float, box: str = "this one"
+) -> str:
     """A sentence where a linear model follows an output to its noise, and the grey box does not; else "".
 
-    `box` is what the sentence calls the grey box. Its RMSE on fitted and unseen samples (NaN where there are none) and the noise are in
-    the output's unit.
+    `box` is what the sentence calls the grey box. Its RMSE on fitted and unseen samples (NaN where there are none) and
+    the noise are in the output's unit.
     """
     model, period = problem.model, {float(np.median(np.diff(e.recording.t))) for e in problem.experiments.values()}
     assert isinstance(model, Model)
@@ -63,7 +68,11 @@ def linear_beside(problem: Problem, output: str, used: Used, rmse: tuple[float, 
     rested = fit_linear([replace(d, rested=True) for d in records], fit.order, fit.shifts, begin=fit)
     found = replace(best, chosen=fit)
     wave, length = oscillation(found), min(d.period * len(d.y) for d in records)
-    if rested is None or _rmse(records, rested, "fit") > CLOSER * rmse[0] or (wave is not None and wave.period > SLOW * length):
+    if (
+        rested is None
+        or _rmse(records, rested, "fit") > CLOSER * rmse[0]
+        or (wave is not None and wave.period > SLOW * length)
+    ):
         return ""  # modes that no input moves imitate a disturbance
     unit = "" if model.outputs[output] in (None, "", "1") else f" {model.outputs[output]}"
     unseen = f", on unseen data {own[1]:.3g} and {rmse[1]:.3g}" if np.isfinite(rmse[1]) else ""
@@ -95,7 +104,8 @@ def _what(model: Model, found: Baseline, inputs: Sequence[str]) -> str:
         return f"{text}; see whether the equations can oscillate so."
     x = own[0]
     return (
-        f"{text}, which one state cannot. Let the rate of {x} have inertia: {x}' = v and v' = (r - v)/T, where r is what stands for {x}' "
+        f"{text}, which one state cannot. Let the rate of {x} have inertia: {x}' = v and v' = (r - v)/T, where r is "
+        f"what stands for {x}' "
         f"now and T is about {wave.lag:.2g} s."
     )
 

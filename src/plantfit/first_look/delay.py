@@ -14,8 +14,8 @@ CHANCE = 0.01  # that any lag before the reaction is beyond the band
 
 @dataclass(frozen=True)
 class Delay:
-    """`value` (s): one sample before the first lag beyond the band, since an input that is held acts from one sample on; None where no lag
-    is. `lags` (k,) s, `correlation` (k,), and the `bound` of all lags together."""
+    """`value` (s): one sample before the first lag beyond the band, since an input that is held acts from one sample
+    on; None where no lag is. `lags` (k,) s, `correlation` (k,), and the `bound` of all lags together."""
 
     value: float | None
     lags: np.ndarray
@@ -26,8 +26,9 @@ class Delay:
 def reaction_delay(data: Data, k: int) -> Delay:
     """The delay from input k to the output.
 
-    An autoregression whitens the input, the output passes the same filter, and their correlation is the impulse response in noise
-    (Box, Jenkins and Reinsel, Time Series Analysis, 4th ed. 2008, section 12.2.1). Missing outputs are left out.
+    An autoregression whitens the input, the output passes the same filter, and their correlation is the impulse
+    response in noise (Box, Jenkins and Reinsel, Time Series Analysis, 4th ed. 2008, section 12.2.1). Missing outputs
+    are left out.
     """
     u, y = data.inputs[:, k], data.y
     known = np.isfinite(y)

@@ -10,14 +10,17 @@ from plantfit.errors import RecordingError
 from plantfit.first_look.data import Data
 
 SEGMENTS = 8  # a record is cut into, half overlapping: 15 in all
-OVERLAP = 1.0 / (1.0 + 2.0 * (1.0 / 6.0) ** 2)  # of K half-overlapping Hann segments, what counts as independent (Welch 1967)
+OVERLAP = 1.0 / (
+    1.0 + 2.0 * (1.0 / 6.0) ** 2
+)  # of K half-overlapping Hann segments, what counts as independent (Welch 1967)
 FAINT = 1e-6  # of the largest power of an input, below which a frequency tells nothing
 
 
 @dataclass(frozen=True)
 class FrequencyResponse:
-    """From one input to the output at frequencies `f` (k,) in Hz: `response` (k,) complex, in units of output per input; the truth lies
-    within `radius` (k,) of it with 95 %. `coherence` (k,) is the share of the output's power that all inputs explain."""
+    """From one input to the output at frequencies `f` (k,) in Hz: `response` (k,) complex, in units of output per
+    input; the truth lies within `radius` (k,) of it with 95 %. `coherence` (k,) is the share of the output's power
+    that all inputs explain."""
 
     f: np.ndarray
     response: np.ndarray
@@ -29,18 +32,25 @@ def frequency_response(data: Data, level: float = 0.95) -> list[FrequencyRespons
     """For every input the frequency response to the output, over the longest stretch without missing samples.
 
     Hann segments of an eighth of the stretch, half overlapping. With spectra S over K effective segments and m inputs,
-    H = S_yu S_uu^-1, the noise S_ee = S_yy - H S_uy, |H_i - true|^2 <= F S_ee (S_uu^-1)_ii/(K - m), F the quantile of F(2, 2(K - m))
-    (Bendat and Piersol, Random Data, 4th ed. 2010, sections 9.1 and 9.2.4). Leakage of a plant whose memory is not short against a segment
-    is not in the disc. Raises RecordingError where no stretch is long enough.
+    H = S_yu S_uu^-1, the noise S_ee = S_yy - H S_uy, |H_i - true|^2 <= F S_ee (S_uu^-1)_ii/(K - m), F the quantile of
+    F(2, 2(K - m)) (Bendat and Piersol, Random Data, 4th ed. 2010, sections 9.1 and 9.2.4). Leakage of a plant whose
+    memory is not short against a segment is not in the disc. Raises RecordingError where no stretch is long enough.
     """
     start, stop = _stretch(np.isfinite(data.y))
     n, moving = stop - start, [k for k in range(data.inputs.shape[1]) if np.ptp(data.inputs[start:stop, k]) > 0]
     m, length = len(moving), (stop - start) // SEGMENTS
     if length < 8 or not moving:
         raise RecordingError(
-            f"Recording {data.name!r}: its longest stretch without gaps has {n} samples, too few for a frequency response."
+            f"Recording {data.name!r}: its longest stretch without gaps has {n} samples, too few for a frequency "
+            f"response."
         )
-    settings = {"fs": 1.0 / data.period, "window": "hann", "nperseg": length, "noverlap": length // 2, "detrend": "constant"}
+    settings = {
+        "fs": 1.0 / data.period,
+        "window": "hann",
+        "nperseg": length,
+        "noverlap": length // 2,
+        "detrend": "constant",
+    }
     signals = [*(data.inputs[start:stop, k] for k in moving), data.y[start:stop]]
     count = (n - length // 2) // (length - length // 2)
     f = np.fft.rfftfreq(length, data.period)

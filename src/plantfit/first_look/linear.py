@@ -1,4 +1,5 @@
-"""Linear models of one output: output-error by variable projection, begun from a regression (ARX) and Steiglitz-McBride iterations."""
+"""Linear models of one output: output-error by variable projection, begun from a regression (ARX) and
+Steiglitz-McBride iterations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,9 +19,10 @@ WEIGHTY = 0.05  # of the largest coefficient, from which on one counts as an ans
 
 @dataclass(frozen=True)
 class LinearFit:
-    """F(q) y = sum_i B_i(q) u_i(k - shift_i) + c, simulated from the inputs alone: `f` (order,) of F = 1 + f_1/q + ..., `b` (m, order + 1),
-    `offset` c, `shifts` (m,) samples. `simulated` (n,) of every record; `cost` that of squared errors over fitted samples, `arx_rmse` the
-    RMSE of the ARX model that the search began from, simulated too. `count` free numbers, initial states included."""
+    """F(q) y = sum_i B_i(q) u_i(k - shift_i) + c, simulated from the inputs alone: `f` (order,) of F = 1 + f_1/q +
+    ..., `b` (m, order + 1), `offset` c, `shifts` (m,) samples. `simulated` (n,) of every record; `cost` that of
+    squared errors over fitted samples, `arx_rmse` the RMSE of the ARX model that the search began from, simulated
+    too. `count` free numbers, initial states included."""
 
     order: int
     f: np.ndarray
@@ -49,7 +51,8 @@ class LinearFit:
         return np.sum(self.b, axis=1) / (1.0 + np.sum(self.f))
 
     def dead_times(self) -> tuple[float, ...]:
-        """Of every input, s: the samples before its first coefficient that counts, less the one that a held input takes."""
+        """Of every input, s: the samples before its first coefficient that counts, less the one that a held input
+        takes."""
         first = [int(np.argmax(np.abs(row) >= WEIGHTY * np.max(np.abs(row)))) if np.any(row) else 0 for row in self.b]
         return tuple(self.period * max(0, shift + lag - 1) for shift, lag in zip(self.shifts, first, strict=True))
 
@@ -68,13 +71,15 @@ class LinearFit:
 def fit_linear(
     records: Sequence[Data], order: int, shifts: Sequence[int], steps: int = STEPS, begin: LinearFit | None = None
 ) -> LinearFit | None:
-    """The output-error model of an order with given shifts (samples) that simulates the fitted samples best; None where none is found.
+    """The output-error model of an order with given shifts (samples) that simulates the fitted samples best; None where
+    none is found.
 
-    All records share F, B and c. A record with fitted samples has initial states of its own; one without begins at its first measured
-    output, as if it had rested there. F starts from ARX (least squares of the equation error) and Steiglitz and McBride (IEEE Trans.
-    Automatic Control 10 (1965) 461); then damped Gauss-Newton over F, linear numbers solved for (Golub and Pereyra, SIAM J. Numerical
-    Analysis 10 (1973) 413). With `begin` F starts from a fit of the same order to more of the samples, and stays stable where that one is:
-    a pole outside the unit circle would run away over samples that were left out.
+    All records share F, B and c. A record with fitted samples has initial states of its own; one without begins at its
+    first measured output, as if it had rested there. F starts from ARX (least squares of the equation error) and
+    Steiglitz and McBride (IEEE Trans. Automatic Control 10 (1965) 461); then damped Gauss-Newton over F, linear numbers
+    solved for (Golub and Pereyra, SIAM J. Numerical Analysis 10 (1973) 413). With `begin` F starts from a fit of the
+    same order to more of the samples, and stays stable where that one is: a pole outside the unit circle would run away
+    over samples that were left out.
     """
     shifts = tuple(int(s) for s in shifts)
     f, arx = np.zeros(order), None
@@ -97,7 +102,10 @@ def fit_linear(
         normal, right = jacobian.T @ jacobian, jacobian.T @ errors
         trial = None
         for _ in range(8):
-            move = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal) + 1e-300), right, rcond=None)[0][:order] / norms[:order]
+            move = (
+                np.linalg.lstsq(normal + damping * np.diag(np.diag(normal) + 1e-300), right, rcond=None)[0][:order]
+                / norms[:order]
+            )
             trial = _solved(records, best.f + move, shifts)
             if trial is not None and trial.cost < best.cost and (trial.stable or begin is None or not begin.stable):
                 damping = max(damping / 10.0, 1e-12)
@@ -155,7 +163,8 @@ def _lag0(v: np.ndarray, by: int) -> np.ndarray:
 
 
 def _columns(d: Data, f: np.ndarray, shifts: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Shared columns (n, p), columns of this record's initial states (n, order), and the answer to a past at rest (n,)."""
+    """Shared columns (n, p), columns of this record's initial states (n, order), and the answer to a past at rest
+    (n,)."""
     order, down, n = len(f), np.r_[1.0, f], len(d.y)
     shared = []
     for k, shift in enumerate(shifts):
@@ -198,7 +207,18 @@ def _solved(records: Sequence[Data], f: np.ndarray, shifts: tuple[int, ...]) -> 
     m = len(shifts)
     b = x[: m * (order + 1)].reshape(m, order + 1)
     count = order + p + int(starts[-1]) + m
-    return LinearFit(order, np.array(f, dtype=float), b, float(x[p - 1]), shifts, records[0].period, tuple(simulated), cost, np.nan, count)
+    return LinearFit(
+        order,
+        np.array(f, dtype=float),
+        b,
+        float(x[p - 1]),
+        shifts,
+        records[0].period,
+        tuple(simulated),
+        cost,
+        np.nan,
+        count,
+    )
 
 
 def _slopes(records: Sequence[Data], fit: LinearFit) -> tuple[np.ndarray, np.ndarray]:
@@ -210,7 +230,10 @@ def _slopes(records: Sequence[Data], fit: LinearFit) -> tuple[np.ndarray, np.nda
     for d in used:
         y = fit.simulated[[id(r) for r in records].index(id(d))]
         first = float(d.y[np.isfinite(d.y)][0])
-        slopes = [-scipy.signal.lfilter([1.0], down, np.r_[np.full(min(j, len(y)), first), y[: len(y) - j]]) for j in range(1, order + 1)]
+        slopes = [
+            -scipy.signal.lfilter([1.0], down, np.r_[np.full(min(j, len(y)), first), y[: len(y) - j]])
+            for j in range(1, order + 1)
+        ]
         shared, own, _ = _columns(d, fit.f, fit.shifts)
         block = np.zeros((len(y), order + shared.shape[1] + order * free))
         block[:, :order], block[:, order : order + shared.shape[1]] = np.column_stack(slopes), shared
@@ -223,15 +246,21 @@ def _slopes(records: Sequence[Data], fit: LinearFit) -> tuple[np.ndarray, np.nda
 
 
 def step_band(records: Sequence[Data], fit: LinearFit, k: int, samples: int) -> tuple[np.ndarray, np.ndarray]:
-    """Answer (samples,) to a unit step of input k, and the half width (samples,) of its 95 % interval if order and dead times are right.
+    """Answer (samples,) to a unit step of input k, and the half width (samples,) of its 95 % interval if order and dead
+    times are right.
 
-    From the covariance of the linearised fit, widened by the correlation of the residuals, and differences of the answer.
+    From the covariance of the linearised fit, widened by the correlation of the residuals, and differences of the
+    answer.
     """
     jacobian, errors = _slopes(records, fit)
     norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     inverse = np.linalg.pinv((jacobian / norms).T @ (jacobian / norms), rcond=1e-12, hermitian=True)
     index = np.concatenate([np.flatnonzero(d.fitted) for d in records])
-    variance = float(np.sum(errors**2)) / max(1, len(errors) - fit.count) * (inflation(errors, index) if len(records) == 1 else 1.0)
+    variance = (
+        float(np.sum(errors**2))
+        / max(1, len(errors) - fit.count)
+        * (inflation(errors, index) if len(records) == 1 else 1.0)
+    )
     own = [*range(fit.order), *(fit.order + k * (fit.order + 1) + j for j in range(fit.order + 1))]
     spread = inverse[np.ix_(own, own)] * variance / np.outer(norms[own], norms[own])
     middle, slopes = fit.step(k, samples), []

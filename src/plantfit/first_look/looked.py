@@ -20,12 +20,13 @@ MOST_STEP = 400  # samples of a step response
 PART = 0.7  # of a recording that is fitted, where nothing is said
 
 
-def look(recording: Recording, inputs: Sequence[str], outputs: Sequence[str], fitted: Mapping[str, np.ndarray] | None = None,
+def look(recording: Recording, inputs: Sequence[str], outputs: Sequence[str],
+         fitted: Mapping[str, np.ndarray] | None = None,
          unseen: Mapping[str, np.ndarray] | None = None) -> FirstLook:  # fmt: skip
     """A first look at one recording.
 
-    `fitted` and `unseen` (n,) bool by output; by default the first 70 % are fitted and the rest is unseen. Times in s, frequencies in Hz,
-    phases in degrees. Raises RecordingError as `data_of` does.
+    `fitted` and `unseen` (n,) bool by output; by default the first 70 % are fitted and the rest is unseen. Times in s,
+    frequencies in Hz, phases in degrees. Raises RecordingError as `data_of` does.
     """
     n = len(recording)
     first = np.arange(n) < round(PART * n)
@@ -41,12 +42,15 @@ def look(recording: Recording, inputs: Sequence[str], outputs: Sequence[str], fi
         fit = found.chosen
         made.append(
             LookedOutput(
-                output=output, unit=unit, t=(recording.t[0] + data.period * np.arange(len(data.y))).tolist(), measured=data.y.tolist(),
-                simulated=fit.simulated[0].tolist(), part=np.where(data.fitted, "fit", np.where(data.unseen, "validation", "")).tolist(),
+                output=output, unit=unit, t=(recording.t[0] + data.period * np.arange(len(data.y))).tolist(),
+                measured=data.y.tolist(),
+                simulated=fit.simulated[0].tolist(),
+                part=np.where(data.fitted, "fit", np.where(data.unseen, "validation", "")).tolist(),
                 order=fit.order, dead_times=dict(zip(inputs, fit.dead_times(), strict=True)), rmse=ByPart(**found.rmse),
                 share=ByPart(**found.share), poles=[[float(p.real), float(p.imag)] for p in fit.poles],
                 orders=[
-                    LinearOrder(order=f.order, bic=b, rmse=float(np.sqrt(f.cost / data.fitted.sum())), arx_rmse=f.arx_rmse)
+                    LinearOrder(order=f.order, bic=b, rmse=float(np.sqrt(f.cost / data.fitted.sum())),
+                                arx_rmse=f.arx_rmse)
                     for f, b in zip(found.fits, found.bic, strict=True)
                 ],
                 pairs=pairs,
@@ -61,17 +65,26 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
     settled = _settles(found, count)
     middle, half = step_band([data], fit, k, settled)
     row: dict[str, Any] = {
-        "input": name, "unit": unit, "delay": delay.value, "lags": delay.lags.tolist(), "correlation": delay.correlation.tolist(),
-        "bound": delay.bound, "step_t": (data.period * np.arange(settled)).tolist(), "step": middle.tolist(), "step_half": half.tolist(),
+        "input": name, "unit": unit, "delay": delay.value, "lags": delay.lags.tolist(),
+        "correlation": delay.correlation.tolist(),
+        "bound": delay.bound, "step_t": (data.period * np.arange(settled)).tolist(), "step": middle.tolist(),
+        "step_half": half.tolist(),
     }  # fmt: skip
     moves = np.ptp(data.inputs[:, k]) > 0
     if not moves:
-        said.append(_said("warning", f"Input {name} never moves: nothing can be said of what {data.output} answers to it."))
+        said.append(
+            _said("warning", f"Input {name} never moves: nothing can be said of what {data.output} answers to it.")
+        )
     elif delay.value is None:
-        said.append(_said("info", f"No reaction of {data.output} to {name} stands out of chance in the cross-correlation."))
+        said.append(
+            _said("info", f"No reaction of {data.output} to {name} stands out of chance in the cross-correlation.")
+        )
     else:
         when = f"after {delay.value:.3g} s" if delay.value > 0 else "within a sample"
-        text = f"{data.output} reacts to {name} {when} (first lag of the cross-correlation beyond chance, {name} made white)."
+        text = (
+            f"{data.output} reacts to {name} {when} (first lag of the cross-correlation beyond chance, {name} made "
+            f"white)."
+        )
         said.append(_said("info", text, delay=delay.value))
     try:
         h = frequency_response(data)[k]
@@ -82,13 +95,22 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
     seen = np.isfinite(h.response) & (h.coherence > 0.5)
     first = k == int(np.argmax(np.ptp(data.inputs, axis=0) > 0))  # coherence is with all inputs together: said once
     if moves and first and seen.any():
-        text = f"Coherence of {data.output} with the inputs is above 0.5 from {h.f[seen].min():.3g} to {h.f[seen].max():.3g} Hz"
+        text = (
+            f"Coherence of {data.output} with the inputs is above 0.5 from {h.f[seen].min():.3g} to "
+            f"{h.f[seen].max():.3g} Hz"
+        )
         share = np.mean(seen[(h.f >= h.f[seen].min()) & (h.f <= h.f[seen].max())])
         said.append(_said("info", text + (", with gaps." if share < 0.9 else ".")))
     elif moves and first:
-        said.append(_said("warning", f"Coherence of {data.output} with the inputs is nowhere above 0.5: noise, or no linear answer."))
+        said.append(
+            _said(
+                "warning",
+                f"Coherence of {data.output} with the inputs is nowhere above 0.5: noise, or no linear answer.",
+            )
+        )
     return InputToOutput(
-        **row, f=h.f.tolist(), gain=np.abs(h.response).tolist(), phase=np.degrees(np.unwrap(np.angle(h.response))).tolist(),
+        **row, f=h.f.tolist(), gain=np.abs(h.response).tolist(),
+        phase=np.degrees(np.unwrap(np.angle(h.response))).tolist(),
         radius=h.radius.tolist(), coherence=h.coherence.tolist(), model_gain=np.abs(model).tolist(),
         model_phase=np.degrees(np.unwrap(np.angle(model))).tolist(),
     )  # fmt: skip
@@ -107,9 +129,16 @@ def _explains(output: str, unit: str | None, found: Baseline) -> Sentence:
     tail = f" {unit}" if unit not in (None, "", "1") else ""
     what = f"the {'unseen' if part == 'unseen' else 'fitted'} {output}"
     if share <= 0:
-        text = f"{found.sentence} explains nothing of {what}: its RMSE, {rmse:.3g}{tail}, is no less than {output} spreads."
+        text = (
+            f"{found.sentence} explains nothing of {what}: its RMSE, {rmse:.3g}{tail}, is no less than {output} "
+            f"spreads."
+        )
         return _said("warning", text, rmse=rmse, share=share)
-    text = f"{found.sentence} explains {100 * share:.1f} % of {what}: RMSE {rmse:.3g}{tail}, simulated from the inputs alone."
+    text = (
+        f"{found.sentence} explains {100 * share:.1f} % of {what}: RMSE {rmse:.3g}{tail}, simulated from the "
+        f"inputs "
+        f"alone."
+    )
     return _said("good" if share > 0.9 else "info", text, rmse=rmse, share=share)
 
 

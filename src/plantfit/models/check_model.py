@@ -18,7 +18,9 @@ def check_declared(model: Any) -> None:
     _check_delays(where, model)
     for event in model.events:
         if event.direction not in _DIRECTIONS:
-            raise ModelError(f"{where}: event {event.name!r} has direction {event.direction!r}; use one of {list(_DIRECTIONS)}.")
+            raise ModelError(
+                f"{where}: event {event.name!r} has direction {event.direction!r}; use one of {list(_DIRECTIONS)}."
+            )
         if not model.states:
             raise ModelError(f"{where} has the event {event.name!r} but no states that could jump; declare states.")
     for kind, names in (
@@ -32,7 +34,9 @@ def check_declared(model: Any) -> None:
         _check_once(where, kind, names)
     both = sorted({f.velocity for f in model.frictions} & {b.state for b in model.backlashes})
     if both:
-        raise ModelError(f"{where}: state {both[0]!r} has friction and backlash; backlash alone gives its value, so drop one.")
+        raise ModelError(
+            f"{where}: state {both[0]!r} has friction and backlash; backlash alone gives its value, so drop one."
+        )
     _check_tables(where, model)
 
 
@@ -40,14 +44,20 @@ def _check_delays(where: str, model: Any) -> None:
     known = [p.name for p in model.parameters if not p.shape]
     for delay in model.delays:
         _check_known(f"{where} delays {delay.input!r}", delay.input, "inputs", model.inputs)
-        tables = [t.name for t in model.tables if t.over == (delay.input,)]  # dead time over the input itself, see simulate.dead_time
+        tables = [
+            t.name for t in model.tables if t.over == (delay.input,)
+        ]  # dead time over the input itself, see simulate.dead_time
         _check_known(f"{where} delays by {delay.parameter!r}", delay.parameter, "parameters", [*known, *tables])
     for late in model.state_delays:
         _check_known(f"{where} delays the state {late.state!r}", late.state, "states", model.states)
         _check_known(f"{where} delays by {late.parameter!r}", late.parameter, "parameters", known)
         if late.state in {b.state for b in model.backlashes}:
-            raise ModelError(f"{where} delays {late.state!r}, which follows with backlash; delay what drives it instead.")
-    for name in sorted({d.parameter for d in (*model.delays, *model.state_delays)} & {p.name for p in model.parameters}):
+            raise ModelError(
+                f"{where} delays {late.state!r}, which follows with backlash; delay what drives it instead."
+            )
+    for name in sorted(
+        {d.parameter for d in (*model.delays, *model.state_delays)} & {p.name for p in model.parameters}
+    ):
         check_dead_time(where, name, model.declared(name).unit)
     channels = [*model.inputs, *(d.channel for d in (*model.delays, *model.state_delays)), "t"]
     _check_once(where, "channel", channels)
@@ -56,7 +66,9 @@ def _check_delays(where: str, model: Any) -> None:
 def check_dead_time(where: str, name: str, unit: str | None) -> None:
     """A dead time counts in seconds, whatever its unit says; a number without unit is one."""
     if unit is not None and not any(units.equal(unit, own) for own in ("s", "1")):
-        raise UnitError(f"{where}: the dead time {name!r} has the unit {unit!r}, but dead times are in s; give its numbers in s.")
+        raise UnitError(
+            f"{where}: the dead time {name!r} has the unit {unit!r}, but dead times are in s; give its numbers in s."
+        )
 
 
 def _check_tables(where: str, model: Any) -> None:
@@ -66,7 +78,8 @@ def _check_tables(where: str, model: Any) -> None:
         _check_known(f"{where} has the table {table.name!r}", table.name, "parameters", shapes)
         if shapes[table.name] != table.shape:
             raise ModelError(
-                f"{where}: table {table.name!r} has nodes of shape {table.shape}, but its parameter has shape {shapes[table.name]}; "
+                f"{where}: table {table.name!r} has nodes of shape {table.shape}, but its parameter has shape "
+                f"{shapes[table.name]}; "
                 "declare the parameter with shape = table.shape."
             )
 

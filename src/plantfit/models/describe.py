@@ -35,8 +35,14 @@ def _rows(model: Model | LinearModel) -> list[Row]:
     for kind, names in {**signals, "output": model.outputs}.items():
         rows += [(kind, name, _unit(unit), "", "") for name, unit in names.items()]
     if isinstance(model, Model):
-        rows += [("delay", d.channel, _unit(model.inputs[d.input]), "", f"{d.input} delayed by {d.parameter}") for d in model.delays]
-        rows += [("delay", d.channel, _unit(model.states[d.state]), "", f"{d.state} delayed by {d.parameter}") for d in model.state_delays]
+        rows += [
+            ("delay", d.channel, _unit(model.inputs[d.input]), "", f"{d.input} delayed by {d.parameter}")
+            for d in model.delays
+        ]
+        rows += [
+            ("delay", d.channel, _unit(model.states[d.state]), "", f"{d.state} delayed by {d.parameter}")
+            for d in model.state_delays
+        ]
         rows += [("event", e.name, "", "", f"states jump ({e.direction})") for e in model.events]
         rows += [("friction", f.velocity, "", "", "dry friction that sticks") for f in model.frictions]
         rows += [("backlash", b.state, "", "", "follows with play") for b in model.backlashes]

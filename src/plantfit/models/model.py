@@ -21,7 +21,8 @@ class Declared:
     `bounds` are in `unit`; None means that the study must give them. `value` is set for constants
     that the data are not asked about. With a `shape`, (n,) or (ny, nu), it is an array (the values of
     a table); each bound and `value` is then one number for all entries or nested tuples of that shape.
-    `limits` (low, high) are physical ones, infinite where there is none, and `typical` a size that matters (`plantfit.space.Parameter`).
+    `limits` (low, high) are physical ones, infinite where there is none, and `typical` a size that matters
+    (`plantfit.space.Parameter`).
     """
 
     name: str
@@ -59,8 +60,8 @@ class Model:
     forces of `frictions` out and gives 0 for the states of `backlashes`. `tables` say over which
     operating points the parameters with a shape are.
 
-    Units are strings for `plantfit.units`; None means unknown and is not checked. Raises ModelError for declarations that contradict
-    each other.
+    Units are strings for `plantfit.units`; None means unknown and is not checked. Raises ModelError for declarations
+    that contradict each other.
     """
 
     name: str
@@ -88,7 +89,10 @@ class Model:
         names = [*self.states, *self.inputs, *self.outputs, *(p.name for p in self.parameters)]
         twice = sorted({n for n in names if names.count(n) > 1} - (set(self.states) & set(self.outputs)))
         if twice:
-            raise ModelError(f"Model {self.name!r}: the name {twice[0]!r} is declared twice; give each signal and parameter its own name.")
+            raise ModelError(
+                f"Model {self.name!r}: the name {twice[0]!r} is declared twice; give each signal and parameter its own "
+                f"name."
+            )
         if self.states and self.derivative is None:
             raise ModelError(f"Model {self.name!r} has states but no derivative; give derivative(x, u, p).")
         check_declared(self)

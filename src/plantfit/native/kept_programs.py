@@ -1,8 +1,10 @@
-"""Programs of jax that outlive the process: a function that was compiled once for these shapes is neither traced nor lowered again.
+"""Programs of jax that outlive the process: a function that was compiled once for these shapes is neither traced nor
+lowered again.
 
-Tracing a simulated problem takes longer than jax's own start. What is kept is XLA's executable, so that its numbers are the same bits as
-those of the process that made it. A program is found again by a description of all that is compiled into it, made by `described`; where
-there is none (functions of other packages, which may change without a sign) jax compiles as ever.
+Tracing a simulated problem takes longer than jax's own start. What is kept is XLA's executable, so that its numbers are
+the same bits as those of the process that made it. A program is found again by a description of all that is compiled
+into it, made by `described`; where there is none (functions of other packages, which may change without a sign) jax
+compiles as ever.
 """
 
 import functools
@@ -33,16 +35,30 @@ import jax
 from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-# Of kept programs, 35 kB on average; beyond it the half that was not used for longest goes. What goes is compiled anew and stays in XLA's
-# cache under its old name for good, so that a bound which a day's work passes several times costs disk too.
+# Of kept programs, 35 kB on average; beyond it the half that was not used for longest goes. What goes is compiled anew
+# and stays in XLA's cache under its old name for good, so that a bound which a day's work passes several times costs
+# disk too.
 MOST_FILES = 10_000
-# Around a native loop little is left to XLA: without the emitters of fused arithmetic it compiles in half to nine tenths of the time, and
-# the program is as fast (`python -m benchmarks.compile_time`). The arithmetic of an optimizer is worth them.
+# Around a native loop little is left to XLA: without the emitters of fused arithmetic it compiles in half to nine
+# tenths of the time, and the program is as fast (`python -m benchmarks.compile_time`). The arithmetic of an optimizer
+# is worth them.
 NO_FUSION_EMITTERS = {"xla_cpu_use_fusion_emitters": False}
 FUSED = {"generations"}
 AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
-_OURS = {"plantfit", "numpy", "builtins", "collections", "functools", "pathlib", "datetime", "copyreg", "enum", "types", "operator"}
+_OURS = {
+    "plantfit",
+    "numpy",
+    "builtins",
+    "collections",
+    "functools",
+    "pathlib",
+    "datetime",
+    "copyreg",
+    "enum",
+    "types",
+    "operator",
+}
 _CALLBACK = re.compile(r"@\w*callback")
 _LAPACK = re.compile(r"@(?:lapack|blas)_\w+")
 _NATIVE = re.compile(r"plantfit_native_[0-9a-f]{32}")
@@ -78,7 +94,8 @@ class _Digest:
 
 
 def described(thing: Any, *, large: bool = False) -> bytes | None:
-    """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None where it has none.
+    """A digest of all that `thing`, which can be pickled, consists of, and of plantfit's text and this machine; None
+    where it has none.
 
     One of more than `LARGEST` bytes has none either, unless it may be `large`.
     """
@@ -91,7 +108,8 @@ def described(thing: Any, *, large: bool = False) -> bytes | None:
 
 
 def _named(function: Callable, name: str) -> Callable:
-    """The function under a name of its own, so that XLA's cache holds none of its programs but those that are kept here too."""
+    """The function under a name of its own, so that XLA's cache holds none of its programs but those that are kept
+    here too."""
 
     def kept(*args: Any) -> Any:
         return function(*args)
@@ -105,8 +123,8 @@ def _named(function: Callable, name: str) -> Callable:
 def _age(folder: Path) -> str:
     """Letters that are others once programs of the folder have gone.
 
-    XLA's cache still holds these, and what XLA has read itself it does not write down: under their old names they would never be kept
-    again, and be traced in every process.
+    XLA's cache still holds these, and what XLA has read itself it does not write down: under their old names they would
+    never be kept again, and be traced in every process.
     """
     file = folder / AGE
     with suppress(OSError):
@@ -132,14 +150,23 @@ def _machine() -> bytes:
     """What XLA's executables depend on beside their text: versions, processor and flags."""
     own = host() if available() else None
     return repr(
-        (sys.version, jax.__version__, version("jaxlib"), own, *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")), NO_FUSION_EMITTERS)
+        (
+            sys.version,
+            jax.__version__,
+            version("jaxlib"),
+            own,
+            *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")),
+            NO_FUSION_EMITTERS,
+        )
     ).encode()
 
 
 class Kept:
-    """`jax.jit(function)` whose programs are kept on disk. `description` is the digest of all that the function closes over, or None.
+    """`jax.jit(function)` whose programs are kept on disk. `description` is the digest of all that the function closes
+    over, or None.
 
-    Not the thing itself is held, which may hold this function: large arrays would then wait for the collector of cycles.
+    Not the thing itself is held, which may hold this function: large arrays would then wait for the collector of
+    cycles.
     """
 
     def __init__(self, function: Callable, name: str, description: bytes | None):
@@ -163,7 +190,9 @@ class Kept:
         program = self._programs.get(shapes)
         if program is None:
             program = self._programs[shapes] = self._found_or_made(shapes, args)
-        if len(args) == 2 and isinstance(args[1], tuple) and hasattr(args[0], "shape"):  # a mapping could be given again with other entries
+        if (
+            len(args) == 2 and isinstance(args[1], tuple) and hasattr(args[0], "shape")
+        ):  # a mapping could be given again with other entries
             self._lately = args[1], {**(programs if args[1] is lately else {}), _brief(args[0]): program}
         return program(*args)
 
@@ -173,7 +202,8 @@ class Kept:
         self._plain.clear_cache()
 
     def _found_or_made(self, shapes: Any, args: tuple[Any, ...]) -> Callable:
-        """The program for arguments of these shapes, from disk or compiled and put there; jax's own where it cannot be kept."""
+        """The program for arguments of these shapes, from disk or compiled and put there; jax's own where it cannot
+        be kept."""
         if not _usual() or None in shapes[1]:
             return self._plain
         folder = code_folder("programs")
@@ -200,12 +230,18 @@ def _kind(leaf: Any) -> Any:
 def _usual() -> bool:
     """Whether jax is set as plantfit sets it, on one CPU device."""
     values = jax.config.values
-    odd = values["jax_disable_jit"] or values["jax_debug_nans"] or values["jax_debug_infs"] or not values["jax_enable_x64"]
+    odd = (
+        values["jax_disable_jit"]
+        or values["jax_debug_nans"]
+        or values["jax_debug_infs"]
+        or not values["jax_enable_x64"]
+    )
     return not odd and jax.default_backend() == "cpu" and len(jax.devices()) == 1
 
 
 class _Kept(NamedTuple):
-    """What is on disk under the key of a function: what its executable needs to run, and the structure of its results."""
+    """What is on disk under the key of a function: what its executable needs to run, and the structure of its
+    results."""
 
     executable: str  # its key
     natives: tuple[tuple[str, tuple[str, ...]], ...]  # native loops as FFI targets, and what they call of the C library
@@ -247,17 +283,21 @@ def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None
 
 @cache
 def _with_lapack() -> None:
-    """jax hands all of LAPACK to XLA when it lowers a first call of it. A program that is read lowers nothing, and would call nowhere."""
+    """jax hands all of LAPACK to XLA when it lowers a first call of it. A program that is read lowers nothing, and
+    would call nowhere."""
     jax.block_until_ready(jax.jit(jax.numpy.linalg.eigh)(np.eye(2)))
 
 
 def _made(folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...]) -> Callable:
-    """The program for these arguments, traced now; compiled and put into the folder where no other function has become the same program."""
+    """The program for these arguments, traced now; compiled and put into the folder where no other function has
+    become the same program."""
     lowered = jitted.lower(*args)
     text = lowered.as_text()
     natives = tuple((name, libm_of(name)) for name in sorted(set(_NATIVE.findall(text))))
     results = jax.tree.map(lambda _: 0, lowered.out_info)
-    kept = _Kept(hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, _LAPACK.search(text) is not None, results)
+    kept = _Kept(
+        hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, _LAPACK.search(text) is not None, results
+    )
     program = None
     with suppress(Exception):  # as in `_read`
         program = _loaded(folder, kept, args)

@@ -41,7 +41,8 @@ class Layout:
 
     @property
     def narrow(self) -> bool:
-        """Whether a group does not fill one block; it ends in the last vector then, as layouts with fewer cost no more."""
+        """Whether a group does not fill one block; it ends in the last vector then, as layouts with fewer cost no
+        more."""
         return self.lanes < self.width * self.vectors
 
     def over_groups(self, present: Sequence[bool]) -> bool:
@@ -51,7 +52,8 @@ class Layout:
         return any(present[a] for a in self.lane_axes)
 
     def arrange(self, a: Any, present: Sequence[bool], rows: bool) -> Any:
-        """(present batch axes..., core...) to (core..., G, B), with `rows` to (G, core..., B); G and B are 1 where absent."""
+        """(present batch axes..., core...) to (core..., G, B), with `rows` to (G, core..., B); G and B are 1 where
+        absent."""
         count = sum(present)
         place = {axis: i for i, axis in enumerate(x for x, p in enumerate(present) if p)}
         core = a.shape[count:]
@@ -99,8 +101,9 @@ def choose_layout(
 ) -> Layout:
     """The axes whose lanes cost least; the others become groups, and so do those that are `apart`.
 
-    `nodes` counts what a step computes once for all lanes and what in every lane. Step data that vary over some of the lanes' axes, or
-    of the groups', are copied over the others, and `ys` leaves of results are turned back where lanes are of several axes.
+    `nodes` counts what a step computes once for all lanes and what in every lane. Step data that vary over some of the
+    lanes' axes, or of the groups', are copied over the others, and `ys` leaves of results are turned back where lanes
+    are of several axes.
     """
     axes = tuple(range(len(batch)))
     data = [p for p, r in zip(present, rows, strict=True) if r]
@@ -121,7 +124,9 @@ def choose_layout(
     return min(layouts, key=cost) if layouts else _with_lanes(batch, axes, (), width, most)
 
 
-def _with_lanes(batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[int, ...], width: int, most: int) -> Layout:
+def _with_lanes(
+    batch: tuple[int, ...], groups: tuple[int, ...], lanes: tuple[int, ...], width: int, most: int
+) -> Layout:
     layouts = [Layout(batch, groups, lanes, width, vectors) for vectors in range(1, most + 1)]
     return min(layouts, key=lambda a: a.blocks * _time(a.vectors))
 

@@ -1,7 +1,7 @@
 """The jax primitive behind `native_scan`: abstract evaluation, batching, lowering to an FFI call.
 
-Operands have the axes of the enclosing `vmap`s in front, outermost first, without those that they do not vary over; `present`
-holds a flag per operand and axis.
+Operands have the axes of the enclosing `vmap`s in front, outermost first, without those that they do not vary over;
+`present` holds a flag per operand and axis.
 """
 
 import ctypes
@@ -68,7 +68,9 @@ def _run(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Flag
     def nodes(layout: Layout) -> tuple[int, int]:
         return count_nodes(program, [layout.over_lanes(p) for p in present])
 
-    layout = choose_layout(batch, present, [r for _, r in kinds], here.width, loop.vectors, nodes, place, len(program.ys))
+    layout = choose_layout(
+        batch, present, [r for _, r in kinds], here.width, loop.vectors, nodes, place, len(program.ys)
+    )
     varies = tuple((layout.over_groups(p), layout.over_lanes(p)) for p in present)
     shape = Shape(here.width, layout.vectors, layout.narrow, loop.reverse, loop.ragged, varies)
     name = _registered(program, shape)
@@ -103,7 +105,10 @@ def _scan(*operands: Any, loop: Loop, batch: tuple[int, ...], present: tuple[Fla
             out = function(*c, *x)
             return out[: loop.carry], out[loop.carry :]
 
-        rows, used = list(given[loop.constants + loop.carry : len(given) - loop.ragged]), given[-1] if loop.ragged else None
+        rows, used = (
+            list(given[loop.constants + loop.carry : len(given) - loop.ragged]),
+            given[-1] if loop.ragged else None,
+        )
         after, ys = scan_used(body, list(carry), rows, loop.steps, loop.reverse, used)
         return [*after, *ys]
 
@@ -146,7 +151,8 @@ def _registered(program: Program, shape: Shape) -> str:
 
 
 def libm_of(name: str) -> tuple[str, ...]:
-    """The functions of the C library that the kernel of an FFI target calls. Raises KeyError for a target that is not registered."""
+    """The functions of the C library that the kernel of an FFI target calls. Raises KeyError for a target that is
+    not registered."""
     return _REGISTERED[name]
 
 
@@ -174,7 +180,9 @@ def capsule(address: int) -> Any:
     return make(address, b"xla._CUSTOM_CALL_TARGET", None)
 
 
-def _batched(operands: Sequence[Any], dims: Sequence[Any], *, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]) -> Any:
+def _batched(
+    operands: Sequence[Any], dims: Sequence[Any], *, loop: Loop, batch: tuple[int, ...], present: tuple[Flags, ...]
+) -> Any:
     """The batching rule: a new axis in front of the others."""
     size = next(a.shape[d] for a, d in zip(operands, dims, strict=True) if d is not None)
     moved = [a if d is None else jnp.moveaxis(a, d, 0) for a, d in zip(operands, dims, strict=True)]

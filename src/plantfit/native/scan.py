@@ -38,17 +38,18 @@ def native_scan(
     """`jax.lax.scan(body, carry, xs)` as one native loop; `(carry, ys)`, with ys None unless `keep`.
 
     `carry` is a pytree of numbers and small arrays, `xs` one whose leaves have a leading axis of K steps (or None, with
-    `length`). `body(carry, x) -> (carry, y)` may close over anything. Under `jax.vmap`, nested too, lanes of the processor's
-    vectors run over the batch; a lane gives the same bits whatever the size of the batch. float64, bool, int32, int64 and uint32.
+    `length`). `body(carry, x) -> (carry, y)` may close over anything. Under `jax.vmap`, nested too, lanes of the
+    processor's vectors run over the batch; a lane gives the same bits whatever the size of the batch. float64, bool,
+    int32, int64 and uint32.
 
-    Steps from `used` on, a whole number, are left out; their ys hold anything. It may differ between lanes of outer `vmap`s, which
-    are then worked off one after the other.
+    Steps from `used` on, a whole number, are left out; their ys hold anything. It may differ between lanes of outer
+    `vmap`s, which are then worked off one after the other.
 
-    Products that feed sums become fused multiply-adds and divisions by one number share its reciprocal, so results agree with
-    lax.scan to rounding. There are no derivatives: use it inside custom rules.
+    Products that feed sums become fused multiply-adds and divisions by one number share its reciprocal, so results
+    agree with lax.scan to rounding. There are no derivatives: use it inside custom rules.
 
-    Raises NativeUnsupported when the body uses something without a native form or llvmlite is missing; with `fallback` it
-    then runs as lax.scan.
+    Raises NativeUnsupported when the body uses something without a native form or llvmlite is missing; with `fallback`
+    it then runs as lax.scan.
     """
     carry, xs = jax.tree.map(jnp.asarray, carry), jax.tree.map(jnp.asarray, xs)
     try:
@@ -75,15 +76,22 @@ def supported(body: Callable, carry: Any, xs: Any, *, length: int | None = None,
     return True
 
 
-def _bound(body: Callable, carry: Any, xs: Any, length: int | None, keep: bool, reverse: bool, used: Any) -> tuple[Any, Any]:
+def _bound(
+    body: Callable, carry: Any, xs: Any, length: int | None, keep: bool, reverse: bool, used: Any
+) -> tuple[Any, Any]:
     leaves, tree = jax.tree.flatten(carry)
     rows, rows_tree = jax.tree.flatten(xs)
     steps = _length(rows, length)
     shapes = jax.tree.unflatten(rows_tree, [jax.ShapeDtypeStruct(r.shape[1:], r.dtype) for r in rows])
-    closed, (out_carry, out_y) = jax.make_jaxpr(lambda c, x: _checked(body(c, x), keep), return_shape=True)(carry, shapes)
+    closed, (out_carry, out_y) = jax.make_jaxpr(lambda c, x: _checked(body(c, x), keep), return_shape=True)(
+        carry, shapes
+    )
     after, after_tree = jax.tree.flatten(out_carry)
     if after_tree != tree or [(a.shape, a.dtype) for a in after] != [(a.shape, a.dtype) for a in leaves]:
-        raise TypeError(f"The body of native_scan turned a carry of {jax.tree.map(_brief, carry)} into {jax.tree.map(_brief, out_carry)}.")
+        raise TypeError(
+            f"The body of native_scan turned a carry of {jax.tree.map(_brief, carry)} into "
+            f"{jax.tree.map(_brief, out_carry)}."
+        )
     _, y_tree = jax.tree.flatten(out_y)
     consts = [jnp.asarray(c) for c in closed.consts]
     loop = _loop(closed.jaxpr, consts, leaves, rows, steps, reverse, used is not None)
@@ -104,11 +112,22 @@ def _checked(result: tuple[Any, Any], keep: bool) -> tuple[Any, Any]:
 def _length(rows: Sequence[Any], length: int | None) -> int:
     lengths = {r.shape[0] for r in rows} | ({length} if length is not None else set())
     if len(lengths) != 1:
-        raise ValueError(f"native_scan got steps of lengths {sorted(lengths)}; give leaves of xs with one leading length, or `length`.")
+        raise ValueError(
+            f"native_scan got steps of lengths {sorted(lengths)}; give leaves of xs with one leading length, or "
+            f"`length`."
+        )
     return lengths.pop()
 
 
-def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequence[Any], steps: int, reverse: bool, ragged: bool) -> Loop:
+def _loop(
+    jaxpr: Any,
+    consts: Sequence[Any],
+    leaves: Sequence[Any],
+    rows: Sequence[Any],
+    steps: int,
+    reverse: bool,
+    ragged: bool,
+) -> Loop:
     """Trace the body and run the passes; raises NativeUnsupported."""
     graph = Graph()
     tracer = Tracer(graph)
@@ -138,13 +157,17 @@ def _loop(jaxpr: Any, consts: Sequence[Any], leaves: Sequence[Any], rows: Sequen
 
 
 def _most_vectors(program: Program) -> int:
-    """Of the largest block whose arrays fit into the stack. Blocks are emitted here, so that NativeUnsupported is raised while tracing
-    and not while lowering."""
+    """Of the largest block whose arrays fit into the stack. Blocks are emitted here, so that NativeUnsupported is
+    raised while tracing and not while lowering."""
     here = host()
     varies = [size <= LARGEST for _, size in program.constants] + [True] * (len(program.carry) + len(program.rows))
     for vectors in range(here.vectors, 0, -1):
         try:
-            find_libm(make_kernel(program, Shape(here.width, vectors, False, False, False, tuple((v, v) for v in varies))).libm)
+            find_libm(
+                make_kernel(
+                    program, Shape(here.width, vectors, False, False, False, tuple((v, v) for v in varies))
+                ).libm
+            )
         except StackExceeded:
             if vectors == 1:
                 raise

@@ -10,7 +10,10 @@ class NativeUnsupported(PlantfitError):
 
     def __init__(self, what: str):
         self.what = what
-        super().__init__(f"Native loops cannot do {what!r}; run this loop with jax.lax.scan instead (native_scan(..., fallback=True)).")
+        super().__init__(
+            f"Native loops cannot do {what!r}; run this loop with jax.lax.scan instead (native_scan(..., "
+            f"fallback=True))."
+        )
 
 
 class StackExceeded(NativeUnsupported):

@@ -95,7 +95,8 @@ class Shrinking(Population, Protocol):
 
 
 class Projected(Protocol):
-    """A least-squares problem over some of its coordinates: at every point the others are solved for inside their bounds."""
+    """A least-squares problem over some of its coordinates: at every point the others are solved for inside their
+    bounds."""
 
     @property
     def kept(self) -> np.ndarray:
@@ -112,14 +113,18 @@ class Projected(Protocol):
         """Evaluations that one point of `sample` costs, and one of `rows` that is left after its cost."""
         ...
 
-    def rows(self, zn: np.ndarray, below: np.ndarray | None = None, /) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """At n points (n, q): residuals (n, k) and their derivatives (n, k, q) in rows whose mean square is the cost, the full
-        cube points (n, d), and which are whole (n,). A point that cannot be simulated has NaN residuals; one that surely costs more
-        than its entry of `below` (n,) need not be whole: its derivatives are then 0."""
+    def rows(
+        self, zn: np.ndarray, below: np.ndarray | None = None, /
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """At n points (n, q): residuals (n, k) and their derivatives (n, k, q) in rows whose mean square is the
+        cost, the full cube points (n, d), and which are whole (n,). A point that cannot be simulated has NaN
+        residuals; one that surely costs more than its entry of `below` (n,) need not be whole: its derivatives are
+        then 0."""
         ...
 
     def sample(self, zn: np.ndarray, /) -> tuple[np.ndarray, np.ndarray]:
-        """At n points (n, q): costs (n,), never too low by rounding, +inf where a point cannot be simulated, and full points (n, d)."""
+        """At n points (n, q): costs (n,), never too low by rounding, +inf where a point cannot be simulated, and
+        full points (n, d)."""
         ...
 
 
@@ -133,13 +138,12 @@ class Objective:
     mean square, gradient and Gauss-Newton matrix, for plain least squares. `separable` are groups of
     coordinates that partition the cube so that the cost is a sum over groups; `blocks` then gives, at (d,), for
     each group its residuals (k,), with cost = sum of their squares, and their derivatives (k, q) by the
-    group's coordinates. Only the groups are asked for that its second argument, (groups,) of bool, names; the others may
-    hold any numbers. Charges are in evaluations.
-    `start` (k, d) are warm starts, possibly empty. `batch_rows` maps (n, d) to ((n, k), (n, k, d)): rows with the same mean
-    square, gradient and Gauss-Newton matrix as the residuals and Jacobians of n points, for methods that run many starts
-    side by side. `projected` makes the same problem with the parameters solved for in which the residuals are affine,
-    None if there are none.
-    `lower` and `upper` (d,) are the bounds in units; `log` (d,) tells which coordinates are logarithms.
+    group's coordinates. Only the groups are asked for that its second argument, (groups,) of bool, names; the others
+    may hold any numbers. Charges are in evaluations. `start` (k, d) are warm starts, possibly empty. `batch_rows` maps
+    (n, d) to ((n, k), (n, k, d)): rows with the same mean square, gradient and Gauss-Newton matrix as the residuals and
+    Jacobians of n points, for methods that run many starts side by side. `projected` makes the same problem with the
+    parameters solved for in which the residuals are affine, None if there are none. `lower` and `upper` (d,) are the
+    bounds in units; `log` (d,) tells which coordinates are logarithms.
     """
 
     dimension: int
@@ -162,7 +166,8 @@ class Objective:
 
 @dataclass(frozen=True, eq=False)
 class CostOfData:
-    """Costs as `Objective` takes them, of a `function(x, data)` that is compiled once for all `data` (a pytree of arrays) of one shape.
+    """Costs as `Objective` takes them, of a `function(x, data)` that is compiled once for all `data` (a pytree of
+    arrays) of one shape.
 
     `function` maps ((n, d), data) to (n,), is jax-traceable and pure, and is found again by its hash.
     """
@@ -178,7 +183,8 @@ class CostOfData:
 class KeptCosts:
     """Costs as `Objective` takes them, with programs around them that outlive the process.
 
-    `keep(g, name, thing)` compiles a pure function g of arrays that calls `function`, and is described by `thing` apart from that.
+    `keep(g, name, thing)` compiles a pure function g of arrays that calls `function`, and is described by `thing` apart
+    from that.
     """
 
     function: Callable[[Array], Array]

@@ -14,7 +14,8 @@ from plantfit.plugins import Plugin, first_sentence, offered
 
 @dataclass(frozen=True)
 class Entry:
-    """A method, what it does in one sentence, and where it comes from; `place` is its module in this room and its class."""
+    """A method, what it does in one sentence, and where it comes from; `place` is its module in this room and its
+    class."""
 
     place: str
     sentence: str
@@ -86,11 +87,13 @@ REGISTRY = {
     "elite_ga": Entry(
         "algorithms.genetic.elite_ga.EliteGenetic",
         "Genetic algorithm in which an elite breeds with the rest and immigrants arrive in every generation.",
-        "The Use of a Statistical Filter and Metaheuristics to Model and Control the DC Motor of the Mobile Robot Used on NXP Cup, 2018",
+        "The Use of a Statistical Filter and Metaheuristics to Model and Control the DC Motor of the Mobile Robot Used "
+        "on NXP Cup, 2018",
     ),
     "salp_swarm": Entry(
         "algorithms.salp_swarm.SalpSwarm",
-        "Salp chain around the best point, kept to replicate published results; its steps depend on the budget and on where the box lies.",
+        "Salp chain around the best point, kept to replicate published results; its steps depend on the budget and on "
+        "where the box lies.",
         "Mirjalili et al. 2017, Advances in Engineering Software 114:163",
     ),
     "hms": Entry(
@@ -101,7 +104,8 @@ REGISTRY = {
     "sea": Entry(
         "algorithms.genetic.sea.SimpleEvolution",
         "Simple evolution: tournaments and Gaussian mutation whose step is drawn over many scales.",
-        "Schaefer and Kolodziej 2003, Foundations of Genetic Algorithms 7; Dietzfelbinger et al. 2011, Algorithmica 59:301",
+        "Schaefer and Kolodziej 2003, Foundations of Genetic Algorithms 7; Dietzfelbinger et al. 2011, Algorithmica "
+        "59:301",
     ),
     "jso": Entry(
         "algorithms.differential_evolution.jso.Jso",
@@ -131,7 +135,8 @@ REGISTRY = {
     "nelder_mead": Entry(
         "algorithms.nelder_mead.NelderMead",
         "Downhill simplex from many starts: a baseline without derivatives for few parameters.",
-        "Nelder and Mead 1965, Computer Journal 7:308; Gao and Han 2012, Computational Optimization and Applications 51:259",
+        "Nelder and Mead 1965, Computer Journal 7:308; Gao and Han 2012, Computational Optimization and Applications "
+        "51:259",
     ),
     "sobol": Entry(
         "algorithms.sobol_search.SobolSearch",
@@ -148,7 +153,8 @@ REGISTRY = {
 
 @dataclass(frozen=True)
 class Brought:
-    """A method of another package: its class is a frozen dataclass with `needs`, as those of plantfit; it may state its `paper`."""
+    """A method of another package: its class is a frozen dataclass with `needs`, as those of plantfit; it may state
+    its `paper`."""
 
     plugin: Plugin
 
@@ -156,9 +162,14 @@ class Brought:
     def kind(self) -> type:
         """The class. Raises SearchError where it cannot be imported, or is no method."""
         kind = self.plugin.load(SearchError)
-        if not (isinstance(kind, type) and dataclasses.is_dataclass(kind) and isinstance(getattr(kind, "needs", None), Needs)):
+        if not (
+            isinstance(kind, type)
+            and dataclasses.is_dataclass(kind)
+            and isinstance(getattr(kind, "needs", None), Needs)
+        ):
             raise SearchError(
-                f"{self.plugin.name!r} of the package {self.plugin.package} is no search method: it has to be a frozen dataclass "
+                f"{self.plugin.name!r} of the package {self.plugin.package} is no search method: it has to be a frozen "
+                f"dataclass "
                 "with `needs = Needs(...)`; see docs/plug-ins.md."
             )
         return kind
@@ -209,5 +220,7 @@ def name_of(method: Any) -> str:
     """The registered name of a method, else the name of its class."""
     place = f"{type(method).__module__}.{type(method).__name__}"
     own = (name for name, entry in REGISTRY.items() if f"plantfit.optimize.{entry.place}" == place)
-    brought = (n for n, p in offered("methods", frozenset(REGISTRY)).items() if p.point.value.replace(":", ".") == place)
+    brought = (
+        n for n, p in offered("methods", frozenset(REGISTRY)).items() if p.point.value.replace(":", ".") == place
+    )
     return next(own, None) or next(brought, type(method).__name__)

@@ -35,7 +35,9 @@ def build(kind: type, name: str, values: dict[str, Any]) -> Any:
     known = {f.name: f for f in dataclasses.fields(kind)}
     for key, value in values.items():
         if key not in known:
-            raise SearchError(f"Method {name!r} has no setting {key!r}; it has {sorted(known)}.{close_match(key, known)}")
+            raise SearchError(
+                f"Method {name!r} has no setting {key!r}; it has {sorted(known)}.{close_match(key, known)}"
+            )
         values = {**values, key: _checked(name, known[key], value)}
     return kind(**values)
 
@@ -44,15 +46,23 @@ def _checked(name: str, field: dataclasses.Field, value: Any) -> Any:
     meta, where = field.metadata, f"Setting {field.name!r} of method {name!r}"
     if "options" in meta:
         if value not in meta["options"]:
-            raise SearchError(f"{where} is {value!r}; use one of {list(meta['options'])}.{close_match(value, meta['options'])}")
+            raise SearchError(
+                f"{where} is {value!r}; use one of {list(meta['options'])}.{close_match(value, meta['options'])}"
+            )
         return value
     if "range" not in meta or (value is None and field.default is None):
         return value
     low, high = meta["range"]
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or (isinstance(value, float) and not math.isfinite(value)):
+    if (
+        isinstance(value, bool)
+        or not isinstance(value, (int, float))
+        or (isinstance(value, float) and not math.isfinite(value))
+    ):
         raise SearchError(f"{where} is {value!r}; give a number from {low:g} to {high:g}.")
     if not low <= value <= high:
-        shown = f"{value:g}" if abs(value) < 1e300 else "a number too large to be one"  # an int may have any number of digits
+        shown = (
+            f"{value:g}" if abs(value) < 1e300 else "a number too large to be one"
+        )  # an int may have any number of digits
         raise SearchError(f"{where} is {shown}, outside its range; give a value from {low:g} to {high:g}.")
     if meta["integer"] and int(value) != value:
         raise SearchError(f"{where} is {value!r}; give a whole number from {low:g} to {high:g}.")

@@ -26,13 +26,15 @@ FINEST = 256  # steps a sample
 def predict_over(
     problem: Problem, values: Any, recording: Recording | Experiment | str, named: Mapping[str, Any] | None = None
 ) -> dict[str, np.ndarray]:
-    """Every output (n,), in its unit, over a recording that need not be one of the problem, at parameter values (d,) in their units.
+    """Every output (n,), in its unit, over a recording that need not be one of the problem, at parameter values (d,) in
+    their units.
 
-    It needs the signals that the model reads, in units that can be converted, and a measured value of an output where the model
-    begins at one. A Recording begins as those of the problem do (`before`, `initial_time`); an Experiment says its own. `named`
-    values of parameters, scalars or arrays of their shapes in their units, go before `values`. Steps are halved until their error
-    is below 0.1 % of the spread of the outputs, unless the problem was given `substeps`; a recording with the numbers of one of
-    the problem's is simulated as that one. Raises RecordingError, UnitError, SpaceError and SimulationError.
+    It needs the signals that the model reads, in units that can be converted, and a measured value of an output where
+    the model begins at one. A Recording begins as those of the problem do (`before`, `initial_time`); an Experiment
+    says its own. `named` values of parameters, scalars or arrays of their shapes in their units, go before `values`.
+    Steps are halved until their error is below 0.1 % of the spread of the outputs, unless the problem was given
+    `substeps`; a recording with the numbers of one of the problem's is simulated as that one. Raises RecordingError,
+    UnitError, SpaceError and SimulationError.
     """
     if isinstance(recording, str):
         if recording not in problem.experiments:
@@ -40,7 +42,8 @@ def predict_over(
         recording = problem.experiments[recording]
     elif not isinstance(recording, Recording | Experiment):
         raise RecordingError(
-            f"{type(recording).__name__} is no recording to predict over; give a recording, as of pf.read_csv, or the name of one of "
+            f"{type(recording).__name__} is no recording to predict over; give a recording, as of pf.read_csv, or the "
+            f"name of one of "
             f"{list(problem.experiments)}."
         )
     return NewRecording.of(problem, recording).outputs(np.asarray(values, dtype=float), dict(named or {}))
@@ -48,7 +51,8 @@ def predict_over(
 
 @dataclass(frozen=True)
 class NewRecording:
-    """A recording in the units of the model; `known` is the recording of the problem that has the same numbers, None if there is none."""
+    """A recording in the units of the model; `known` is the recording of the problem that has the same numbers, None
+    if there is none."""
 
     problem: Problem
     experiment: Experiment
@@ -61,11 +65,17 @@ class NewRecording:
             before, initial_time = problem.begins
             given = Experiment(given, before=before, initial_time=initial_time)
         needs, outputs = problem.needs, problem.outputs
-        r = in_units(given.recording, {n: u for n, u in needs.items() if n not in outputs or n in given.recording.signals})
+        r = in_units(
+            given.recording, {n: u for n, u in needs.items() if n not in outputs or n in given.recording.signals}
+        )
         unmeasured = {o: Signal(np.full(len(r), np.nan), needs[o]) for o in outputs if o not in r.signals}
         r = Recording(r.t, {**r.signals, **unmeasured}, r.name, r.log)
-        experiment = replace(given, recording=r, before=before_in_units(given.recording, given.before, needs), shared_errors={})
-        return cls(problem, experiment, next((n for n, e in problem.experiments.items() if _same(e, experiment, needs)), None))
+        experiment = replace(
+            given, recording=r, before=before_in_units(given.recording, given.before, needs), shared_errors={}
+        )
+        return cls(
+            problem, experiment, next((n for n, e in problem.experiments.items() if _same(e, experiment, needs)), None)
+        )
 
     def outputs(self, values: np.ndarray, named: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Every output (n,) at parameter values (d,) in their units, of which `named` ones are others."""
@@ -107,10 +117,13 @@ class NewRecording:
         r, state = self.experiment.recording, simulator.vector.states[start.index(False)]
         if lost:
             raise RecordingError(
-                f"Recording {r.name!r} has no value of {lost[0]!r}, and the model {simulator.vector.model.name!r} begins at the first "
+                f"Recording {r.name!r} has no value of {lost[0]!r}, and the model {simulator.vector.model.name!r} "
+                f"begins at the first "
                 "measured one; add the signal with its first value (the others may be missing)."
             )
-        raise SimulationError(f"Recording {r.name!r}: the state {state!r} begins at no finite value; check the parameters.")
+        raise SimulationError(
+            f"Recording {r.name!r}: the state {state!r} begins at no finite value; check the parameters."
+        )
 
 
 @lru_cache(maxsize=8)  # bands ask for thousands of draws
@@ -127,7 +140,8 @@ def _arrays(outputs: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 
 def _error(coarse: Mapping[str, np.ndarray], fine: Mapping[str, np.ndarray], order: int) -> float:
-    """The step error that the fine outputs still have, rms as a share of the spread of each output; 0 for exact steps."""
+    """The step error that the fine outputs still have, rms as a share of the spread of each output; 0 for exact
+    steps."""
     left = 1.0 / (2.0**order - 1.0)
     shares = []
     for name, y in fine.items():
@@ -160,7 +174,8 @@ def _parameters(problem: Problem, values: np.ndarray, named: Mapping[str, Any], 
             number = np.asarray(np.nan)
         if number.shape != shape or not np.all(np.isfinite(number)):
             raise SpaceError(
-                f"values has {name!r} as {value!r}; give {f'finite numbers of shape {shape}' if shape else 'one finite number'}."
+                f"values has {name!r} as {value!r}; give "
+                f"{f'finite numbers of shape {shape}' if shape else 'one finite number'}."
             )
         given[space.root(name)] = jnp.asarray(number)
     own = {n for n in space.parameters if (p := space.parameters[space.root(n)]).per_recording and p.value is None}
@@ -168,7 +183,8 @@ def _parameters(problem: Problem, values: np.ndarray, named: Mapping[str, Any], 
     if lost:
         name = sorted(lost)[0]
         raise SpaceError(
-            f"Parameter {name!r} has a value for each of the recordings {list(problem.experiments)} and none for {recording!r}; "
+            f"Parameter {name!r} has a value for each of the recordings {list(problem.experiments)} and none for "
+            f"{recording!r}; "
             f"give it, as in predict(recording, values={{{name!r}: 0.0}})."
         )
     at = recording if recording in problem.experiments else next(iter(problem.experiments))

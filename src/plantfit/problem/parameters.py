@@ -15,7 +15,10 @@ from plantfit.space import Parameter, Space
 
 def space_of(declared: Sequence[Declared], changes: Mapping[str, Any] | None, recordings: Sequence[str]) -> Space:
     """A space in the model's units; `changes` map names to `Parameter`, (low, high) or a number to hold."""
-    merged = {d.name: Parameter(**{f.name: getattr(d, f.name) for f in dataclasses.fields(Declared) if f.name != "name"}) for d in declared}
+    merged = {
+        d.name: Parameter(**{f.name: getattr(d, f.name) for f in dataclasses.fields(Declared) if f.name != "name"})
+        for d in declared
+    }
     for name, change in (changes or {}).items():
         if name not in merged:
             close = difflib.get_close_matches(name, merged, 1)
@@ -37,9 +40,14 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
         low, high = change
         return dataclasses.replace(base, bounds=(low, high), value=None, limits=_holding(base.limits, (low, high)))
     if change.shape and change.shape != base.shape:
-        raise SpaceError(f"Parameter {name!r} is given with shape {change.shape}, but the model has {base.shape or 'a single number'}.")
+        raise SpaceError(
+            f"Parameter {name!r} is given with shape {change.shape}, but the model has "
+            f"{base.shape or 'a single number'}."
+        )
     own = _in_unit(name, change, base.unit)
-    given = {f.name: getattr(own, f.name) for f in dataclasses.fields(Parameter) if not _unsaid(f, getattr(own, f.name))}
+    given = {
+        f.name: getattr(own, f.name) for f in dataclasses.fields(Parameter) if not _unsaid(f, getattr(own, f.name))
+    }
     return dataclasses.replace(
         base,
         **{
@@ -62,7 +70,9 @@ def _in_unit(name: str, change: Parameter, unit: str | None) -> Parameter:
     if change.unit is None or unit is None or change.unit == unit:
         return change
     if not units.compatible(change.unit, unit):
-        raise UnitError(f"Parameter {name!r} is given in {change.unit!r} but the model has it in {unit!r}; use a unit of that kind.")
+        raise UnitError(
+            f"Parameter {name!r} is given in {change.unit!r} but the model has it in {unit!r}; use a unit of that kind."
+        )
     factor, offset = units.factor_offset(change.unit, unit)
     converted = lambda v: None if v is None else np.asarray(v, dtype=float) * factor + offset  # noqa: E731
     bounds, limits = change.bounds, change.limits
@@ -70,7 +80,9 @@ def _in_unit(name: str, change: Parameter, unit: str | None) -> Parameter:
         change,
         bounds=(converted(bounds[0]), converted(bounds[1])) if bounds else None,
         value=converted(change.value),
-        start={r: converted(v) for r, v in change.start.items()} if isinstance(change.start, Mapping) else converted(change.start),
+        start={r: converted(v) for r, v in change.start.items()}
+        if isinstance(change.start, Mapping)
+        else converted(change.start),
         limits=(float(limits[0]) * factor + offset, float(limits[1]) * factor + offset) if limits else None,
         typical=None if change.typical is None else change.typical * abs(factor),
         unit=unit,

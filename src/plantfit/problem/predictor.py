@@ -52,7 +52,9 @@ class Predictor:
     def stepping(self) -> Simulator:
         """The simulator. Raises SimulationError for a regression."""
         if self.simulator is None:
-            raise SimulationError(f"Model {self.model.name!r} is a regression: it has no time steps to choose or verify.")
+            raise SimulationError(
+                f"Model {self.model.name!r} is a regression: it has no time steps to choose or verify."
+            )
         return self.simulator
 
     def with_simulator(self, simulator: Simulator) -> "Predictor":

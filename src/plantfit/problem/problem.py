@@ -42,7 +42,8 @@ _PREPARED = ("parts",)  # made by `_prepare`
 
 
 class StudyFile(NamedTuple):
-    """The study file that a problem was read from: its wording, where it lies, and the errors of instruments and refits that it states.
+    """The study file that a problem was read from: its wording, where it lies, and the errors of instruments and refits
+    that it states.
 
     `solved`: by `plantfit.regress`, as its table [regression] says, and not by a search.
     """
@@ -60,24 +61,24 @@ class Problem:
     `recordings`: a Recording, an Experiment, or a mapping of names to either. `split` fits the
     first share of a single recording and keeps the rest unseen; `validate` names recordings that
     are only predicted. `parameters` change what the model declares. `scales` divide the residual
-    of each output (in its unit); by default 1 for one output, its standard deviation for several, which `fit` replaces by
-    what the residuals show. `scale_sources` tells for every output who chose its scale.
-    The cost is the mean of the squared scaled residuals, so that its root is the RMSE: over all samples
-    with `balance` "samples", else ("recordings") of the means of the recordings, so that long ones count as short ones.
+    of each output (in its unit); by default 1 for one output, its standard deviation for several, which `fit` replaces
+    by what the residuals show. `scale_sources` tells for every output who chose its scale. The cost is the mean of the
+    squared scaled residuals, so that its root is the RMSE: over all samples with `balance` "samples", else
+    ("recordings") of the means of the recordings, so that long ones count as short ones.
 
     `initial_time` (s) lets the states of every recording begin before its first sample, under the inputs of `before`.
     `clock_shift` frees by how much later than recorded inputs act, name -> bounds (s), as parameters clock_shift_NAME.
     `hold` tells for each input how it goes on between samples, "previous" (default) or "linear".
     `stepper` and `substeps` as in `Simulator`; substeps None lets `fit` choose them.
 
-    `standard_errors` "robust" allows for residuals that are correlated in time and of different sizes; "classical" takes them as
-    independent and of one size, as textbooks on regression do. By default a model without time (no states, no delays) has classical
-    ones, for its rows are not samples, unless rows have times (a column of time, or other than 0, 1, 2, ..) and correlated residuals; every
-    other model has robust ones.
+    `standard_errors` "robust" allows for residuals that are correlated in time and of different sizes; "classical"
+    takes them as independent and of one size, as textbooks on regression do. By default a model without time (no
+    states, no delays) has classical ones, for its rows are not samples, unless rows have times (a column of time, or
+    other than 0, 1, 2, ..) and correlated residuals; every other model has robust ones.
 
-    `study_file` is the file that a problem was read from, None for one that was written in Python and for every changed copy. A problem
-    can be pickled if its model can. Raises RecordingError, UnitError, SpaceError, ModelError and SimulationError for what contradicts
-    itself.
+    `study_file` is the file that a problem was read from, None for one that was written in Python and for every changed
+    copy. A problem can be pickled if its model can. Raises RecordingError, UnitError, SpaceError, ModelError and
+    SimulationError for what contradicts itself.
     """
 
     study_file: StudyFile | None = None
@@ -104,7 +105,9 @@ class Problem:
     ):
         if clock_shift:
             if not isinstance(model, Model):
-                raise SpaceError(f"clock_shift is for models that are simulated, and {model.name!r} is a regression; leave it out.")
+                raise SpaceError(
+                    f"clock_shift is for models that are simulated, and {model.name!r} is a regression; leave it out."
+                )
             model = with_clock_shift(model, clock_shift)
         if standard_errors not in (None, "robust", "classical"):
             raise SpaceError(f"standard_errors = {standard_errors!r}; give 'robust' or 'classical'.")
@@ -113,11 +116,15 @@ class Problem:
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
         self.begins = dict(before or {}), initial_time  # of every recording that does not say its own
         self.experiments = experiments_of(
-            recordings, split, skip, validate, *self.begins, self.predictor.needs, model.inputs if isinstance(model, Model) else None
+            recordings, split, skip, validate, *self.begins, self.predictor.needs,
+            model.inputs if isinstance(model, Model) else None
         )  # fmt: skip
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         recorded = recorded_units(self.experiments, self.predictor.needs)
-        self.needs = {**self.predictor.needs, **recorded}  # signals with their units; where the model has none, those of the recordings
+        self.needs = {
+            **self.predictor.needs,
+            **recorded,
+        }  # signals with their units; where the model has none, those of the recordings
         if isinstance(model, Model):
             check_said_later(model, {n: p.unit for n, p in self.space.parameters.items()}, recorded)
         self._refuse_unfitted()
@@ -127,7 +134,9 @@ class Problem:
         self._prepare()
         self.scales, self.scale_sources = self.parts.scales(scales)
         self.weights = self.parts.weights(balance)
-        self.smoothing = Smoothing.of(self.space, {t.name: t for t in getattr(model, "tables", ())}, self.parts.spread(self.scales))
+        self.smoothing = Smoothing.of(
+            self.space, {t.name: t for t in getattr(model, "tables", ())}, self.parts.spread(self.scales)
+        )
 
     def _refuse_unfitted(self) -> None:
         """A recording that is only predicted cannot give values to parameters of its own."""
@@ -137,7 +146,8 @@ class Problem:
             raise SpaceError(
                 f"Parameter {own[0]!r} is per_recording, but recording {unseen[0]!r} is not fitted at all, "
                 "so nothing gives its value there; "
-                "fit a short first part of that recording (fit = [start, stop], validate = [stop, end]) or share the parameter."
+                "fit a short first part of that recording (fit = [start, stop], validate = [stop, end]) or share the "
+                "parameter."
             )
 
     def _prepare(self) -> None:
@@ -174,23 +184,32 @@ class Problem:
         self._prepare()
 
     def with_scales(self, scales: Mapping[str, float], source: ScaleSource = GIVEN) -> "Problem":
-        """The same problem with other scales of some outputs (in their units), chosen by `source`; compiled functions are kept."""
+        """The same problem with other scales of some outputs (in their units), chosen by `source`; compiled
+        functions are kept."""
         sources = {**self.scale_sources, **dict.fromkeys(scales, source)}
         return self._variant(scales={**self.scales, **scales}, scale_sources=sources)
 
     def with_smoothing(self, strengths: Mapping[tuple[str, str], float]) -> "Problem":
-        """The same problem with other strengths of its smoothing, by parameter and signal (see `Smoothing.strengths`)."""
+        """The same problem with other strengths of its smoothing, by parameter and signal (see
+        `Smoothing.strengths`)."""
         if self.smoothing is None or not set(strengths) <= set(self.smoothing.keys):
             known = [] if self.smoothing is None else list(self.smoothing.keys)
-            raise SpaceError(f"with_smoothing names {list(strengths)}, but smoothed are {known}; give those parameters smooth first.")
+            raise SpaceError(
+                f"with_smoothing names {list(strengths)}, but smoothed are {known}; give those parameters smooth first."
+            )
         return self._variant(smoothing=self.smoothing.with_strengths(strengths))
 
     def freed(self, bounds: Mapping[str, tuple[float, float]]) -> "Problem":
-        """The same problem with parameters between bounds that it holds at a value; scales, weights, steps and smoothing stay."""
+        """The same problem with parameters between bounds that it holds at a value; scales, weights, steps and
+        smoothing stay."""
         freed = {
-            n: replace(self.space.parameters[n], value=None, bounds=b, scale="linear", start=None, limits=None) for n, b in bounds.items()
+            n: replace(self.space.parameters[n], value=None, bounds=b, scale="linear", start=None, limits=None)
+            for n, b in bounds.items()
         }
-        space = Space({**self.space.parameters, **{n: replace(p, per_recording=False) for n, p in freed.items()}}, self.space.recordings)
+        space = Space(
+            {**self.space.parameters, **{n: replace(p, per_recording=False) for n, p in freed.items()}},
+            self.space.recordings,
+        )
         other = self._variant(space=space, _compiled={})
         other._prepare()
         if self.smoothing is not None:
@@ -201,13 +220,15 @@ class Problem:
 
     @property
     def in_time(self) -> bool:
-        """Whether rows are samples one after another: models with states or delays, and regressions on recorded signals."""
+        """Whether rows are samples one after another: models with states or delays, and regressions on recorded
+        signals."""
         model = self.model
         return not isinstance(model, Model) or bool(model.states or model.delays or model.state_delays)
 
     @property
     def robust(self) -> bool:
-        """Whether standard errors allow for residuals that are correlated in time, as asked or by the model alone (`standard_errors`)."""
+        """Whether standard errors allow for residuals that are correlated in time, as asked or by the model alone
+        (`standard_errors`)."""
         return self.in_time if self.standard_errors is None else self.standard_errors == "robust"
 
     @cached_property
@@ -231,15 +252,21 @@ class Problem:
     def with_recordings(self, recordings: Mapping[str, Recording]) -> "Problem":
         """The same problem on other recordings of the same lengths, one for each name; parts, scales and weights stay.
 
-        Compiled functions are kept where the new records have the samples of the old, so that a hundred fits compile once.
+        Compiled functions are kept where the new records have the samples of the old, so that a hundred fits compile
+        once.
         """
         if set(recordings) != set(self.experiments):
-            raise RecordingError(f"with_recordings got {sorted(recordings)}; give one for each of {list(self.experiments)}.")
+            raise RecordingError(
+                f"with_recordings got {sorted(recordings)}; give one for each of {list(self.experiments)}."
+            )
         return self._with_numbers({n: e.on(in_units(recordings[n], self.needs)) for n, e in self.experiments.items()})
 
     def with_starts(self, corrections: Mapping[str, Mapping[str, float]]) -> "Problem":
-        """The same problem with other `Experiment.start_corrections`, by recording and output; none of recordings that are left out."""
-        return self._with_numbers({n: replace(e, start_corrections=corrections.get(n, {})) for n, e in self.experiments.items()})
+        """The same problem with other `Experiment.start_corrections`, by recording and output; none of recordings
+        that are left out."""
+        return self._with_numbers(
+            {n: replace(e, start_corrections=corrections.get(n, {})) for n, e in self.experiments.items()}
+        )
 
     @property
     def start_corrections(self) -> dict[str, dict[str, float]]:
@@ -311,14 +338,17 @@ class Problem:
             return one_by_one
         simulator = self.predictor.stepping()
         if "batched" not in self._compiled:
-            self._compiled["batched"] = BatchedRecords.of(simulator, self.space, moving, self.parts.index, self.parts.measured)
+            self._compiled["batched"] = BatchedRecords.of(
+                simulator, self.space, moving, self.parts.index, self.parts.measured
+            )
         batched = self._compiled["batched"].with_simulator(simulator)
         if len(moving) == len(self.parts.drives):
             return batched
         return MovingAndSteady(batched, one_by_one, self.parts.counts)
 
     def residuals(self, z: Any) -> jax.Array:
-        """Scaled residuals (m,), simulated minus measured, at a cube point (d,); recording by recording, output by output."""
+        """Scaled residuals (m,), simulated minus measured, at a cube point (d,); recording by recording, output by
+        output."""
         data = self.unsmoothed
         return data.compiled["residuals"](jnp.asarray(z), data.arguments)
 
@@ -344,7 +374,8 @@ class Problem:
         return self._compiled[key]
 
     def _compiled_in(self, functions: Evaluator) -> bytes | None:
-        """A digest of all that the programs of these functions depend on; None where it cannot be told. Recorded numbers are arguments."""
+        """A digest of all that the programs of these functions depend on; None where it cannot be told. Recorded
+        numbers are arguments."""
         simulator = self.predictor.simulator
         steps = None if simulator is None else (simulator.stepper, simulator.substeps, simulator.interpolated)
         parameters = {n: replace(p, start=None, sentence="", typical=None) for n, p in self.space.parameters.items()}
@@ -356,7 +387,8 @@ class Problem:
         return described({k: v for k, v in self.__getstate__().items() if k not in _NOT_COMPILED})
 
     def kept(self, function: Callable, name: str, thing: Any) -> Kept:
-        """A pure function of arrays that calls `costs`, compiled; found again by the next process where `thing` describes its rest."""
+        """A pure function of arrays that calls `costs`, compiled; found again by the next process where `thing`
+        describes its rest."""
         return Kept(function, name, None if self._description is None else described((self._description, thing)))
 
     def costs(self, zs: Any) -> jax.Array:
@@ -373,24 +405,31 @@ class Problem:
         return float(f[0]), np.asarray(g[0])
 
     def residuals_and_jacobian(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (m,) and their exact derivatives by the cube coordinates (m, d); rows of smoothing, if any, at their end."""
+        """Residuals (m,) and their exact derivatives by the cube coordinates (m, d); rows of smoothing, if any, at
+        their end."""
         r, jacobian = self.compiled["residuals_and_jacobian"](jnp.asarray(z), self.arguments)
         return np.asarray(r), np.asarray(jacobian)
 
     def compressed(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals (k,) and derivatives (k, d) in few rows: same mean square, gradient and Gauss-Newton matrix as the whole ones."""
+        """Residuals (k,) and derivatives (k, d) in few rows: same mean square, gradient and Gauss-Newton matrix as
+        the whole ones."""
         return compressed(self.blocks(z), self.space.dimension)
 
     def blocks(self, z: Any) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Residuals (m,), derivatives (m, q) and the q coordinates that they are by, of parts that have coordinates of their own.
+        """Residuals (m,), derivatives (m, q) and the q coordinates that they are by, of parts that have coordinates of
+        their own.
 
         The cost is the mean of the squares of all of them; of a regression they are few, as in `compressed`.
         """
         blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
-        return [(np.asarray(r), np.asarray(j), np.asarray(own)) for (r, j), own in zip(blocks, self.evaluator.local, strict=True)]
+        return [
+            (np.asarray(r), np.asarray(j), np.asarray(own))
+            for (r, j), own in zip(blocks, self.evaluator.local, strict=True)
+        ]
 
     def once(self, key: Any, make: Callable[[], Any]) -> Any:
-        """What `make` gives, made once for this problem and its variants of other scales, steps and strengths of smoothing."""
+        """What `make` gives, made once for this problem and its variants of other scales, steps and strengths of
+        smoothing."""
         if key not in self._compiled:
             self._compiled[key] = make()
         return self._compiled[key]
@@ -400,11 +439,16 @@ class Problem:
         """Coordinates of every recording when no two share any, so that each is a problem of its own; else None."""
         groups = [np.asarray(own) for own in self.evaluator.local]
         count = sum(map(len, groups))
-        return tuple(groups) if len(groups) > 1 and count == len(set(np.concatenate(groups))) == self.space.dimension else None
+        return (
+            tuple(groups)
+            if len(groups) > 1 and count == len(set(np.concatenate(groups))) == self.space.dimension
+            else None
+        )
 
     @property
     def block_places(self) -> list[tuple[np.ndarray, np.ndarray]]:
-        """For every block of compiled["blocks"] without smoothing its coordinates (q,), and its rows' places (k,) among `residuals`."""
+        """For every block of compiled["blocks"] without smoothing its coordinates (q,), and its rows' places (k,)
+        among `residuals`."""
         counts = self.parts.counts
         begin = dict(zip(counts, np.cumsum([0, *counts.values()])[:-1], strict=True))
         evaluator = self.evaluator_of_data
@@ -420,7 +464,10 @@ class Problem:
         blocks = self.compiled["blocks"](jnp.asarray(z), self.evaluator.only(self.arguments, wanted))
         count = sum(r.shape[0] for r, _ in blocks)
         ends = [None if w else 0 for w in wanted]
-        small = (triangle(np.asarray(j)[:end], np.asarray(r)[:end]) / np.sqrt(count) for (r, j), end in zip(blocks, ends, strict=True))
+        small = (
+            triangle(np.asarray(j)[:end], np.asarray(r)[:end]) / np.sqrt(count)
+            for (r, j), end in zip(blocks, ends, strict=True)
+        )
         return [(a[:, -1], a[:, :-1]) for a in small]
 
     @cached_property
@@ -432,15 +479,17 @@ class Problem:
     def jacobian_charge(self) -> float:
         """Evaluations that one Jacobian is charged: 1 + q/2, rounded up.
 
-        q counts the coordinates of one recording: those of others do not enter its residuals. Alone it costs less (2.7 evaluations
-        for q = 12, 7 for 31 by benchmarks/engine.py and benchmarks/steam), one of a batch, whose evaluations share lanes, more.
+        q counts the coordinates of one recording: those of others do not enter its residuals. Alone it costs less (2.7
+        evaluations for q = 12, 7 for 31 by benchmarks/engine.py and benchmarks/steam), one of a batch, whose
+        evaluations share lanes, more.
         """
         return float(1 + (self.evaluator.local_dimension + 1) // 2)
 
     # -- at an answer -----------------------------------------------------------------------------
 
     def predict(self, values: Any, name: str | None = None) -> dict[str, np.ndarray]:
-        """Every output (n,), in its unit, over a whole recording (by default the first), fitted or not, at values (d,) in their units.
+        """Every output (n,), in its unit, over a whole recording (by default the first), fitted or not, at values (d,)
+        in their units.
 
         Raises RecordingError for a name that is none of the recordings.
         """

@@ -10,14 +10,16 @@ from plantfit.simulate.simulator import ADAPTIVE
 
 
 def problem_text(problem: Any) -> str:
-    """Of a `Problem`: the model with its parameters, the recordings with what is fitted and kept unseen, the outputs with their inputs."""
+    """Of a `Problem`: the model with its parameters, the recordings with what is fitted and kept unseen, the outputs
+    with their inputs."""
     held = [n for n, p in problem.space.parameters.items() if p.value is not None]
     kept = f"; held: {listed(held)}" if held else ""
     reads = {n: u for n, u in problem.predictor.needs.items() if n not in problem.outputs}
     recordings = listed([f"{n} ({_parts(e)})" for n, e in problem.experiments.items()], 4)
     return "\n".join(
         [
-            f"Problem {problem.name!r}: model {problem.model.name!r}, {problem.space.dimension} free: {listed(problem.space.names)}{kept}",
+            f"Problem {problem.name!r}: model {problem.model.name!r}, {problem.space.dimension} free: "
+            f"{listed(problem.space.names)}{kept}",
             f"  recordings: {recordings}",
             f"  outputs: {listed([_with_unit(problem, o) for o in problem.outputs])}; "
             f"inputs: {listed([_with_unit(problem, n) for n in reads]) or 'none'}",

@@ -84,7 +84,9 @@ def _summary(found: Table, column: Column, is_time: bool) -> ColumnSummary:
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (None, None)
     kind = "time" if is_time else "number" if numeric else "text"
     start = float(finite[0]) if len(finite) else None
-    return ColumnSummary(column.header, identifier(column.name), column.unit, kind, missing, len(text), low, high, first, start)
+    return ColumnSummary(
+        column.header, identifier(column.name), column.unit, kind, missing, len(text), low, high, first, start
+    )
 
 
 def _plain(cells: pl.Series) -> list[Any]:

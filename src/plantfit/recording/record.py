@@ -22,10 +22,9 @@ class Signal:
 class Recording:
     """Signals sampled together at times `t` (n,) in seconds, strictly increasing.
 
-    `log` tells every step from the file to these values, one sentence each; `clocked` that times are those of a column, also where they
-    look like numbers of rows.
-    The arrays are copies and read-only; every cleaning step returns a new recording. Raises RecordingError for times that do not
-    increase and signals of other lengths.
+    `log` tells every step from the file to these values, one sentence each; `clocked` that times are those of a column,
+    also where they look like numbers of rows. The arrays are copies and read-only; every cleaning step returns a new
+    recording. Raises RecordingError for times that do not increase and signals of other lengths.
     """
 
     t: np.ndarray
@@ -40,7 +39,9 @@ class Recording:
             raise RecordingError(f"Recording {self.name!r} has no samples; check the file and the columns chosen.")
         if not np.all(np.isfinite(t)):
             row = int(np.argmin(np.isfinite(t)))
-            raise RecordingError(f"Recording {self.name!r}: time is missing at sample {row}; remove that row or fill its time.")
+            raise RecordingError(
+                f"Recording {self.name!r}: time is missing at sample {row}; remove that row or fill its time."
+            )
         back = np.flatnonzero(np.diff(t) <= 0)
         if len(back):
             k = int(back[0])
@@ -52,7 +53,9 @@ class Recording:
         for name, signal in self.signals.items():
             values = np.array(signal.values, dtype=float)
             if values.shape != t.shape:
-                raise RecordingError(f"Recording {self.name!r}: signal {name!r} has {values.size} values but time has {t.size}.")
+                raise RecordingError(
+                    f"Recording {self.name!r}: signal {name!r} has {values.size} values but time has {t.size}."
+                )
             values.flags.writeable = False
             signals[name] = Signal(values, signal.unit)
         t.flags.writeable = False

@@ -1,4 +1,5 @@
-"""What the columns of a file seem to be: time, index, inputs that hold and jump, outputs that lag; why, and whether it is sure."""
+"""What the columns of a file seem to be: time, index, inputs that hold and jump, outputs that lag; why, and whether
+it is sure."""
 
 import os
 import re
@@ -35,16 +36,19 @@ _OUTPUT = re.compile(
 )
 _MEASURED = re.compile(r"(?:meas|measured|measurement|sensor|output)")  # where no other word tells
 _GOAL = re.compile(r"(?:sp|set|setpoint|setpt|ref|reference|target|desired|des|soll|sollwert|consigne|goal|setvalue)")
-_COUNT = re.compile(r"(?:index|idx|sample|samples|no|nr|num|number|row|count|counter|n|k|record|point|unnamed|scan|id|seq|messpunkt|lfd)")
-_OUT_UNITS = {"degC", "°C", "degF", "K", "rad", "deg", "rad/s", "deg/s", "rpm", "1/min", "m", "mm", "cm", "m/s", "m/s^2", "bar", "Pa",
+_COUNT = re.compile(
+    r"(?:index|idx|sample|samples|no|nr|num|number|row|count|counter|n|k|record|point|unnamed|scan|id|seq|messpunkt|lfd)"
+)
+_OUT_UNITS = {"degC", "°C", "degF", "K", "rad", "deg", "rad/s", "deg/s", "rpm", "1/min", "m", "mm", "cm", "m/s",
+              "m/s^2", "bar", "Pa",
               "kPa", "l/min", "L/min", "m^3/h", "tr/min", "A", "mA"}  # fmt: skip
 _IN_UNITS = {"V", "mV", "%", "N", "N*m", "Nm", "W", "kW"}
 
 
 @dataclass(frozen=True)
 class Role:
-    """One column. `name` is fit for equations, `why` a clause for the user. `answers` are the headers of the inputs that an output answers
-    to, the strongest first. Of a role that is not `sure` the user should be asked."""
+    """One column. `name` is fit for equations, `why` a clause for the user. `answers` are the headers of the inputs
+    that an output answers to, the strongest first. Of a role that is not `sure` the user should be asked."""
 
     header: str
     name: str
@@ -72,7 +76,8 @@ class Roles:
 
 
 def guess_roles(path: str | os.PathLike[str], **options: Any) -> Roles:
-    """What the columns of a file seem to be; `options` as delimiter, sheet, ... Raises RecordingError for a file that cannot be read."""
+    """What the columns of a file seem to be; `options` as delimiter, sheet, ... Raises RecordingError for a file
+    that cannot be read."""
     content = table(path, **options)
     return roles_of(content)
 
@@ -80,9 +85,9 @@ def guess_roles(path: str | os.PathLike[str], **options: Any) -> Roles:
 def roles_of(content: Table) -> Roles:
     """The roles of a table's columns.
 
-    Evidence for an input: its name and unit, that it holds its value and jumps, and that its past tells the future of others while
-    theirs does not tell its own (Granger 1969, Econometrica 37). Evidence for an output is the opposite. A column of which most samples
-    are missing is an output, as of a laboratory, where others are there throughout.
+    Evidence for an input: its name and unit, that it holds its value and jumps, and that its past tells the future of
+    others while theirs does not tell its own (Granger 1969, Econometrica 37). Evidence for an output is the opposite. A
+    column of which most samples are missing is an output, as of a laboratory, where others are there throughout.
     """
     content = widened(content)
     time = guess_time(content)
@@ -106,7 +111,15 @@ def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndar
     if is_time:
         return replace(base, kind="time"), None, 0
     if not mostly_numbers(content, column):
-        return (replace(base, why="no numbers") if column.cells.null_count() < len(column.cells) else replace(base, kind="empty")), None, 0
+        return (
+            (
+                replace(base, why="no numbers")
+                if column.cells.null_count() < len(column.cells)
+                else replace(base, kind="empty")
+            ),
+            None,
+            0,
+        )
     v = casted(content, column.cells)[0]
     there = np.flatnonzero(np.isfinite(v))
     if v[there].min() == v[there].max():
@@ -121,29 +134,40 @@ def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndar
 
 
 def _words(column: Column) -> list[str]:
-    return [w.lower() for w in _PARTS.findall(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", column.name.rpartition(".")[2] or column.name))]
+    return [
+        w.lower()
+        for w in _PARTS.findall(re.sub(r"(?<=[a-z])(?=[A-Z])", " ", column.name.rpartition(".")[2] or column.name))
+    ]
 
 
 def _said(column: Column, words: re.Pattern[str]) -> bool:
     return any(words.fullmatch(word) for word in _words(column))
 
 
-def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray], missing: Mapping[str, int]) -> dict[str, Role]:
+def _judged(
+    columns: Mapping[str, Column], values: Mapping[str, np.ndarray], missing: Mapping[str, int]
+) -> dict[str, Role]:
     heads, n = list(columns), min(map(len, values.values()))
     stride = max(1, n // MOST)
     v = np.column_stack([values[h][::stride] for h in heads])
     goals = {h for h in heads if _said(columns[h], _GOAL)}
     sparse = {h for h in heads if h not in goals and missing[h] > (1 - SPARSE) * n}
-    if len(sparse) == len(heads) - len(goals):  # a long table, of which each row holds one column: then nothing is told by what is missing
+    if len(sparse) == len(heads) - len(
+        goals
+    ):  # a long table, of which each row holds one column: then nothing is told by what is missing
         sparse = set()
-    copies = _copies([h for h in heads if h not in goals and h not in sparse], columns, dict(zip(heads, v.T, strict=True)))
+    copies = _copies(
+        [h for h in heads if h not in goals and h not in sparse], columns, dict(zip(heads, v.T, strict=True))
+    )
     if len(heads) - len(goals) - len(copies) < 2:  # nothing but set points: then they are inputs
         goals = set()
     own = [h for h in heads if h not in goals and h not in copies and h not in sparse]
     v = v[:, [heads.index(h) for h in own]]
     v = v / np.abs(v).max(axis=0)  # squares of values near the end of float64 overflow
     tells = _tells(v) if len(own) > 1 else np.zeros((len(own), len(own)))
-    evidence, reasons = zip(*(_evidence(columns[h], v[:, k], tells, k) for k, h in enumerate(own)), strict=True) if own else ((), ())
+    evidence, reasons = (
+        zip(*(_evidence(columns[h], v[:, k], tells, k) for k, h in enumerate(own)), strict=True) if own else ((), ())
+    )
     inputs = [k for k in range(len(own)) if evidence[k] > 0]
     forced = None
     if not inputs or (len(inputs) == len(own) and not sparse):
@@ -154,7 +178,11 @@ def _judged(columns: Mapping[str, Column], values: Mapping[str, np.ndarray], mis
         kind: Kind = "input" if k in inputs else "output"
         alone = kind == "output" and _unmoved(tells, k, inputs)
         driven = kind == "output" and not alone
-        answers = tuple(own[i] for i in sorted(inputs, key=lambda i: -tells[i, k]) if _drives(tells, i, k, inputs)) if driven else ()
+        answers = (
+            tuple(own[i] for i in sorted(inputs, key=lambda i: -tells[i, k]) if _drives(tells, i, k, inputs))
+            if driven
+            else ()
+        )
         sure = abs(evidence[k]) >= SURE and k != forced and not alone
         why = reasons[k][kind] or "nothing speaks against it"
         found[h] = _role(columns[h], kind, f"{why}; {UNMOVED}" if alone else why, sure, answers)
@@ -173,18 +201,21 @@ def _role(column: Column, kind: Kind, why: str, sure: bool, answers: tuple[str, 
 
 
 def _unmoved(tells: np.ndarray, k: int, inputs: Sequence[int]) -> bool:
-    """Whether nothing tells of output k, while something clearly tells of another output: a supply temperature, a load, the weather."""
+    """Whether nothing tells of output k, while something clearly tells of another output: a supply temperature, a
+    load, the weather."""
     others = [float(tells[:, j].max()) for j in range(len(tells)) if j != k and j not in inputs]
     return float(tells[:, k].max()) < STILL < 3.0 * STILL < max(others, default=0.0)
 
 
 def _drives(tells: np.ndarray, i: int, k: int, inputs: Sequence[int]) -> bool:
-    """Whether input i is worth a place in the equation of output k: what it tells is not far below what the strongest does."""
+    """Whether input i is worth a place in the equation of output k: what it tells is not far below what the
+    strongest does."""
     return tells[i, k] >= 0.02 * max(tells[j, k] for j in inputs) and tells[i, k] > 0
 
 
 def _copies(heads: Sequence[str], columns: Mapping[str, Column], v: Mapping[str, np.ndarray]) -> dict[str, str]:
-    """Columns that are another one again, filtered or commanded, by header: the same unit or none, and differences of under 2 % of both."""
+    """Columns that are another one again, filtered or commanded, by header: the same unit or none, and differences
+    of under 2 % of both."""
     found: dict[str, str] = {}
     for j, later in enumerate(heads):
         for first in heads[:j]:
@@ -227,14 +258,21 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
 
 def _named(column: Column) -> float:
     """1 where the name is that of an input, -1 of an output, 0 of neither."""
-    words = [(1.0 if _INPUT.fullmatch(w) else -1.0) for w in _words(column) if bool(_INPUT.fullmatch(w)) != bool(_OUTPUT.fullmatch(w))]
+    words = [
+        (1.0 if _INPUT.fullmatch(w) else -1.0)
+        for w in _words(column)
+        if bool(_INPUT.fullmatch(w)) != bool(_OUTPUT.fullmatch(w))
+    ]
     if not words and _said(column, _MEASURED):
-        words = [1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0]  # the output of a controller
+        words = [
+            1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0
+        ]  # the output of a controller
     return float(np.sign(words[-1] if sum(words) == 0 else sum(words))) if words else 0.0
 
 
 def _jumps(v: np.ndarray) -> float:
-    """1 for a signal that holds and jumps, down to -1 for one whose changes are spread over all samples; 0 where that is unclear."""
+    """1 for a signal that holds and jumps, down to -1 for one whose changes are spread over all samples; 0 where
+    that is unclear."""
     d = np.abs(np.diff(v))
     if not np.any(d):
         return 0.0
@@ -247,7 +285,8 @@ def _jumps(v: np.ndarray) -> float:
 
 
 def _tells(v: np.ndarray) -> np.ndarray:
-    """(m, m): the share of what the own past leaves of column k that the past of column i explains, at the stride at which it is most."""
+    """(m, m): the share of what the own past leaves of column k that the past of column i explains, at the stride at
+    which it is most."""
     m = v.shape[1]
     found = np.zeros((m, m))
     for stride in (1, 3, 10, 30):
@@ -263,7 +302,9 @@ def _tells(v: np.ndarray) -> np.ndarray:
                 if i != k and left > 1e-12 * np.var(w[:, k]):
                     more = _left(np.column_stack([own, past[i]]), w[3:, k])
                     share = 1 - more / left
-                    found[i, k] = max(found[i, k], share if share * rows > 12 else 0.0)  # chance gives 3 / rows in the mean
+                    found[i, k] = max(
+                        found[i, k], share if share * rows > 12 else 0.0
+                    )  # chance gives 3 / rows in the mean
     return found
 
 

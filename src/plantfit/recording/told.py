@@ -30,7 +30,9 @@ def recording_text(recording: Any) -> str:
     signals = []
     for name, signal in recording.signals.items():
         missing = int(np.sum(np.isnan(signal.values)))
-        signals.append(f"{name}{f' [{signal.unit}]' if signal.unit else ''}{f' ({missing} missing)' if missing else ''}")
+        signals.append(
+            f"{name}{f' [{signal.unit}]' if signal.unit else ''}{f' ({missing} missing)' if missing else ''}"
+        )
     later = f" ({len(recording.log) - 1} more steps in .log)" if len(recording.log) > 1 else ""
     origin = recording.log[0] if recording.log else "Made in Python."
     return "\n".join(

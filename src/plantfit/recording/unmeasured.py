@@ -16,8 +16,11 @@ def unmeasured(recording: Recording, names: Sequence[str]) -> Recording:
     for name in names:
         if name in recording.signals:
             raise RecordingError(
-                f"Recording {recording.name!r} has the signal {name!r}, but unmeasured names it too; remove one of the two."
+                f"Recording {recording.name!r} has the signal {name!r}, but unmeasured names it too; remove one of the "
+                f"two."
             )
     missing = {name: Signal(np.full(len(recording.t), np.nan), None) for name in names}
     log = [f"{name}: not measured here." for name in names]
-    return Recording(recording.t, {**recording.signals, **missing}, recording.name, (*recording.log, *log), recording.clocked)
+    return Recording(
+        recording.t, {**recording.signals, **missing}, recording.name, (*recording.log, *log), recording.clocked
+    )

@@ -32,7 +32,9 @@ def to_csv(recording: Recording, path: str | os.PathLike[str]) -> Path:
     try:
         file.write_bytes(gzip.compress(data, mtime=0) if file.suffix == ".gz" else data)
     except OSError as error:
-        raise RecordingError(f"File {str(file)!r} cannot be written ({error.strerror}); choose another place.") from None
+        raise RecordingError(
+            f"File {str(file)!r} cannot be written ({error.strerror}); choose another place."
+        ) from None
     return file
 
 
@@ -41,6 +43,7 @@ def _header(recording: Recording, name: str) -> str:
     header = name if unit is None else f"{name} [{unit}]"
     if split_header(header) != (name, unit) or identifier(name) != name:
         raise RecordingError(
-            f"Recording {recording.name!r}: signal {name!r} with unit {unit!r} could not be read back; use a plain name and a known unit."
+            f"Recording {recording.name!r}: signal {name!r} with unit {unit!r} could not be read back; use a plain "
+            f"name and a known unit."
         )
     return header

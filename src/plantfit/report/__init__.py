@@ -1,7 +1,8 @@
 """Reports of findings: one self-contained HTML file, or plain text for a terminal.
 
-The report of a fit is `html.py` with templates/report.html. An answer in a notebook is `notebook.py` with templates/answer.html, which has
-tables and no figures. `answer.plot()` is `plot.py`, the figure of one recording as an object of plotly.
+The report of a fit is `html.py` with templates/report.html. An answer in a notebook is `notebook.py` with
+templates/answer.html, which has tables and no figures. `answer.plot()` is `plot.py`, the figure of one recording as an
+object of plotly.
 """
 
 from typing import TYPE_CHECKING

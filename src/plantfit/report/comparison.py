@@ -39,7 +39,9 @@ def _across(across: OverProblems, drawings: Drawings) -> dict[str, Any]:
     profile = None
     if across.profile and across.profile.at:
         figure = curves.ecdf_figure(across.profile, "evaluations / (parameters + 1)")
-        profile = drawings.add(figure, "Data profile: share of problems, targets and runs reached against evaluations per dimension.")
+        profile = drawings.add(
+            figure, "Data profile: share of problems, targets and runs reached against evaluations per dimension."
+        )
     return {
         "says": [said("info", s) for s in across.sentences],
         "ranks": tables.ranks_table(across),

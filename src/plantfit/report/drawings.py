@@ -19,7 +19,12 @@ class Drawings:
 
     def add(self, figure: Figure, label: str) -> dict[str, Any]:
         """Keep a figure and return what the template needs to place it."""
-        item = {"id": f"figure-{len(self.items) + 1}", "label": label, "figure": figure, "height": figure["layout"]["height"]}
+        item = {
+            "id": f"figure-{len(self.items) + 1}",
+            "label": label,
+            "figure": figure,
+            "height": figure["layout"]["height"],
+        }
         self.items.append(item)
         return item
 

@@ -52,7 +52,9 @@ def write_page(path: str | Path, text: str) -> Path:
     try:
         _replace(path, text)
     except OSError as error:
-        raise StoreError(f"The report could not be written to {path} ({error.strerror}); free space or choose another folder.") from None
+        raise StoreError(
+            f"The report could not be written to {path} ({error.strerror}); free space or choose another folder."
+        ) from None
     return path
 
 
@@ -62,20 +64,32 @@ def check_place(path: Path) -> None:
         _check_place(path)
     except (OSError, ValueError) as error:  # a name too long, a NUL in it, no right to look
         reason = getattr(error, "strerror", None) or error
-        raise StoreError(f"The report cannot be written to {str(path)!r:.300} ({reason}); choose another name or folder.") from None
+        raise StoreError(
+            f"The report cannot be written to {str(path)!r:.300} ({reason}); choose another name or folder."
+        ) from None
 
 
 def _check_place(path: Path) -> None:
     with suppress(FileNotFoundError):
         path.lstat()  # raises for what can be no name
     if path.is_dir():
-        raise StoreError(f"The report cannot be written to {path}: it is a folder; give a file name such as {path / 'report.html'}.")
+        raise StoreError(
+            f"The report cannot be written to {path}: it is a folder; give a file name such as {path / 'report.html'}."
+        )
     if not path.parent.is_dir():
-        raise StoreError(f"The report cannot be written to {path}: the folder {path.parent} does not exist; create it first.")
+        raise StoreError(
+            f"The report cannot be written to {path}: the folder {path.parent} does not exist; create it first."
+        )
     if not os.access(path.parent, os.W_OK):
-        raise StoreError(f"The report cannot be written to {path}: you may not write to the folder {path.parent}; choose another folder.")
+        raise StoreError(
+            f"The report cannot be written to {path}: you may not write to the folder {path.parent}; choose another "
+            f"folder."
+        )
     if (path.exists() or path.is_symlink()) and not is_report(path):
-        raise StoreError(f"The report is not written to {path}, which is not a report of plantfit; move that file, or choose another name.")
+        raise StoreError(
+            f"The report is not written to {path}, which is not a report of plantfit; move that file, or choose "
+            f"another name."
+        )
 
 
 def is_report(path: Path) -> bool:
@@ -113,7 +127,9 @@ def render_page(template: str, context: Mapping[str, Any]) -> str:
 
 def environment() -> jinja2.Environment:
     """What all templates are read with."""
-    found = jinja2.Environment(loader=jinja2.FunctionLoader(template_text), autoescape=True, undefined=jinja2.StrictUndefined)
+    found = jinja2.Environment(
+        loader=jinja2.FunctionLoader(template_text), autoescape=True, undefined=jinja2.StrictUndefined
+    )
     found.trim_blocks = found.lstrip_blocks = True
     found.filters["coded"] = coded
     return found
@@ -127,7 +143,9 @@ def coded(sentence: str) -> Markup:
 
 def _plotly() -> str:
     """plotly.js with the kinds of figures that pages use, compressed, as base64; draw.js unpacks it."""
-    return b64encode(resources.files("plantfit.report").joinpath("templates", "plotly-cartesian.min.js.gz").read_bytes()).decode()
+    return b64encode(
+        resources.files("plantfit.report").joinpath("templates", "plotly-cartesian.min.js.gz").read_bytes()
+    ).decode()
 
 
 def template_text(name: str) -> str:
@@ -177,7 +195,9 @@ def _context(record: Findings) -> dict[str, Any]:
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),
-        "directions": tables.combinations_table(record.combinations) if len(record.combinations) > MOST_DIRECTIONS else None,
+        "directions": tables.combinations_table(record.combinations)
+        if len(record.combinations) > MOST_DIRECTIONS
+        else None,
         "search": _search(record, drawings),
         "comparison": comparison_section.of_findings(record, drawings),
         "simulation": _simulation(record),
@@ -210,16 +230,22 @@ def _fits(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
             if fit[key] == before:
                 fit[key] = type(before)()
     if found:
-        found[0]["note"] = " ".join(filter(None, (sentences.decimated([len(r.t) for r in shown], points), found[0]["note"])))
+        found[0]["note"] = " ".join(
+            filter(None, (sentences.decimated([len(r.t) for r in shown], points), found[0]["note"]))
+        )
     return found
 
 
 def _cleaning(recordings: Sequence[Recording]) -> list[dict[str, Any]]:
-    """(number, line) of each recording's way to its signals; beside one of as many lines, only those that differ from the first's."""
+    """(number, line) of each recording's way to its signals; beside one of as many lines, only those that differ
+    from the first's."""
     found = []
     for recording in recordings:
         first = recordings[0]
-        lines, alike = list(enumerate(recording.log, start=1)), len(recordings) > 1 and len(recording.log) == len(first.log)
+        lines, alike = (
+            list(enumerate(recording.log, start=1)),
+            len(recordings) > 1 and len(recording.log) == len(first.log),
+        )
         other = recording is not first and alike and bool(set(recording.log) & set(first.log))
         if other:
             lines = [(k, line) for (k, line), before in zip(lines, first.log, strict=True) if line != before]
@@ -249,12 +275,23 @@ def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool)
     auto = figures.stem_figure(lags[later], array(test.autocorrelation)[later], bound, "autocorrelation")
     items = [drawings.add(auto, f"Autocorrelation of the {where} over lag in seconds, with 95 % bounds.")]
     for name, cross in test.cross.items():
-        figure = figures.stem_figure(array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}")
-        items.append(drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in seconds, with 95 % bounds."))
+        figure = figures.stem_figure(
+            array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}"
+        )
+        items.append(
+            drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in seconds, with 95 % bounds.")
+        )
     named = named or test.stretch is not None or test.turned is not None
-    said = [sentences.whiteness(test), *(sentences.independence(name, cross, named) for name, cross in test.cross.items())]
+    said = [
+        sentences.whiteness(test),
+        *(sentences.independence(name, cross, named) for name, cross in test.cross.items()),
+    ]
     if test.first:
-        units = [r.outputs[test.output].unit for r in record.recordings if r.name == test.recording and test.output in r.outputs]
+        units = [
+            r.outputs[test.output].unit
+            for r in record.recordings
+            if r.name == test.recording and test.output in r.outputs
+        ]
         said.append(sentences.begins(test.first, next(iter(units), None)))
     good = test.white and all(cross.independent for cross in test.cross.values())
     return {"title": f"{test.recording}: {test.output}", "sentences": said, "figures": items, "good": good}
@@ -288,7 +325,11 @@ def _curve(group: list[OperatingTable], drawings: Drawings) -> dict[str, Any]:
     where = f" of {first.recording}" if first.recording and len(first.nodes) > 1 else ""
     label = f"Table {first.name}{where} over {sentences.listed(first.over)}: value and 95 % interval at every node."
     figure = drawings.add(figures.table_figure(group), label)
-    return {"title": f"{first.name}{where} over {sentences.listed(first.over)}", "figure": figure, "many": len(group) > 1}
+    return {
+        "title": f"{first.name}{where} over {sentences.listed(first.over)}",
+        "figure": figure,
+        "many": len(group) > 1,
+    }
 
 
 def _combinations(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
@@ -298,7 +339,9 @@ def _combinations(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
         {
             "sentence": c.sentence,
             "spread": "" if c.relative_sd is None else f"Relative standard deviation {significant(c.relative_sd, 2)}.",
-            "figure": drawings.add(figures.weight_figure(c), f"Weights of the parameters in combination {k}.") if c.weights else None,
+            "figure": drawings.add(figures.weight_figure(c), f"Weights of the parameters in combination {k}.")
+            if c.weights
+            else None,
         }
         for k, c in enumerate(record.combinations, start=1)
     ]
@@ -307,9 +350,13 @@ def _combinations(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
 def _search(record: Findings, drawings: Drawings) -> dict[str, Any]:
     convergence = waterfall = None
     if any(r.history.cost for r in record.runs):
-        convergence = drawings.add(figures.convergence_figure(record.runs), "Best cost so far against evaluations for every run.")
+        convergence = drawings.add(
+            figures.convergence_figure(record.runs), "Best cost so far against evaluations for every run."
+        )
     if len([r for r in record.runs if r.cost is not None]) > 1:
-        waterfall = drawings.add(figures.waterfall_figure(record.runs), "Final cost of every run, sorted from the lowest.")
+        waterfall = drawings.add(
+            figures.waterfall_figure(record.runs), "Final cost of every run, sorted from the lowest."
+        )
     return {
         "convergence": convergence,
         "waterfall": waterfall,
@@ -322,7 +369,11 @@ def _simulation(record: Findings) -> dict[str, Any] | None:
     if record.simulation is None:
         return None
     simulation = record.simulation
-    return {"stepper": simulation.stepper, "substeps": tables.substeps(simulation.substeps), "table": tables.simulation_table(simulation)}
+    return {
+        "stepper": simulation.stepper,
+        "substeps": tables.substeps(simulation.substeps),
+        "table": tables.simulation_table(simulation),
+    }
 
 
 def _reproduction(record: Findings) -> dict[str, Any] | None:

@@ -21,7 +21,9 @@ def answer_html(findings: Mapping[str, Any]) -> str:
     shown = record.parameters[:MOST_ROWS]
     left = len(record.parameters) - len(shown)
     caption = f"Parameters: the first {len(shown)} of {len(record.parameters)}" if left else "Parameters"
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     return environment.from_string(template_text("answer.html")).render(
         title=record.name,
         subtitle=sentences.subtitle(record),

@@ -42,11 +42,15 @@ def plus_minus(value: float | None, error: float | None, ascii_only: bool = Fals
     if power in _PLAIN_EXPONENTS and last >= -6:
         return f"{_place(value, last, ascii_only)} ± {_place(error, last, ascii_only)}"
     scale, last = 10.0**power, last - power
-    return f"({_place(value / scale, last, ascii_only)} ± {_place(error / scale, last, ascii_only)}){_power(power, ascii_only)}"
+    return (
+        f"({_place(value / scale, last, ascii_only)} ± "
+        f"{_place(error / scale, last, ascii_only)}){_power(power, ascii_only)}"
+    )
 
 
 def interval(low: float | None, high: float | None, ascii_only: bool = False) -> str:
-    """`low to high`, both to the decimal place of 2 significant digits of half their distance, in at most MOST_DIGITS digits."""
+    """`low to high`, both to the decimal place of 2 significant digits of half their distance, in at most
+    MOST_DIGITS digits."""
     if low is None or high is None or not (isfinite(low) and isfinite(high)):
         return UNKNOWN
     if high <= low:
@@ -58,7 +62,8 @@ def interval(low: float | None, high: float | None, ascii_only: bool = False) ->
         return f"{_place(low, last, ascii_only)} to {_place(high, last, ascii_only)}"
     scale = 10.0**power
     return (
-        f"({_place(low / scale, last - power, ascii_only)} to {_place(high / scale, last - power, ascii_only)}){_power(power, ascii_only)}"
+        f"({_place(low / scale, last - power, ascii_only)} to "
+        f"{_place(high / scale, last - power, ascii_only)}){_power(power, ascii_only)}"
     )
 
 
@@ -89,7 +94,9 @@ def unit_label(unit: str | None) -> str:
         return ""
     text = unit.strip().replace("^", "**")
     for digit in "123456789":
-        text = text.replace(f"**-{digit}", f"-{digit}".translate(_SUPERSCRIPT)).replace(f"**{digit}", digit.translate(_SUPERSCRIPT))
+        text = text.replace(f"**-{digit}", f"-{digit}".translate(_SUPERSCRIPT)).replace(
+            f"**{digit}", digit.translate(_SUPERSCRIPT)
+        )
     return text.replace("**", "^").replace("*", "·").replace(" ", "").replace("ohm", "Ω")
 
 

@@ -28,7 +28,8 @@ def fit_plot(findings: Mapping[str, Any], recording: str) -> "go.Figure":
 
 
 def coloured(figure: Any) -> Any:
-    """A figure with the colours of templates/style.css in place of their names, as templates/draw.js has them on a light page."""
+    """A figure with the colours of templates/style.css in place of their names, as templates/draw.js has them on a
+    light page."""
     colours = light_colours()
 
     def resolved(value: Any) -> Any:

@@ -29,13 +29,23 @@ def _verdict(record: Findings) -> str:
     lines = []
     for v in record.verdict:
         word = LEVELS[v.level][0]
-        lines.append(textwrap.fill(_line(v.sentence), WIDTH, initial_indent=f"{word + ':':<9}", subsequent_indent=" " * 9))
+        lines.append(
+            textwrap.fill(_line(v.sentence), WIDTH, initial_indent=f"{word + ':':<9}", subsequent_indent=" " * 9)
+        )
     return "\n".join(lines)
 
 
 def _scores(scores: Sequence[Score]) -> str:
     rows = [
-        (s.recording, s.output, s.part, significant(s.rmse, 3, True), s.unit or "", significant(s.fit_percent, 3, True), str(s.n))
+        (
+            s.recording,
+            s.output,
+            s.part,
+            significant(s.rmse, 3, True),
+            s.unit or "",
+            significant(s.fit_percent, 3, True),
+            str(s.n),
+        )
         for s in scores
     ]
     return columns(("recording", "output", "part", "RMSE", "unit", "fit %", "samples"), rows, right=(3, 5, 6))
@@ -102,7 +112,9 @@ def columns(head: Sequence[str], rows: Sequence[Sequence[str]], right: Sequence[
     lines = [tuple(head), *(tuple(_line(cell) for cell in row) for row in rows)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(head))]
     padded = [
-        "  ".join(cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(line, widths, strict=True))).rstrip()
+        "  ".join(
+            cell.rjust(w) if k in right else cell.ljust(w) for k, (cell, w) in enumerate(zip(line, widths, strict=True))
+        ).rstrip()
         for line in lines
     ]
     return "\n".join([padded[0], "-" * min(WIDTH + 20, sum(widths) + 2 * len(widths) - 2), *padded[1:]])

@@ -1,4 +1,5 @@
-"""Virtual rigs, closed loops with real sensors' faults whose truth is known; and boards on a serial line, in `rig.board`.
+"""Virtual rigs, closed loops with real sensors' faults whose truth is known; and boards on a serial line, in
+`rig.board`.
 
 Names are loaded when first used: recording from a board needs no jax.
 """

@@ -1,4 +1,5 @@
-"""Virtual bench of a DC motor: PWM bridge, encoder with a timer, and a current meter around a motor whose constants are known."""
+"""Virtual bench of a DC motor: PWM bridge, encoder with a timer, and a current meter around a motor whose constants
+are known."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -24,23 +25,27 @@ import jax.numpy as jnp
 
 # identified in the 2018 paper, eq. 18, by the names of models.dc_motor; it has no Coulomb friction
 ROBOT_MOTOR = {
-    "Rm": 2.759854243587, "Lm": 1.1186575703e-2, "Kb": 5.008705e-3, "Kt": 5.008705e-3, "Jm": 2.2748e-8, "Cm": 1.13284e-6, "Tf": 0.0,
+    "Rm": 2.759854243587, "Lm": 1.1186575703e-2, "Kb": 5.008705e-3, "Kt": 5.008705e-3, "Jm": 2.2748e-8,
+    "Cm": 1.13284e-6, "Tf": 0.0,
 }  # fmt: skip
-STIFF = 1.0  # steps longer than this share of the quickest time constant are exponential: Runge-Kutta's explode from 2.8 on
+STIFF = (
+    1.0  # steps longer than this share of the quickest time constant are exponential: Runge-Kutta's explode from 2.8 on
+)
 
 
 @dataclass(frozen=True, eq=False)
 class DcMotorRig:
     """A DC motor on a bench, and what its sensors record of it.
 
-    `parameters` are those of `models.dc_motor` (ohm, H, V s/rad, N m/A, kg m^2, N m s/rad, N m), `load` a constant torque (N m).
-    The bridge takes a duty in whole counts of `bits` at `supply` V and `efficiency`. The encoder has `pulses` slots and
-    turns once for `ratio` turns of the motor; `slot_error` is the rms error of a slot's place as a share of its width. A timer of
-    `tick` s measures the last pulse's period, `timeout` s where none comes. `current` "rms" is a meter's RMS over `window` s,
-    "signed" what a Hall sensor reads at the moment, both with `current_noise` (A rms) in steps of `current_step` (A). A sample every
-    `period` s for `duration` s; `substeps` between two. `wander` (V rms) is what the bridge's voltage wanders by over `wander_time` s:
-    without it a drive that repeats itself brings the shaft back to the same slot and the timer to the same count, round after round,
-    and the encoder's errors come back with it.
+    `parameters` are those of `models.dc_motor` (ohm, H, V s/rad, N m/A, kg m^2, N m s/rad, N m), `load` a constant
+    torque (N m). The bridge takes a duty in whole counts of `bits` at `supply` V and `efficiency`. The encoder has
+    `pulses` slots and turns once for `ratio` turns of the motor; `slot_error` is the rms error of a slot's place as a
+    share of its width. A timer of `tick` s measures the last pulse's period, `timeout` s where none comes. `current`
+    "rms" is a meter's RMS over `window` s, "signed" what a Hall sensor reads at the moment, both with `current_noise`
+    (A rms) in steps of `current_step` (A). A sample every `period` s for `duration` s; `substeps` between two. `wander`
+    (V rms) is what the bridge's voltage wanders by over `wander_time` s: without it a drive that repeats itself brings
+    the shaft back to the same slot and the timer to the same count, round after round, and the encoder's errors come
+    back with it.
     """
 
     parameters: Mapping[str, float] = field(default_factory=lambda: dict(ROBOT_MOTOR))
@@ -64,28 +69,44 @@ class DcMotorRig:
     substeps: int = 50
 
     def __post_init__(self) -> None:
-        for name in ("supply", "bits", "pulses", "ratio", "timeout", "window", "wander_time", "period", "duration", "substeps"):
+        for name in (
+            "supply",
+            "bits",
+            "pulses",
+            "ratio",
+            "timeout",
+            "window",
+            "wander_time",
+            "period",
+            "duration",
+            "substeps",
+        ):
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise SimulationError(f"The motor rig's {name} is {getattr(self, name)}; give a number above 0.")
         for name in ("slot_error", "tick", "current_noise", "current_step", "wander"):
             if not getattr(self, name) >= 0:
                 raise SimulationError(f"The motor rig's {name} is {getattr(self, name)}; give 0 or more.")
         if not 0 < self.efficiency <= 1:
-            raise SimulationError(f"The motor rig's efficiency is {self.efficiency}; give a share above 0 and at most 1, such as 0.98.")
+            raise SimulationError(
+                f"The motor rig's efficiency is {self.efficiency}; give a share above 0 and at most 1, such as 0.98."
+            )
         if self.current not in ("rms", "signed"):
             raise SimulationError(f"The motor rig's current is {self.current!r}; use 'rms' or 'signed'.")
         missing = [n for n in ROBOT_MOTOR if n not in self.parameters]
         if missing:
-            raise SimulationError(f"The motor rig has no value for {missing[0]!r}; give it in parameters, with {list(ROBOT_MOTOR)}.")
+            raise SimulationError(
+                f"The motor rig has no value for {missing[0]!r}; give it in parameters, with {list(ROBOT_MOTOR)}."
+            )
 
     # -- what a user calls ------------------------------------------------------------------------
 
     def record(self, seed: int, excitation: Recording | float = 3.0, name: str = "dc_motor") -> RigRun:
         """One run from rest; noise, the encoder's phase and its slots come from `seed`.
 
-        `excitation` is a constant voltage (V) or a recording with a signal "V", held between its samples, which also sets the
-        duration. The bridge gives the nearest duty. The recording has duty (counts), N (pulses), Tp (s) and I (A, RMS) or i (A,
-        signed); clean it by `duty_to_voltage` and `period_to_speed`. Raises SimulationError for a voltage beyond the bridge's.
+        `excitation` is a constant voltage (V) or a recording with a signal "V", held between its samples, which also
+        sets the duration. The bridge gives the nearest duty. The recording has duty (counts), N (pulses), Tp (s) and I
+        (A, RMS) or i (A, signed); clean it by `duty_to_voltage` and `period_to_speed`. Raises SimulationError for a
+        voltage beyond the bridge's.
         """
         rng = np.random.default_rng(seed)
         t, duty = self._duty(excitation)
@@ -103,10 +124,20 @@ class DcMotorRig:
             shown = self.current_step * np.round(shown / self.current_step)
         seen = {"duty": (duty, "PWM"), "N": (pulses.counts, "counts"), "Tp": (pulses.period, "s")}
         seen |= {"I": (np.maximum(shown, 0.0), "A")} if self.current == "rms" else {"i": (shown, "A")}
-        true = {"V": (volts, "V"), "i": (i[at], "A"), "w": (w[at], "rad/s"), "I": (rms, "A"), "angle": (turned[at], "rad")}
-        told = f"Virtual DC motor, seed {seed}: {self.pulses} pulses, {self.tick:g} s timer, {self.current_noise:g} A rms noise."
+        true = {
+            "V": (volts, "V"),
+            "i": (i[at], "A"),
+            "w": (w[at], "rad/s"),
+            "I": (rms, "A"),
+            "angle": (turned[at], "rad"),
+        }
+        told = (
+            f"Virtual DC motor, seed {seed}: {self.pulses} pulses, {self.tick:g} s timer, {self.current_noise:g} A "
+            f"rms noise."
+        )
         truth = {
-            "seed": seed, "parameters": dict(self.parameters), "load_Nm": self.load, "encoder_phase_slots": float(phase),
+            "seed": seed, "parameters": dict(self.parameters), "load_Nm": self.load,
+            "encoder_phase_slots": float(phase),
             "settings": {n: getattr(self, n) for n in _SETTINGS},
         }  # fmt: skip
         exact = Recording(t, {n: Signal(*v) for n, v in true.items()}, name, ("Virtual DC motor: exact signals.",))
@@ -118,7 +149,8 @@ class DcMotorRig:
         return phase, np.clip(slots, -0.4, 0.4)  # edges keep their order
 
     def wandering(self, seed: int, n: int) -> np.ndarray:
-        """What is added to the bridge's voltage in each of `n` periods (V): an Ornstein-Uhlenbeck process from the seed."""
+        """What is added to the bridge's voltage in each of `n` periods (V): an Ornstein-Uhlenbeck process from the
+        seed."""
         if self.wander == 0:
             return np.zeros(n)
         memory = float(np.exp(-self.period / self.wander_time))
@@ -137,7 +169,9 @@ class DcMotorRig:
         """Times (N,) and duty (N,) in whole counts."""
         if isinstance(excitation, Recording):
             if "V" not in excitation.signals:
-                raise SimulationError(f"The excitation {excitation.name!r} has no signal 'V'; it has {list(excitation.signals)}.")
+                raise SimulationError(
+                    f"The excitation {excitation.name!r} has no signal 'V'; it has {list(excitation.signals)}."
+                )
             t = np.arange(round((excitation.t[-1] - excitation.t[0]) / self.period) + 1) * self.period
             # half a nanosecond for times that are multiples of the period up to rounding
             place = np.searchsorted(excitation.t - excitation.t[0], t + 5e-10, side="right") - 1
@@ -148,7 +182,9 @@ class DcMotorRig:
         duty = np.round(wanted / self.volts_per_count)
         if not np.all(np.abs(duty) <= 2**self.bits - 1):
             most = self.volts_per_count * (2**self.bits - 1)
-            raise SimulationError(f"The excitation reaches {np.max(np.abs(wanted)):g} V, but the bridge gives {most:g} V; lower it.")
+            raise SimulationError(
+                f"The excitation reaches {np.max(np.abs(wanted)):g} V, but the bridge gives {most:g} V; lower it."
+            )
         return t, duty
 
     def _simulated(self, volts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -167,7 +203,8 @@ class DcMotorRig:
 
 
 _SETTINGS = (
-    "supply", "bits", "efficiency", "pulses", "ratio", "slot_error", "tick", "timeout", "current", "window", "current_noise",
+    "supply", "bits", "efficiency", "pulses", "ratio", "slot_error", "tick", "timeout", "current", "window",
+    "current_noise",
     "current_step", "wander", "wander_time", "period", "substeps",
 )  # fmt: skip
 
@@ -179,14 +216,18 @@ def motor_of() -> VectorModel:
 
 
 def quickest(plant: VectorModel, p: Sequence[float]) -> float:
-    """The quickest rate of the motor without Coulomb friction (1/s): with a small winding far above what its speed shows."""
+    """The quickest rate of the motor without Coulomb friction (1/s): with a small winding far above what its speed
+    shows."""
     n = dict(zip(plant.parameters, p, strict=True))
     linear = [[-n["Rm"] / n["Lm"], -n["Kb"] / n["Lm"]], [n["Kt"] / n["Jm"], -n["Cm"] / n["Jm"]]]
     return float(np.max(np.abs(np.linalg.eigvals(linear))))
 
 
-def run_motor(plant: VectorModel, step: float, p: Sequence[float], volts: Any, load: Any, begin: Any = (0.0, 0.0)) -> Any:
-    """Current and speed (n,) after each step of a motor under `volts` (n,), from current and speed at the beginning, by default rest."""
+def run_motor(
+    plant: VectorModel, step: float, p: Sequence[float], volts: Any, load: Any, begin: Any = (0.0, 0.0)
+) -> Any:
+    """Current and speed (n,) after each step of a motor under `volts` (n,), from current and speed at the beginning,
+    by default rest."""
     return _run(plant, quickest(plant, p) * step > STIFF, step, p, volts, load, begin)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 
 
 class Pulses(NamedTuple):
-    """At each sample, (N,): pulses since the start, backwards ones taken off; the last full period in s, with the sign of the motion."""
+    """At each sample, (N,): pulses since the start, backwards ones taken off; the last full period in s, with the
+    sign of the motion."""
 
     counts: np.ndarray
     period: np.ndarray
@@ -24,9 +25,10 @@ def capture(
 ) -> Pulses:
     """Pulses of a disc with `pulses` slots whose edges lie at (n + slots[n mod pulses]) / pulses of a turn.
 
-    `angle` (M,) of the disc in rad at times `t_fine` (M,), straight between them; with `speed` (M,) in rad/s, of which the angle is the
-    trapezoidal sum, a parabola, without which a period tells of the speed half a step ago. A timer of `tick` s (0: exact) stamps
-    the edges; a period is that between two edges the same way round, kept until the next, and `timeout` once none came for so long.
+    `angle` (M,) of the disc in rad at times `t_fine` (M,), straight between them; with `speed` (M,) in rad/s, of which
+    the angle is the trapezoidal sum, a parabola, without which a period tells of the speed half a step ago. A timer of
+    `tick` s (0: exact) stamps the edges; a period is that between two edges the same way round, kept until the next,
+    and `timeout` once none came for so long.
     """
     place = angle * pulses / (2 * np.pi)
     first, last = int(np.floor(place.min())) - 2, int(np.ceil(place.max())) + 2
@@ -46,13 +48,17 @@ def capture(
 
 
 def _share_of_parabola(share: np.ndarray, begins: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Share of a step's time after which `share` of its way is done, by a speed that goes straight from one value to another.
+    """Share of a step's time after which `share` of its way is done, by a speed that goes straight from one value to
+    another.
 
     A step that turns round within keeps the straight line.
     """
     mean = 0.5 * (begins + ends)
     steady = begins * ends > 0
-    first, rest = np.where(steady, begins / np.where(steady, mean, 1.0), 1.0), np.where(steady, 0.5 * (ends - begins), 0.0)
+    first, rest = (
+        np.where(steady, begins / np.where(steady, mean, 1.0), 1.0),
+        np.where(steady, 0.5 * (ends - begins), 0.0),
+    )
     bend = rest / np.where(steady, mean, 1.0)
     return 2.0 * share / (first + np.sqrt(np.maximum(first**2 + 4.0 * bend * share, 0.0)))
 

@@ -11,7 +11,8 @@ from plantfit.errors import SimulationError
 
 
 class Weights(NamedTuple):
-    """What the design takes as large: deviations of the states (0: any), of the input, and the disturbance and noise to expect.
+    """What the design takes as large: deviations of the states (0: any), of the input, and the disturbance and noise to
+    expect.
 
     By Bryson's rule the cost is the sum of the squares of state / `states` and input / `input`. `disturbance` is the
     standard deviation per sample of a disturbance at the input, `noise` that of every measurement.
@@ -46,9 +47,9 @@ def scheduled_lqg(
 ) -> Lqg:
     """LQG designs at `nodes` values of a scheduling variable, straight lines between, at its values `along` (N,).
 
-    `linearised(value)` gives A (n, n) and B (n, 1) in continuous time at the equilibrium of that value; the input is held
-    over `period` (s). Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., chapter 9.
-    Raises SimulationError where no controller holds the plant.
+    `linearised(value)` gives A (n, n) and B (n, 1) in continuous time at the equilibrium of that value; the input is
+    held over `period` (s). Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., chapter 9. Raises
+    SimulationError where no controller holds the plant.
     """
     values = np.linspace(along.min(), along.max(), nodes if np.ptp(along) > 0 else 1)
     designs = [_design(float(value), *linearised(float(value)), period, weights, measured) for value in values]
@@ -72,5 +73,7 @@ def _design(value: float, a: np.ndarray, b: np.ndarray, period: float, weights: 
     regulator = regulator_gain(transition, push, cost, np.array([[1.0 / weights.input**2]]))
     observer = filter_gain(transition, seen, weights.disturbance**2 * push @ push.T, noise)
     if regulator is None or observer is None:
-        raise SimulationError(f"No LQG design with {weights} holds the plant at {value:g}; weigh a state that grows, or measure more.")
+        raise SimulationError(
+            f"No LQG design with {weights} holds the plant at {value:g}; weigh a state that grows, or measure more."
+        )
     return regulator[0][0], transition, push[:, 0], observer

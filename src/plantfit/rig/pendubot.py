@@ -1,4 +1,5 @@
-"""Virtual pendubot: motor, amplifier, encoders and a stabilising controller around a plant whose parameters are known."""
+"""Virtual pendubot: motor, amplifier, encoders and a stabilising controller around a plant whose parameters are
+known."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -36,10 +37,11 @@ STATES = {"theta1": "rad", "theta2": "rad", "omega1": "rad/s", "omega2": "rad/s"
 class PendubotRig:
     """A pendubot that moves from pose to pose with link 2 upright, and what its sensors record of it.
 
-    `parameters` are the truth: the links (kg, m, kg m^2), the motor (N m/A, V s/rad, ohm; MOTOR unless given) and a value for
-    every coefficient of `friction`, whose parts are those of `plantfit.models.library.pendubot`. `poses` are moves of theta1 (rad).
-    `counts` per revolution of both encoders, `voltage_noise` (V) on the recorded voltage, +-`limit` (V) of the amplifier,
-    one voltage per `period` (s). The controller, an LQG about the reference, knows the truth but for friction.
+    `parameters` are the truth: the links (kg, m, kg m^2), the motor (N m/A, V s/rad, ohm; MOTOR unless given) and a
+    value for every coefficient of `friction`, whose parts are those of `plantfit.models.library.pendubot`. `poses` are
+    moves of theta1 (rad). `counts` per revolution of both encoders, `voltage_noise` (V) on the recorded voltage,
+    +-`limit` (V) of the amplifier, one voltage per `period` (s). The controller, an LQG about the reference, knows the
+    truth but for friction.
 
     Source of poses, motor and links: Sanin-Villa et al. 2024; limit, noise and controller are ours.
     """
@@ -63,7 +65,9 @@ class PendubotRig:
             if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
                 raise SimulationError(f"The rig's {name} is {getattr(self, name)}; give a number above 0.")
         if not self.voltage_noise >= 0:
-            raise SimulationError(f"The rig's voltage_noise is {self.voltage_noise}; give a standard deviation in V, 0 for none.")
+            raise SimulationError(
+                f"The rig's voltage_noise is {self.voltage_noise}; give a standard deviation in V, 0 for none."
+            )
         self._vector(self._plant("physical"), self.parameters)
 
     # -- what a user calls ------------------------------------------------------------------------
@@ -71,14 +75,23 @@ class PendubotRig:
     def record(self, seed: int, offset: tuple[float, float] = (0.0, 0.0), name: str = "pendubot") -> RigRun:
         """One run; the phases of both encoders and the noise of the voltage come from `seed`.
 
-        `offset` (rad) is added to the angles of the upright in which the run starts. Raises SimulationError when it falls.
+        `offset` (rad) is added to the angles of the upright in which the run starts. Raises SimulationError when it
+        falls.
         """
         rng = np.random.default_rng(seed)
         phase = rng.uniform(-0.5, 0.5, 2)
         exact, seen = self._simulated(self._plant("physical"), self.parameters, offset, 2 * np.pi / self.counts, phase)
         voltage = exact["V"] + self.voltage_noise * rng.standard_normal(len(self.t))
-        signals = {"theta1": Signal(seen[0], "rad"), "theta2": Signal(seen[1], "rad"), "V": Signal(voltage, "V"), **self._references}
-        told = f"Virtual pendubot, seed {seed}: {self.counts} counts a revolution, {self.period:g} s, {self.voltage_noise:g} V rms noise."
+        signals = {
+            "theta1": Signal(seen[0], "rad"),
+            "theta2": Signal(seen[1], "rad"),
+            "V": Signal(voltage, "V"),
+            **self._references,
+        }
+        told = (
+            f"Virtual pendubot, seed {seed}: {self.counts} counts a revolution, {self.period:g} s, "
+            f"{self.voltage_noise:g} V rms noise."
+        )
         truth = {
             "seed": seed,
             "offset_rad": [float(o) for o in offset],
@@ -94,13 +107,18 @@ class PendubotRig:
         }
         return RigRun(Recording(self.t, signals, name, (told,)), self._exact(exact, self.parameters), truth)
 
-    def noise_free(self, values: Mapping[str, float] | None = None, offset: tuple[float, float] = (0.0, 0.0)) -> Recording:
+    def noise_free(
+        self, values: Mapping[str, float] | None = None, offset: tuple[float, float] = (0.0, 0.0)
+    ) -> Recording:
         """The same closed loop with perfect sensors at other parameter values: its motion, voltage and torque.
 
-        `values` (the truth if left out) are those of the links, physical or b1, b2, b4, b5, and of friction; the motor's stay
-        unless given. The controller stays as it is. Raises SimulationError for a missing value and when it falls.
+        `values` (the truth if left out) are those of the links, physical or b1, b2, b4, b5, and of friction; the
+        motor's stay unless given. The controller stays as it is. Raises SimulationError for a missing value and when it
+        falls.
         """
-        values = {n: v for n, v in self.parameters.items() if n not in MEASURED} | dict(self.parameters if values is None else values)
+        values = {n: v for n, v in self.parameters.items() if n not in MEASURED} | dict(
+            self.parameters if values is None else values
+        )
         plant = self._plant("base" if set(BASE_UNITS) & set(values) else "physical")
         return self._exact(self._simulated(plant, values, offset, 0.0, np.zeros(2))[0], values)
 
@@ -134,7 +152,8 @@ class PendubotRig:
         return p["Ra"] / p["kt"] * torque + p["ke"] * omega1
 
     def linearised(self, theta1: float) -> tuple[np.ndarray, np.ndarray]:
-        """A (4, 4) and B (4, 1) in continuous time, input V, at rest at theta1 (rad) with link 2 upright; without friction."""
+        """A (4, 4) and B (4, 1) in continuous time, input V, at rest at theta1 (rad) with link 2 upright; without
+        friction."""
         held = self.voltage(self.base["b4"] * self.g * np.cos(theta1), 0.0)
         with jax.ensure_compile_time_eval():  # the first call may come while something is traced
             slope = np.asarray(self._slopes(np.array([theta1, UPRIGHT - theta1, 0.0, 0.0, held])))
@@ -159,12 +178,18 @@ class PendubotRig:
         missing = [n for n in plant.parameters if n not in values]
         if missing:
             raise SimulationError(
-                f"The pendubot rig has no value for {missing[0]!r}; give it in parameters, with {list(plant.parameters)}."
+                f"The pendubot rig has no value for {missing[0]!r}; give it in parameters, with "
+                f"{list(plant.parameters)}."
             )
         return tuple(float(values[n]) for n in plant.parameters)
 
     def _simulated(
-        self, plant: VectorModel, values: Mapping[str, float], offset: tuple[float, float], quantum: float, phase: np.ndarray
+        self,
+        plant: VectorModel,
+        values: Mapping[str, float],
+        offset: tuple[float, float],
+        quantum: float,
+        phase: np.ndarray,
     ) -> Any:
         """States and voltage by name, and the two readings (N,)."""
         feedforward, lqg = self.controller
@@ -177,7 +202,8 @@ class PendubotRig:
         fallen = ~(np.abs(states[0] + states[1] - np.pi / 2) < np.pi / 2)
         if np.any(fallen):
             raise SimulationError(
-                f"The pendubot fell at {self.t[int(np.argmax(fallen))]:g} s with the start {tuple(offset)} rad off the upright; "
+                f"The pendubot fell at {self.t[int(np.argmax(fallen))]:g} s with the start {tuple(offset)} rad off the "
+                f"upright; "
                 "start nearer to it, or move to nearer poses in more time."
             )
         return dict(zip(STATES, states, strict=True)) | {"V": voltage}, (seen1, seen2)
@@ -196,22 +222,34 @@ def voltage_plant(parameters: Any, friction: tuple[str, ...], l1: float, g: floa
 
 @partial(jax.jit, static_argnums=(0, 1))
 def run_closed_loop(
-    plant: VectorModel, loop: tuple[float, int, float], p: Any, start: Any, rows: Any, quantum: Any, phase: Any, designs: Any = None
+    plant: VectorModel,
+    loop: tuple[float, int, float],
+    p: Any,
+    start: Any,
+    rows: Any,
+    quantum: Any,
+    phase: Any,
+    designs: Any = None,
 ) -> Any:
-    """States, voltage and readings at every sample, each (N,); `rows` are reference, feedforward and the arrays of an `Lqg`.
+    """States, voltage and readings at every sample, each (N,); `rows` are reference, feedforward and the arrays of an
+    `Lqg`.
 
-    With `designs`, arrays of an `Lqg` over nodes, `rows` end with the node before each sample and the share of the way to the next:
-    straight lines between designs, drawn as the loop goes, take a tenth of the memory.
+    With `designs`, arrays of an `Lqg` over nodes, `rows` end with the node before each sample and the share of the way
+    to the next: straight lines between designs, drawn as the loop goes, take a tenth of the memory.
     """
     period, substeps, limit = loop
 
     def read(angle, shift):
-        return jnp.where(quantum > 0, quantum * (rounded(angle / jnp.where(quantum > 0, quantum, 1.0) - shift, 1) + shift), angle)
+        return jnp.where(
+            quantum > 0, quantum * (rounded(angle / jnp.where(quantum > 0, quantum, 1.0) - shift, 1) + shift), angle
+        )
 
     def sample(carry, row):
         x, e = carry
         reference, feedforward, *design = row
-        gain, transition, push, observer = design if designs is None else [_between(table, *design) for table in designs]
+        gain, transition, push, observer = (
+            design if designs is None else [_between(table, *design) for table in designs]
+        )
         seen = tuple(read(a, s) for a, s in zip(x[:2], phase, strict=True))
         surprise = [y - reference[k] - e[k] for k, y in enumerate(seen)]
         e = [e[i] + sum(observer[i, k] * s for k, s in enumerate(surprise)) for i in range(4)]

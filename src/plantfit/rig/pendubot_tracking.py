@@ -1,4 +1,5 @@
-"""A pendubot that a motor with a winding drives, and an LQR of torques that follows poses through the motor's supposed constants."""
+"""A pendubot that a motor with a winding drives, and an LQR of torques that follows poses through the motor's
+supposed constants."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -27,8 +28,8 @@ MOVES = (Move(1.0, 2.0, UPRIGHT + np.pi / 9), Move(4.5, 2.5, UPRIGHT - np.pi / 9
 
 
 class Tracked(NamedTuple):
-    """`run`, the wanted angles (N, 2) in rad, and of both angles the error's rms and largest value (2,) in rad; the share of samples
-    at the limit; whether link 2 fell."""
+    """`run`, the wanted angles (N, 2) in rad, and of both angles the error's rms and largest value (2,) in rad; the
+    share of samples at the limit; whether link 2 fell."""
 
     run: Trajectory
     wanted: np.ndarray
@@ -42,9 +43,10 @@ class Tracked(NamedTuple):
 class PendubotTracking:
     """Poses with link 2 upright, followed by a state feedback of torques every `period` s.
 
-    `links` are m1 .. I2 (SI), known to the controller; `counts` a revolution of both encoders, a bridge of +-`supply` V at `bits` a
-    direction, a motor behind a `gear`. `weights` are Q on the states (1/rad^2) and R on the torque (1/(N m)^2) of `lqr`, `wander` the
-    process noise of `kalman_observer`. Links, moves and weights are ours; the paper prints none of its pendubot.
+    `links` are m1 .. I2 (SI), known to the controller; `counts` a revolution of both encoders, a bridge of +-`supply` V
+    at `bits` a direction, a motor behind a `gear`. `weights` are Q on the states (1/rad^2) and R on the torque (1/(N
+    m)^2) of `lqr`, `wander` the process noise of `kalman_observer`. Links, moves and weights are ours; the paper prints
+    none of its pendubot.
     """
 
     links: Mapping[str, float] = field(default_factory=lambda: dict(MEASURED))
@@ -62,7 +64,8 @@ class PendubotTracking:
     g: float = 9.81
 
     def follow(self, truth: Mapping[str, float], motor: Mapping[str, float] | None) -> Tracked:
-        """One run on a motor of constants `truth`; the controller takes them for `motor`, or its torque acts at once (None).
+        """One run on a motor of constants `truth`; the controller takes them for `motor`, or its torque acts at once
+        (None).
 
         Both hold Rm, Lm, Kb, Kt, Jm, Cm, Tf by the names and units of `models.dc_motor`, at the motor's shaft.
         """
@@ -104,10 +107,15 @@ class PendubotTracking:
         if law.plant.inputs not in self._loops:
             sensor, step = Sensor(quantum=2 * np.pi / self.counts), self.limit / (2**self.bits - 1)
             if law.plant.inputs == ("V",):
-                model, actuator = motor_driven(self._links, "tau1", "omega1", self.gear), Actuator(-self.limit, self.limit, step)
+                model, actuator = (
+                    motor_driven(self._links, "tau1", "omega1", self.gear),
+                    Actuator(-self.limit, self.limit, step),
+                )
             else:
                 model, actuator = self._links, Actuator()
-            self._loops[law.plant.inputs] = law.close(model, sensor=sensor, actuator=actuator, stepper="rk4", substeps=2)
+            self._loops[law.plant.inputs] = law.close(
+                model, sensor=sensor, actuator=actuator, stepper="rk4", substeps=2
+            )
         return self._loops[law.plant.inputs]
 
     @cached_property
@@ -127,7 +135,13 @@ class PendubotTracking:
 
     def _values(self, motor: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the links with the rotor's inertia and friction at joint 1."""
-        rotor = {"Ir": motor["Jm"], "Fv1": self.gear**2 * motor["Cm"], "Fc1": self.gear * motor["Tf"], "Fv2": 0.0, "Fc2": 0.0}
+        rotor = {
+            "Ir": motor["Jm"],
+            "Fv1": self.gear**2 * motor["Cm"],
+            "Fc1": self.gear * motor["Tf"],
+            "Fv2": 0.0,
+            "Fc2": 0.0,
+        }
         return self._base | rotor
 
     def _torque_plant(self, motor: Mapping[str, float]) -> LinearPlant:
@@ -135,7 +149,9 @@ class PendubotTracking:
         return _upright(self.gear, self.l1, self.g, tuple(self._values(motor).items()))
 
     def _filter(self, motor: Mapping[str, float]) -> Estimator:
-        return kalman_observer(self._torque_plant(motor), self.period, self.wander, 2 * np.pi / self.counts / np.sqrt(12.0))
+        return kalman_observer(
+            self._torque_plant(motor), self.period, self.wander, 2 * np.pi / self.counts / np.sqrt(12.0)
+        )
 
     def _reference(self, motor: Mapping[str, float]) -> dict[str, np.ndarray]:
         states, torque, accelerations = upright_reference(self.t, self._base, self.moves, self.l1, self.g)

@@ -1,4 +1,5 @@
-"""Virtual robot on two driven wheels: a speed loop and an encoder at each, a path of straights and arcs, a camera above."""
+"""Virtual robot on two driven wheels: a speed loop and an encoder at each, a path of straights and arcs, a camera
+above."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -33,18 +34,24 @@ class Segment(NamedTuple):
     curvature: float = 0.0
 
 
-PATH = (Segment(1.0), Segment(np.pi, 2.0), Segment(1.0), Segment(np.pi, -2.0))  # straights of 1 m, circles of radius 0.5 m
+PATH = (
+    Segment(1.0),
+    Segment(np.pi, 2.0),
+    Segment(1.0),
+    Segment(np.pi, -2.0),
+)  # straights of 1 m, circles of radius 0.5 m
 
 
 @dataclass(frozen=True, eq=False)
 class RobotDriveRig:
     """Two motors alike, each with its own wheel, and what encoders and a camera record of the drive.
 
-    `motor` as in `DcMotorRig`, without Coulomb friction; it turns `ratio` times for one turn of the encoder, the wheel `gear` times.
-    `radii` of the left and the right wheel and the `track` between them (m). Each motor carries half of `mass` (kg); wheels do not slip.
-    Bridges drive both ways, without which the robot could not brake.
-    The robot's middle goes at `speed` (m/s), faster and slower by `acceleration` (m/s^2). `gains` of both PIDs are in counts of the
-    duty; by default poles at -15 rad/s, for an empty motor at half of its own. `camera_noise` (m rms), a sample every `period` s.
+    `motor` as in `DcMotorRig`, without Coulomb friction; it turns `ratio` times for one turn of the encoder, the wheel
+    `gear` times. `radii` of the left and the right wheel and the `track` between them (m). Each motor carries half of
+    `mass` (kg); wheels do not slip. Bridges drive both ways, without which the robot could not brake. The robot's
+    middle goes at `speed` (m/s), faster and slower by `acceleration` (m/s^2). `gains` of both PIDs are in counts of the
+    duty; by default poles at -15 rad/s, for an empty motor at half of its own. `camera_noise` (m rms), a sample every
+    `period` s.
     """
 
     motor: Mapping[str, float] = field(default_factory=lambda: dict(ROBOT_MOTOR))
@@ -64,11 +71,14 @@ class RobotDriveRig:
     period: float = 0.01
     gains: Gains | None = None
 
-    def record(self, seed: int, path: Sequence[Segment] = PATH, duration: float | None = None, name: str = "robot_drive") -> RigRun:
+    def record(
+        self, seed: int, path: Sequence[Segment] = PATH, duration: float | None = None, name: str = "robot_drive"
+    ) -> RigRun:
         """One drive from rest along `path`, for the time that it takes and half a second, or for `duration` s.
 
-        The recording has duty_left, duty_right (counts), N_left, N_right (pulses) and x_camera, y_camera (m). Phases and slots of the
-        encoders and the camera's noise come from `seed`. Raises SimulationError for a path that the robot cannot drive.
+        The recording has duty_left, duty_right (counts), N_left, N_right (pulses) and x_camera, y_camera (m). Phases
+        and slots of the encoders and the camera's noise come from `seed`. Raises SimulationError for a path that the
+        robot cannot drive.
         """
         rng = np.random.default_rng(seed)
         every = max(1, round(self.period / LOOP))
@@ -80,19 +90,29 @@ class RobotDriveRig:
         seen: dict[str, tuple[np.ndarray, str]] = {}
         for side, run, angle, phase, own in zip(("left", "right"), runs, turned, phases, slots, strict=True):
             pulses = capture(t, angle + 2 * np.pi * phase / self.pulses, t[at], self.pulses, own, 0.0, 1.0)
-            seen |= {f"duty_{side}": (np.asarray(run.u)[at] / self._volts, "PWM"), f"N_{side}": (pulses.counts, "counts")}
+            seen |= {
+                f"duty_{side}": (np.asarray(run.u)[at] / self._volts, "PWM"),
+                f"N_{side}": (pulses.counts, "counts"),
+            }
         left, right = (radius * self.gear * np.diff(angle) for radius, angle in zip(self.radii, turned, strict=True))
         x, y, heading, distance = pose_along(left, right, self.track, (0.0, 0.0, 0.0))
         for axis, values in (("x", x), ("y", y)):
             seen[f"{axis}_camera"] = (values[at] + self.camera_noise * rng.standard_normal(len(t[at])), "m")
-        true: dict[str, tuple[np.ndarray, str]] = {"x": (x, "m"), "y": (y, "m"), "heading": (heading, "rad"), "distance": (distance, "m")}
+        true: dict[str, tuple[np.ndarray, str]] = {
+            "x": (x, "m"),
+            "y": (y, "m"),
+            "heading": (heading, "rad"),
+            "distance": (distance, "m"),
+        }
         for side, run, angle, row in zip(("left", "right"), runs, turned, wanted.T, strict=True):
             true |= {f"w_{side}": (np.asarray(run.states["w"]), "rad/s"), f"wanted_{side}": (row, "rad/s")}
             true[f"angle_{side}"] = (self.gear * angle, "rad")
         told = f"Virtual robot, seed {seed}: wheels {self.radii[0]:g} and {self.radii[1]:g} m, track {self.track:g} m, "
         told += f"{self.pulses} pulses, camera {self.camera_noise:g} m rms."
         truth = {"seed": seed, "encoder_phases_slots": phases.tolist(), "gains": [float(g) for g in self.law[:3]]}
-        exact = Recording(t[at], {n: Signal(v[at], u) for n, (v, u) in true.items()}, name, ("Virtual robot: exact signals.",))
+        exact = Recording(
+            t[at], {n: Signal(v[at], u) for n, (v, u) in true.items()}, name, ("Virtual robot: exact signals.",)
+        )
         return RigRun(Recording(t[at], {n: Signal(*v) for n, v in seen.items()}, name, (told,)), exact, truth)
 
     @property
@@ -119,14 +139,17 @@ class RobotDriveRig:
         """Times (N,) every LOOP s and set points (N, 2) of the motors, rad/s."""
         widest = max((abs(s.curvature) for s in path), default=0.0)
         if not path or any(not (np.isfinite(s.length) and s.length > 0) for s in path):
-            raise SimulationError("The robot's path needs parts with a length above 0 m; give for example a straight of 1 m.")
+            raise SimulationError(
+                "The robot's path needs parts with a length above 0 m; give for example a straight of 1 m."
+            )
         scale = self.ratio / self.gear / np.array(self.radii)  # motor's rad for a metre of the wheel's path
         m = self.motor
         free = self.supply * self.efficiency * m["Kt"] / (m["Rm"] * m["Cm"] + m["Kt"] * m["Kb"])
         fastest = float(np.max(scale) * self.speed * (1 + 0.5 * widest * self.track))
         if fastest > 0.9 * free:
             raise SimulationError(
-                f"At {self.speed:g} m/s a motor has to turn at {fastest:.4g} rad/s, but its supply gives {free:.4g} rad/s; lower the speed."
+                f"At {self.speed:g} m/s a motor has to turn at {fastest:.4g} rad/s, but its supply gives {free:.4g} "
+                f"rad/s; lower the speed."
             )
         ends = np.cumsum([s.length for s in path])
         whole, top = float(ends[-1]), min(self.speed, float(np.sqrt(ends[-1] * self.acceleration)))
@@ -139,7 +162,9 @@ class RobotDriveRig:
         rising, falling = np.clip(t, 0, ramp), np.clip(t - (needed - ramp), 0, ramp)
         there = 0.5 * self.acceleration * rising**2 + top * np.clip(t - ramp, 0, needed - 2 * ramp)
         there = there + top * falling - 0.5 * self.acceleration * falling**2
-        bent = np.array([s.curvature for s in path])[np.minimum(np.searchsorted(ends, there, side="right"), len(path) - 1)]
+        bent = np.array([s.curvature for s in path])[
+            np.minimum(np.searchsorted(ends, there, side="right"), len(path) - 1)
+        ]
         sides = pace[:, None] * (1 + 0.5 * self.track * bent[:, None] * np.array([-1.0, 1.0]))
         return t, sides * scale
 
@@ -152,6 +177,8 @@ class RobotDriveRig:
 @lru_cache(maxsize=4)
 def _loop(volts: float, bits: int) -> ClosedLoop:
     parameters = ["Rm", "Lm", "Kb", "Kt", "Cm", "J"]
-    motor = equations(MOTOR, inputs=["V"], states=["i", "w", "turned"], outputs=["w"], parameters=parameters, name="motor")
+    motor = equations(
+        MOTOR, inputs=["V"], states=["i", "w", "turned"], outputs=["w"], parameters=parameters, name="motor"
+    )
     law, drive = pid(LOOP, lower=1 - 2.0**bits, upper=2.0**bits - 1), Actuator.pwm(volts, bits, both_directions=True)
     return closed_loop(motor, law, period=LOOP, actuator=drive, sensor=Sensor(quantum=SPEED_STEP), stepper="exact")

@@ -32,5 +32,7 @@ class RigRun:
             folder.mkdir(parents=True, exist_ok=True)
             (folder / f"{name}_truth.json").write_text(json.dumps(self.truth, indent=2) + "\n", "utf-8")
         except OSError as error:
-            raise RecordingError(f"Folder {str(folder)!r} cannot take the run ({error.strerror}); choose another place.") from None
+            raise RecordingError(
+                f"Folder {str(folder)!r} cannot take the run ({error.strerror}); choose another place."
+            ) from None
         return to_csv(self.recording, folder / f"{name}.csv")

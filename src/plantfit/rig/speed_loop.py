@@ -1,4 +1,5 @@
-"""A DC motor's rig under a controller of its speed, which reads the encoder's timer sample by sample as the board does."""
+"""A DC motor's rig under a controller of its speed, which reads the encoder's timer sample by sample as the board
+does."""
 
 from typing import Any
 
@@ -16,13 +17,20 @@ import jax
 
 
 def driven_by_controller(
-    rig: DcMotorRig, seed: int, law: Controller, parameters: Any, set_points: np.ndarray, units: tuple[str | None, str | None]
+    rig: DcMotorRig,
+    seed: int,
+    law: Controller,
+    parameters: Any,
+    set_points: np.ndarray,
+    units: tuple[str | None, str | None],
 ) -> Recording:
-    """The voltage V (N,) that a controller with these parameters gives along `set_points` (N,), one every period of the rig, from rest.
+    """The voltage V (N,) that a controller with these parameters gives along `set_points` (N,), one every period of the
+    rig, from rest.
 
-    `record(seed, it)` of the rig is the loop's record: the same encoder, the same motion. `units` of speed and voltage are the
-    controller's; `set_points` are in its unit. Without a pulse for the rig's timeout (s), or since the start, the speed reads 0.
-    Raises SimulationError for a speed that is not finite any more, UnitError for units that are not of a speed and a voltage.
+    `record(seed, it)` of the rig is the loop's record: the same encoder, the same motion. `units` of speed and voltage
+    are the controller's; `set_points` are in its unit. Without a pulse for the rig's timeout (s), or since the start,
+    the speed reads 0. Raises SimulationError for a speed that is not finite any more, UnitError for units that are not
+    of a speed and a voltage.
     """
     speed, volt = factor_offset("rad/s", units[0] or "rad/s")[0], factor_offset(units[1] or "V", "V")[0]
     phase, slots = rig.encoder(np.random.default_rng(seed))
@@ -41,13 +49,18 @@ def driven_by_controller(
         end = k * rig.substeps
         window = slice(max(0, end - back), end + 1)
         angle = turned[window] / rig.ratio + phase * per_turn
-        seen = capture(fine[window], angle, fine[end : end + 1], rig.pulses, slots, rig.tick, rig.timeout, w[window] / rig.ratio)
+        seen = capture(
+            fine[window], angle, fine[end : end + 1], rig.pulses, slots, rig.tick, rig.timeout, w[window] / rig.ratio
+        )
         period = float(seen.period[0])
         read = 0.0 if abs(period) >= rig.timeout else rig.ratio * per_turn / period
         state, command = update(state, read * speed, float(set_points[k]))
         duty = np.clip(np.round(float(command) * volt / rig.volts_per_count), -most, most)
         if not np.isfinite(duty):
-            raise SimulationError(f"The loop has no finite voltage any more at {fine[end]:.6g} s; its controller makes the motor unstable.")
+            raise SimulationError(
+                f"The loop has no finite voltage any more at {fine[end]:.6g} s; its controller makes the motor "
+                f"unstable."
+            )
         volts[k] = duty * rig.volts_per_count
         if k + 1 < n:
             i, speeds = run_motor(plant, step, p, np.full(rig.substeps, volts[k] + adds[k]), rig.load, x)

@@ -1,4 +1,5 @@
-"""Virtual steam chamber: a valve, a process of known tables and dead times, a pressure transducer and its input card."""
+"""Virtual steam chamber: a valve, a process of known tables and dead times, a pressure transducer and its input
+card."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -51,12 +52,13 @@ def smooth_truth(opening: float) -> dict[str, Any]:
 class SteamChamberRig:
     """A chamber on a bench, and what the transducer and the card record of its pressure.
 
-    `truth` maps an opening (%) to tables k, A1, A2 (10,) over `NODES` and Td (s), as `smooth_truth`. Readings are `bits` of a
-    `span` (bar): 39/4096 = 0.0095 bar a step. `noise` (bar rms) is that of a sample. Each of `error_limits` (% of span) bounds an
-    instrument's error, which is a straight line over the pressure, its ends at zero and full scale drawn evenly within the limits,
-    one draw for each seed. `zeroed` takes the error at rest off, as who sets the zero before a step does; `errors=False` has none.
-    The valve moves within `valve_limits` (%) at `valve_rate` (%/s) at most. `drift` (share, rms) is that of the supply, wandering
-    with the time constant `drift_time` (s). A sample every `period` s; `substeps` of the simulation between two.
+    `truth` maps an opening (%) to tables k, A1, A2 (10,) over `NODES` and Td (s), as `smooth_truth`. Readings are
+    `bits` of a `span` (bar): 39/4096 = 0.0095 bar a step. `noise` (bar rms) is that of a sample. Each of `error_limits`
+    (% of span) bounds an instrument's error, which is a straight line over the pressure, its ends at zero and full
+    scale drawn evenly within the limits, one draw for each seed. `zeroed` takes the error at rest off, as who sets the
+    zero before a step does; `errors=False` has none. The valve moves within `valve_limits` (%) at `valve_rate` (%/s) at
+    most. `drift` (share, rms) is that of the supply, wandering with the time constant `drift_time` (s). A sample every
+    `period` s; `substeps` of the simulation between two.
     """
 
     truth: Any = smooth_truth
@@ -83,19 +85,22 @@ class SteamChamberRig:
         low, high = self.valve_limits
         if not 0 <= low < high <= 100:
             raise SimulationError(
-                f"The steam rig's valve_limits are {self.valve_limits}; give two openings (%), low and high, in 0 to 100."
+                f"The steam rig's valve_limits are {self.valve_limits}; give two openings (%), low and high, in 0 to "
+                f"100."
             )
 
     # -- what a user calls ------------------------------------------------------------------------
 
     def record(self, opening: float | Recording, seed: int, duration: float | None = None) -> RigRun:
-        """The step from rest and a closed valve to `opening` (%, above 0) at t = 0, for `duration` s (those of the paper if left out).
+        """The step from rest and a closed valve to `opening` (%, above 0) at t = 0, for `duration` s (those of the
+        paper if left out).
 
-        A recording with a signal u (%) and the rig's period moves the valve in place of one step; the truth is that of its first opening.
+        A recording with a signal u (%) and the rig's period moves the valve in place of one step; the truth is that of
+        its first opening.
 
-        The recording has u (%, what the valve was told) and y (bar); `exact` the valve, the supply's factor and the pressure. The
-        instruments' errors come from `seed` alone, so that ten openings of one seed share a set-up. Raises SimulationError for
-        an opening that is no share of a valve.
+        The recording has u (%, what the valve was told) and y (bar); `exact` the valve, the supply's factor and the
+        pressure. The instruments' errors come from `seed` alone, so that ten openings of one seed share a set-up.
+        Raises SimulationError for an opening that is no share of a valve.
         """
         if isinstance(opening, Recording):
             t, told_valve, name = self._moved(opening)
@@ -112,17 +117,28 @@ class SteamChamberRig:
         p = self.truth(opening)
         y = simulated(p, t, valve * supply, self.substeps)
         errors = self.instrument_errors(seed)
-        line = sum((e["zero"] + (e["full_scale"] - e["zero"]) * y / self.span for e in errors.values()), np.zeros(len(t)))
+        line = sum(
+            (e["zero"] + (e["full_scale"] - e["zero"]) * y / self.span for e in errors.values()), np.zeros(len(t))
+        )
         shown = self._converted(y + line + self.noise * rng.standard_normal(len(t)))
         if self.zeroed:
             shown = shown - sum(e["zero"] for e in errors.values())
-        told = f"Virtual steam chamber, seed {seed}: {self.noise:g} bar rms noise, {self.span / 2**self.bits:.4f} bar a step, " + (
-            "no instrument errors." if not self.errors else "zero set before the step." if self.zeroed else "zero not set."
+        told = (
+            f"Virtual steam chamber, seed {seed}: {self.noise:g} bar rms noise, {self.span / 2**self.bits:.4f} bar a "
+            f"step, "
+            + (
+                "no instrument errors."
+                if not self.errors
+                else "zero set before the step."
+                if self.zeroed
+                else "zero not set."
+            )
         )
         truth = {
             "seed": seed, "opening": float(opening), "parameters": {n: np.asarray(v).tolist() for n, v in p.items()},
             "instrument_errors_bar": errors,
-            "settings": {n: getattr(self, n) for n in ("span", "bits", "noise", "errors", "zeroed", "drift", "drift_time", "period")},
+            "settings": {n: getattr(self, n) for n in ("span", "bits", "noise", "errors", "zeroed", "drift",
+                                                       "drift_time", "period")},
         }  # fmt: skip
         seen = {"u": Signal(told_valve, "%"), "y": Signal(shown, "bar")}
         true = {"valve": Signal(valve, "%"), "supply": Signal(supply, "1"), "y": Signal(y, "bar")}
@@ -146,7 +162,9 @@ class SteamChamberRig:
     def _moved(self, openings: Recording) -> tuple[np.ndarray, np.ndarray, str]:
         """Times (N,), openings (N,) (%) held between the samples of a recording, and its name."""
         if "u" not in openings.signals:
-            raise SimulationError(f"The excitation {openings.name!r} has no signal 'u'; it has {list(openings.signals)}.")
+            raise SimulationError(
+                f"The excitation {openings.name!r} has no signal 'u'; it has {list(openings.signals)}."
+            )
         t = np.arange(round(float(openings.t[-1] - openings.t[0]) / self.period) + 1) * self.period
         values = openings["u"][np.searchsorted(openings.t - openings.t[0], t + 5e-10, side="right") - 1]
         for worst in (values.min(), values.max()):

@@ -27,9 +27,9 @@ class Move:
 class RestToRest:
     """Value `rest` until the first move, and rest between the moves, which come in order of time.
 
-    Each move is the polynomial of lowest degree, 2 r + 1, whose first r = `smoothness` derivatives are zero at both ends:
-    s(x) = x^(r+1) sum_k C(r+k, k) (1-x)^k, x from 0 to 1. A flat output of relative degree d needs r >= d for an input
-    without jumps. Raises SimulationError for moves that overlap, last no time or are not finite.
+    Each move is the polynomial of lowest degree, 2 r + 1, whose first r = `smoothness` derivatives are zero at both
+    ends: s(x) = x^(r+1) sum_k C(r+k, k) (1-x)^k, x from 0 to 1. A flat output of relative degree d needs r >= d for an
+    input without jumps. Raises SimulationError for moves that overlap, last no time or are not finite.
     """
 
     rest: float
@@ -42,9 +42,14 @@ class RestToRest:
         before = -np.inf
         for move in self.moves:
             if not (np.all(np.isfinite([move.start, move.duration, move.to])) and move.duration > 0):
-                raise SimulationError(f"A move at {move.start} s over {move.duration} s to {move.to}; give finite numbers, a duration > 0.")
+                raise SimulationError(
+                    f"A move at {move.start} s over {move.duration} s to {move.to}; give finite numbers, a duration > "
+                    f"0."
+                )
             if move.start < before:
-                raise SimulationError(f"A move starts at {move.start:g} s, before the one before it ends at {before:g} s; start it later.")
+                raise SimulationError(
+                    f"A move starts at {move.start:g} s, before the one before it ends at {before:g} s; start it later."
+                )
             before = move.end
 
     def __call__(self, t: Sequence[float] | np.ndarray, derivative: int = 0) -> np.ndarray:
@@ -54,7 +59,9 @@ class RestToRest:
         result, at = np.full(t.shape, self.rest if derivative == 0 else 0.0), self.rest
         for move in self.moves:
             inside = (t > move.start) & (t < move.end)
-            result[inside] = (move.to - at) * shape((t[inside] - move.start) / move.duration) / move.duration**derivative
+            result[inside] = (
+                (move.to - at) * shape((t[inside] - move.start) / move.duration) / move.duration**derivative
+            )
             if derivative == 0:
                 result[inside] += at
                 result[t >= move.end] = move.to

@@ -17,7 +17,15 @@ from plantfit.simulate.steps.history import Lag, delayed_rollout, history_grid, 
 from plantfit.simulate.steps.linear import exact_step
 from plantfit.simulate.steps.registry import ADAPTIVE, EXACT, STEPPERS
 from plantfit.simulate.steps.structure import is_linear
-from plantfit.simulate.steps.switching import bind_backlash, bind_event, bind_friction, values_of, with_backlash, with_events, with_friction
+from plantfit.simulate.steps.switching import (
+    bind_backlash,
+    bind_event,
+    bind_friction,
+    values_of,
+    with_backlash,
+    with_events,
+    with_friction,
+)
 from plantfit.simulate.steps.times import known_times
 from plantfit.simulate.steps.vector import VectorModel, vectorise
 
@@ -50,9 +58,9 @@ class Simulator:
     """`outputs(p, drive)` and `states(p, drive)` for named parameter values; pure jax functions.
 
     `stepper` is "exponential" (stiff, default), "rosenbrock" (stiff), "rk4", "exact" (matrix exponential, linear models
-    only), or "adaptive" (as long as their error allows, smooth models only); `substeps` divides every step of the grid, and is the
-    fineness of adaptive ones (see `adaptive`).
-    A smooth input that is interpolated, or a right-hand side that uses t, makes steps `varying`.
+    only), or "adaptive" (as long as their error allows, smooth models only); `substeps` divides every step of the grid,
+    and is the fineness of adaptive ones (see `adaptive`). A smooth input that is interpolated, or a right-hand side
+    that uses t, makes steps `varying`.
     """
 
     vector: VectorModel
@@ -61,7 +69,9 @@ class Simulator:
     interpolated: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, model: Model, *, stepper: str = "exponential", substeps: int = 1, hold: Mapping[str, str] | None = None) -> "Simulator":
+    def of(
+        cls, model: Model, *, stepper: str = "exponential", substeps: int = 1, hold: Mapping[str, str] | None = None
+    ) -> "Simulator":
         """Raises SimulationError for an unknown stepper, hold or input, or substeps below 1."""
         hold = dict(hold or {})
         if stepper not in STEPPERS:
@@ -69,31 +79,37 @@ class Simulator:
         vector = vectorise(model)
         if stepper == EXACT and (model.state_delays or not model.states or not is_linear(vector)):
             raise SimulationError(
-                f"Model {model.name!r} is not linear in its states and inputs, so that no step is exact; use stepper = 'exponential'."
+                f"Model {model.name!r} is not linear in its states and inputs, so that no step is exact; use stepper = "
+                f"'exponential'."
             )
         if stepper == EXACT and (model.frictions or model.backlashes):
             raise SimulationError(
-                f"Model {model.name!r} has dry friction or backlash, which no matrix exponential follows; use stepper = 'exponential'."
+                f"Model {model.name!r} has dry friction or backlash, which no matrix exponential follows; use stepper "
+                f"= 'exponential'."
             )
         if stepper == ADAPTIVE and (not model.smooth or model.state_delays):
             raise SimulationError(
-                f"Model {model.name!r} has late states, events, dry friction that sticks or backlash, whose steps have a length of their "
+                f"Model {model.name!r} has late states, events, dry friction that sticks or backlash, whose steps have "
+                f"a length of their "
                 "own; use stepper = 'exponential'."
             )
         if stepper == ADAPTIVE and substeps > FINEST:
             raise SimulationError(
-                f"substeps = {substeps} is a fineness of adaptive steps beyond that of the numbers; give at most {FINEST}."
+                f"substeps = {substeps} is a fineness of adaptive steps beyond that of the numbers; give at most "
+                f"{FINEST}."
             )
         if substeps < 1:
             raise SimulationError(f"substeps = {substeps}; give a whole number of at least 1.")
         for delay in model.delays:
             if model.declared(delay.parameter).shape:
                 raise SimulationError(
-                    f"Model {model.name!r}: the dead time {delay.parameter!r} is a table, which only closed loops follow; give one number."
+                    f"Model {model.name!r}: the dead time {delay.parameter!r} is a table, which only closed loops "
+                    f"follow; give one number."
                 )
         if model.state_delays and (model.events or model.frictions or model.backlashes):
             raise SimulationError(
-                f"Model {model.name!r} has late states together with events, dry friction or backlash, whose jumps the history would "
+                f"Model {model.name!r} has late states together with events, dry friction or backlash, whose jumps the "
+                f"history would "
                 "not see; use a smooth form of one of them."
             )
         for name, kind in hold.items():
@@ -132,13 +148,15 @@ class Simulator:
         initial_time: float | None = None,
         mesh: np.ndarray | None = None,
     ) -> Drive:
-        """Prepare times (N,) in seconds and inputs (N,); `before` gives the inputs ahead of t[0] (default: their first value).
+        """Prepare times (N,) in seconds and inputs (N,); `before` gives the inputs ahead of t[0] (default: their first
+        value).
 
-        The states begin at `initial_time` (s), by default at t[0]; until t[0] the inputs are those `before`. Times known beforehand
-        (see `times`) become times of the drive, and so do those of a `mesh` (k,) that fall inside: steps end there as well.
+        The states begin at `initial_time` (s), by default at t[0]; until t[0] the inputs are those `before`. Times
+        known beforehand (see `times`) become times of the drive, and so do those of a `mesh` (k,) that fall inside:
+        steps end there as well.
 
-        `measured` outputs are used only for `initial_state`, through their first value that is not missing. `longest` gives
-        the largest value (s) of every parameter that delays a state.
+        `measured` outputs are used only for `initial_state`, through their first value that is not missing. `longest`
+        gives the largest value (s) of every parameter that delays a state.
         """
         before, measured = dict(before or {}), dict(measured or {})
         model = self.vector.model
@@ -149,7 +167,9 @@ class Simulator:
         history: dict[str, float] = {}
         for name in model.inputs:
             if name not in inputs:
-                raise SimulationError(f"Model {model.name!r} needs the input {name!r}, which the recording does not have.")
+                raise SimulationError(
+                    f"Model {model.name!r} needs the input {name!r}, which the recording does not have."
+                )
             u = np.asarray(inputs[name], dtype=float)
             if not np.all(np.isfinite(u)):
                 k = int(np.argmin(np.isfinite(u)))
@@ -163,7 +183,8 @@ class Simulator:
             value.append(v)
             slope.append(s)
         delayed = tuple(
-            delayed_pieces(t, np.asarray(inputs[d.input], dtype=float), self._hold(d.input), history[d.input]) for d in model.delays
+            delayed_pieces(t, np.asarray(inputs[d.input], dtype=float), self._hold(d.input), history[d.input])
+            for d in model.delays
         )
         # a state's own past is no input: whoever starts from it gets a missing value
         late = [np.nan for _ in model.state_delays]
@@ -177,13 +198,16 @@ class Simulator:
         first, seen = (tuple(float(v) for v in values) for values in (first, seen))
         return Drive(times, tuple(value), tuple(slope), delayed, first, seen, jumps, ring, samples)
 
-    def _times(self, t: np.ndarray, initial_time: float | None, mesh: np.ndarray | None) -> tuple[np.ndarray, np.ndarray | None]:
+    def _times(
+        self, t: np.ndarray, initial_time: float | None, mesh: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray | None]:
         """The times at which steps end, and the places of the samples among them; None where they are the samples."""
         early = np.zeros(0)
         if initial_time is not None and initial_time != t[0]:
             if not initial_time < t[0]:
                 raise SimulationError(
-                    f"initial_time = {initial_time:g} s is not before the first sample at {t[0]:g} s; give a time before it, on the "
+                    f"initial_time = {initial_time:g} s is not before the first sample at {t[0]:g} s; give a time "
+                    f"before it, on the "
                     "recording's own axis, or leave it out."
                 )
             pace = float(np.median(np.diff(t))) if len(t) > 1 else t[0] - initial_time
@@ -209,11 +233,15 @@ class Simulator:
             return None, None
         missing = [d.parameter for d in delays if d.parameter not in longest]
         if missing:
-            raise SimulationError(f"The state delay {missing[0]!r} needs its largest value: give longest = {{{missing[0]!r}: seconds}}.")
+            raise SimulationError(
+                f"The state delay {missing[0]!r} needs its largest value: give longest = {{{missing[0]!r}: seconds}}."
+            )
         held = [v for n, v in zip(self.vector.model.inputs, values, strict=True) if self._hold(n) == Held.PREVIOUS]
         jumps = np.unique(np.concatenate([t[np.flatnonzero(np.diff(v, prepend=v[:1]))] for v in held] or [np.zeros(0)]))
         most = [longest[d.parameter] for d in delays]
-        return jumps, np.zeros(ring_length(t, 2 * self.substeps, jumps, most))  # twice: for the check by halving the steps
+        return jumps, np.zeros(
+            ring_length(t, 2 * self.substeps, jumps, most)
+        )  # twice: for the check by halving the steps
 
     def _hold(self, name: str) -> str:
         return Held.LINEAR if name in self.interpolated else Held.PREVIOUS
@@ -235,10 +263,14 @@ class Simulator:
         """Every channel of the model at every time, a tuple of (N,): inputs, late inputs, `late_states`, time."""
         return (*drive.value, *self._late_inputs(p, drive), *late_states, drive.t)
 
-    def states(self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None, *, forwards: bool = False) -> tuple[Any, ...]:
-        """Every state at every time of the drive, a tuple of (N,) in the order of the model; from x0 (by default `initial`) at the first.
+    def states(
+        self, p: Mapping[str, Any], drive: Drive, x0: tuple[Any, ...] | None = None, *, forwards: bool = False
+    ) -> tuple[Any, ...]:
+        """Every state at every time of the drive, a tuple of (N,) in the order of the model; from x0 (by default
+        `initial`) at the first.
 
-        Models with late states always begin at `initial`. With `forwards` only derivatives in forward mode can be taken, in less time.
+        Models with late states always begin at `initial`. With `forwards` only derivatives in forward mode can be
+        taken, in less time.
         """
         if not self.vector.states:
             return ()
@@ -275,11 +307,15 @@ class Simulator:
         nothing = [jnp.zeros_like(begin) for _ in lags]
         u0, u1 = (*u0, *nothing, begin), (*u1, *nothing, end)
         x0 = self.initial(p, drive.first_input, drive.first_output)
-        x = delayed_rollout(self.step, vector.rate, x0, u0, u1, self.positional(p), grid.times, lags, drive.ring.shape[0])
+        x = delayed_rollout(
+            self.step, vector.rate, x0, u0, u1, self.positional(p), grid.times, lags, drive.ring.shape[0]
+        )
         after = tuple(jnp.interp(drive.t - lag.delay, grid.times, x[lag.state]) for lag in lags)
         return tuple(jnp.take(a, grid.rank) for a in x), after
 
-    def initial(self, p: Mapping[str, Any], first_input: tuple[Any, ...], first_output: tuple[Any, ...]) -> tuple[Any, ...]:
+    def initial(
+        self, p: Mapping[str, Any], first_input: tuple[Any, ...], first_output: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
         """The states at the first sample, from every channel there and the first measured outputs (see `Drive`)."""
         model = self.vector.model
         if model.initial_state is None:
@@ -289,7 +325,9 @@ class Simulator:
         x0 = model.initial_state(dict(p), u0, y0)
         missing = [n for n in self.vector.states if n not in x0]
         if missing:
-            raise SimulationError(f"Model {model.name!r}: initial_state gives no value for the state {missing[0]!r}; return every state.")
+            raise SimulationError(
+                f"Model {model.name!r}: initial_state gives no value for the state {missing[0]!r}; return every state."
+            )
         return tuple(jnp.asarray(x0[n], dtype=float) for n in self.vector.states)
 
     def positional(self, p: Mapping[str, Any]) -> tuple[Any, ...]:
@@ -358,7 +396,8 @@ def _between_samples(times, t, value, slope, before):
 
 
 def _divided(z, m: int, timed: bool = False):
-    """Every step in m equal parts, the inputs linear inside; `timed`: the last of them, time, without a gap between parts."""
+    """Every step in m equal parts, the inputs linear inside; `timed`: the last of them, time, without a gap between
+    parts."""
     if m == 1:
         return z
     start, end, length = z

@@ -1,9 +1,10 @@
 """Steady states: the points where a model comes to rest under constant inputs, with their exact derivatives.
 
 All points of a record are solved at once, elementwise. Newton's method is damped by the natural monotonicity test
-(P. Deuflhard, Newton Methods for Nonlinear Problems, Springer 2004, sec. 3.3). Points that it does not bring to rest are
-followed in time by implicit Euler steps of growing length (pseudo-transient continuation: C. T. Kelley, D. E. Keyes,
-SIAM J. Numer. Anal. 35 (1998) 508) and handed to Newton again. Derivatives come from the implicit function theorem.
+(P. Deuflhard, Newton Methods for Nonlinear Problems, Springer 2004, sec. 3.3). Points that it does not bring to rest
+are followed in time by implicit Euler steps of growing length (pseudo-transient continuation: C. T. Kelley, D. E.
+Keyes, SIAM J. Numer. Anal. 35 (1998) 508) and handed to Newton again. Derivatives come from the implicit function
+theorem.
 """
 
 from collections.abc import Mapping
@@ -38,7 +39,8 @@ def steady_states(vector: VectorModel, u: Scalars, p: Scalars, guess: Scalars) -
     """
     if vector.rate_uses_time:
         raise ModelError(
-            f"Model {vector.model.name!r} never rests, because its rate depends on the time t; remove t or use records in time."
+            f"Model {vector.model.name!r} never rests, because its rate depends on the time t; remove t or use records "
+            f"in time."
         )
     if not vector.states:
         return ()
@@ -59,10 +61,14 @@ def rest_channels(vector: VectorModel, inputs: Mapping[str, Any]) -> Scalars:
         raise ModelError(f"Model {vector.model.name!r} needs input {missing[0]!r} at rest; given are {sorted(inputs)}.")
     late = {delay.channel: delay.input for delay in vector.model.delays}
     zero = jnp.zeros(jnp.broadcast_shapes(*(jnp.shape(inputs[name]) for name in vector.model.inputs)))
-    return tuple(zero if name == "t" else jnp.asarray(inputs[late.get(name, name)], dtype=float) for name in vector.channels)
+    return tuple(
+        zero if name == "t" else jnp.asarray(inputs[late.get(name, name)], dtype=float) for name in vector.channels
+    )
 
 
-def steady_outputs(vector: VectorModel, p: Scalars, inputs: Mapping[str, Any], guess: Scalars | None = None) -> dict[str, Any]:
+def steady_outputs(
+    vector: VectorModel, p: Scalars, inputs: Mapping[str, Any], guess: Scalars | None = None
+) -> dict[str, Any]:
     """Every output at rest by name, each (N,), for the named inputs (N,); NaN where the model does not come to rest.
 
     `guess` as for `steady_states`, zero when not given.
@@ -136,7 +142,12 @@ def _newton(vector, u, p, start, x, skip):
         k, x, rests, lost = carry
         _, solve = _linearised(vector, x, u, p)
         step = [-d for d in solve(vector.rate(x, u, p))]
-        near = _all([jnp.abs(d) <= RELATIVE * jnp.abs(a) + ROUNDING * jnp.abs(a - b) for a, b, d in zip(x, start, step, strict=True)])
+        near = _all(
+            [
+                jnp.abs(d) <= RELATIVE * jnp.abs(a) + ROUNDING * jnp.abs(a - b)
+                for a, b, d in zip(x, start, step, strict=True)
+            ]
+        )
         whole = tuple(a + d for a, d in zip(x, step, strict=True))
         following = _where(near, whole, shortened(x, step, solve))
         finite = _all([jnp.isfinite(v) for v in (*following, *vector.rate(following, u, p))])

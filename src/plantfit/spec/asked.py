@@ -14,13 +14,15 @@ _KINDS = {
     "dict": "a table, as in { NAME = VALUE }",
     "tuple": PAIR,
 }
-_LIMITS = {"greater_than": ("gt", "above"), "greater_than_equal": ("ge", "of at least"), "less_than": ("lt", "below"), "less_than_equal": (
+_LIMITS = {"greater_than": ("gt", "above"), "greater_than_equal": ("ge", "of at least"), "less_than": ("lt", "below"),
+           "less_than_equal": (
     "le", "of at most",
 )}  # fmt: skip
 
 
 def asked(errors: Sequence[Mapping[str, Any]]) -> str:
-    """What to write in place of one value that was refused; `errors` are those of pydantic, one for each kind that the value may have."""
+    """What to write in place of one value that was refused; `errors` are those of pydantic, one for each kind that
+    the value may have."""
     own = next((str(e["ctx"]["error"]) for e in errors if e["type"] == "value_error"), None)
     return own if own is not None else f"write {' or '.join(dict.fromkeys(_wanted(e) for e in errors))}"
 
@@ -34,7 +36,11 @@ def _wanted(error: Mapping[str, Any]) -> str:
         expected = str(context["expected"])
         return {"True": "true", "False": "false"}.get(expected, expected)
     if kind == "list_type":
-        return f"a list in brackets, as in [{json.dumps(value, ensure_ascii=False)}]" if isinstance(value, str) else "a list in brackets"
+        return (
+            f"a list in brackets, as in [{json.dumps(value, ensure_ascii=False)}]"
+            if isinstance(value, str)
+            else "a list in brackets"
+        )
     if kind in ("model_type", "model_attributes_type"):
         return f"a table with a name of its own, as in [{'.'.join(map(str, error['loc'][:-1]))}.NAME]"
     if kind == "missing" or (kind in ("too_long", "too_short") and context.get("field_type") == "Tuple"):
@@ -46,4 +52,8 @@ def _wanted(error: Mapping[str, Any]) -> str:
     wanted = _KINDS.get(kind.partition("_")[0])
     if wanted is None:
         return f"another value ({str(error['msg']).lower()})"
-    return f"{wanted} without quotation marks" if isinstance(value, str) and wanted.endswith(("number", "false")) else wanted
+    return (
+        f"{wanted} without quotation marks"
+        if isinstance(value, str) and wanted.endswith(("number", "false"))
+        else wanted
+    )

@@ -10,13 +10,15 @@ from plantfit.spec.tables import SpecTable
 
 DERIVED = ("differentiate", "smooth_motion")  # cleaning steps that make derivatives
 HOW = (
-    'fit it by instrumental variables: a table [regression] with reference = { SIGNAL = "SIGNAL_ref" }, the motion that the controller '
+    'fit it by instrumental variables: a table [regression] with reference = { SIGNAL = "SIGNAL_ref" }, the motion '
+    "that the controller "
     "was to follow, and derivatives (docs/regression.md)"
 )
 
 
 def missing_instruments(table: SpecTable, model: Any) -> dict[str, str] | None:
-    """What to say of a regression by least squares whose columns are derivatives of measured signals; None where all is well."""
+    """What to say of a regression by least squares whose columns are derivatives of measured signals; None where all
+    is well."""
     if not isinstance(model, LinearModel) and not (isinstance(model, Model) and not model.states):
         return None
     if table.regression is not None and table.regression.method == "instrumental variables":
@@ -33,7 +35,8 @@ def missing_instruments(table: SpecTable, model: Any) -> dict[str, str] | None:
         told = f"The columns of this regression hold {names}, which is made of derivatives unless a sensor measures it"
     return {
         "level": "warning",
-        "sentence": f"{told}, so the columns have errors of measurement; least squares then differs from the truth by more than "
+        "sentence": f"{told}, so the columns have errors of measurement; least squares then differs from the truth by "
+        f"more than "
         "its standard "
         f"errors say. Instead {HOW}.",
         "write": '[regression] method = "instrumental variables"',
@@ -41,7 +44,8 @@ def missing_instruments(table: SpecTable, model: Any) -> dict[str, str] | None:
 
 
 def _signals_read(model: LinearModel | Model) -> dict[str, str | None]:
-    """Signals by name with their units; of a model of filtered columns those before the filter are not known any more."""
+    """Signals by name with their units; of a model of filtered columns those before the filter are not known any
+    more."""
     return dict(model.signals) if isinstance(model, LinearModel) else dict(model.inputs)
 
 

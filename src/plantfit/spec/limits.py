@@ -1,4 +1,5 @@
-"""How large a study may be: told before work begins, since what is larger would end for lack of memory or not at all."""
+"""How large a study may be: told before work begins, since what is larger would end for lack of memory or not at
+all."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -22,14 +23,23 @@ def check_tables(table: SpecTable, path: Path) -> None:
     """What the study file says by itself."""
     m = table.model
     if len(m.states) > MOST_STATES:
-        raise SpecError(f"{path.name}: [model] has {len(m.states)} states; at most {MOST_STATES} can be simulated, so use fewer.")
+        raise SpecError(
+            f"{path.name}: [model] has {len(m.states)} states; at most {MOST_STATES} can be simulated, so use fewer."
+        )
     for name, t in m.tables.items():
-        axes = t.nodes if isinstance(t.nodes, list) and t.nodes and all(isinstance(a, list) for a in t.nodes) else [t.nodes]
+        axes = (
+            t.nodes
+            if isinstance(t.nodes, list) and t.nodes and all(isinstance(a, list) for a in t.nodes)
+            else [t.nodes]
+        )
         count = 1
         for axis in axes:
             count *= len(axis) if isinstance(axis, list) else 1
         if count > MOST_NODES:
-            raise SpecError(f"{path.name}: model.tables.{name} has {count} nodes; a table can have at most {MOST_NODES}, so use fewer.")
+            raise SpecError(
+                f"{path.name}: model.tables.{name} has {count} nodes; a table can have at most {MOST_NODES}, so use "
+                f"fewer."
+            )
 
 
 def check_step(arguments: Mapping[str, Any], samples: int, place: str) -> None:
@@ -38,11 +48,14 @@ def check_step(arguments: Mapping[str, Any], samples: int, place: str) -> None:
         value = arguments.get(key)
         if isinstance(value, int) and value > most:
             of = "samples of the recording" if key == "window" else "largest order of a filter"
-            raise SpecError(f"{place}: {key} = {value!s:.40} is too large; the limit is {most} ({of}), so give a smaller number.")
+            raise SpecError(
+                f"{place}: {key} = {value!s:.40} is too large; the limit is {most} ({of}), so give a smaller number."
+            )
 
 
 def check_problem(problem: "Problem", table: SpecTable) -> None:
-    """The problem made of it: sizes, starts inside bounds, and dead times that are none in the future. Errors leave out the file."""
+    """The problem made of it: sizes, starts inside bounds, and dead times that are none in the future. Errors leave
+    out the file."""
     from plantfit.models.parts.clock_shift import shift_name  # loads jax, and `check_tables` comes before it
 
     if problem.space.dimension > MOST_COORDINATES:
@@ -59,11 +72,15 @@ def check_problem(problem: "Problem", table: SpecTable) -> None:
         )
     _ = problem.space.start  # raises SpaceError where one lies outside its bounds
     shifts = {shift_name(s) for s in table.model.clock_shift}  # of a clock, which may go either way
-    late = {d.parameter for d in getattr(problem.model, "delays", ()) if isinstance(getattr(d, "parameter", None), str)} - shifts
+    late = {
+        d.parameter for d in getattr(problem.model, "delays", ()) if isinstance(getattr(d, "parameter", None), str)
+    } - shifts
     for c in problem.space.coordinates:
         if c.parameter in late and c.lower < 0:
             raise SpecError(
-                f"parameters.{c.parameter} is a dead time, and its lower bound is {f'{c.lower:g} {c.unit or str()}'.rstrip()}; "
-                "an input cannot act before it happens, so begin the bounds at 0. If the clocks of two signals differ, use "
+                f"parameters.{c.parameter} is a dead time, and its lower bound is "
+                f"{f'{c.lower:g} {c.unit or str()}'.rstrip()}; "
+                "an input cannot act before it happens, so begin the bounds at 0. If the clocks of two signals differ, "
+                "use "
                 "model.clock_shift."
             )

@@ -1,4 +1,5 @@
-"""A study file is read here: its keys and values are checked before anything large is imported, so that a slip is told at once."""
+"""A study file is read here: its keys and values are checked before anything large is imported, so that a slip is
+told at once."""
 
 import difflib
 from collections.abc import Mapping
@@ -27,7 +28,11 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        near = difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1) if path.parent.is_dir() else []
+        near = (
+            difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1)
+            if path.parent.is_dir()
+            else []
+        )
         raise SpecError(
             f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
             "`plantfit init RECORDING.csv`."
@@ -35,9 +40,13 @@ def read_text(path: Path) -> str:
     except IsADirectoryError:
         raise SpecError(f"{str(path)!r} is a folder; name a study file in it.") from None
     except UnicodeDecodeError as error:
-        raise SpecError(f"The study file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8.") from None
+        raise SpecError(
+            f"The study file {str(path)!r} is not UTF-8 text (byte {error.start}); save it as UTF-8."
+        ) from None
     except (OSError, ValueError) as error:
-        raise SpecError(f"The study file {str(path)!r:.300} cannot be read: {error}; check the name and your rights.") from None
+        raise SpecError(
+            f"The study file {str(path)!r:.300} cannot be read: {error}; check the name and your rights."
+        ) from None
 
 
 def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] | None = None) -> "Study":
@@ -51,5 +60,6 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
         return study_of(table, text, path, files or {})
     except (OverflowError, RecursionError) as error:
         raise SpecError(
-            f"{path.name}: a number is too large, or there are too many brackets inside each other ({in_words(error)}); correct it."
+            f"{path.name}: a number is too large, or there are too many brackets inside each other "
+            f"({in_words(error)}); correct it."
         ) from error

@@ -19,8 +19,10 @@ from plantfit.spec.limits import check_step
 from plantfit.spec.tables import RecordingTable
 
 CLEANING = (
-    "drop_outliers", "drop_samples", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample", "lowpass", "differentiate",
-    "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle", "counts_to_speed",
+    "drop_outliers", "drop_samples", "fill_gaps", "detrend", "subtract", "scale", "convert_units", "resample",
+    "lowpass", "differentiate",
+    "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle",
+    "counts_to_speed",
     "period_to_speed", "moving_rms", "odometry", "backdate", "keep_every",
 )  # fmt: skip
 
@@ -44,7 +46,8 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
         kind = arguments.pop("step", None)
         if kind is None:
             raise SpecError(
-                f'{path.name}: recording.{name}.clean[{i}] says no step; write step = "NAME". Known steps: {", ".join(CLEANING)}.'
+                f'{path.name}: recording.{name}.clean[{i}] says no step; write step = "NAME". Known steps: '
+                f"{', '.join(CLEANING)}."
             )
         if kind not in CLEANING:
             near = difflib.get_close_matches(str(kind), CLEANING, 1)
@@ -55,7 +58,9 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
         try:
             function = getattr(rec, kind)
             names = (signature := inspect.signature(function)).parameters
-            if "signal" in arguments and "signal" not in names and "name" in names:  # what study files call the name of a signal
+            if (
+                "signal" in arguments and "signal" not in names and "name" in names
+            ):  # what study files call the name of a signal
                 arguments["name"] = arguments.pop("signal")
             check_step(arguments, len(record), f"{path.name}: recording.{name}.clean[{i}] ({kind})")
             _check_names(signature, arguments)
@@ -63,13 +68,16 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
                 record = function(record, **arguments)
         except (TypeError, ValueError, LookupError, AttributeError, ArithmeticError, MemoryError) as error:
             told = in_words(error).removeprefix(f"{kind}() ")
-            raise SpecError(f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told}; see docs/recordings.md.") from error
+            raise SpecError(
+                f"{path.name}: recording.{name}.clean[{i}] ({kind}): {told}; see docs/recordings.md."
+            ) from error
     with errors_at(f"{path.name}, [recording.{name}]"):
         return unmeasured(record, r.unmeasured) if r.unmeasured else record
 
 
 def counted_signals(clean: Sequence[Mapping[str, Any]]) -> dict[str, float]:
-    """Speeds that cleaning steps make of counts, and the size of a count in them (rad): differenced ones, and derivatives of an angle."""
+    """Speeds that cleaning steps make of counts, and the size of a count in them (rad): differenced ones, and
+    derivatives of an angle."""
     angles: dict[str, float] = {}
     found: dict[str, float] = {}
     for step in clean:
@@ -90,7 +98,10 @@ def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) 
     unknown = next((n for n in arguments if n not in signature.parameters), None)
     if unknown is not None:
         near = difflib.get_close_matches(unknown, known, 1)
-        raise TypeError(f"there is no key {unknown!r}{f' (did you mean {near[0]!r}?)' if near else ''}; this step takes {', '.join(known)}")
+        raise TypeError(
+            f"there is no key {unknown!r}{f' (did you mean {near[0]!r}?)' if near else ''}; this step takes "
+            f"{', '.join(known)}"
+        )
     try:
         signature.bind(None, **arguments)
     except TypeError as error:
@@ -102,15 +113,22 @@ def _check_names(signature: inspect.Signature, arguments: Mapping[str, object]) 
 
 
 def experiments_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> dict[str, Experiment]:
-    """The experiment of one table under its name, or with `pieces` one for each piece of its fitted part, NAME-1, NAME-2, ..."""
+    """The experiment of one table under its name, or with `pieces` one for each piece of its fitted part, NAME-1,
+    NAME-2, ..."""
     whole = experiment_of(name, r, path, files)
     if r.pieces is None:
         return {name: whole}
-    beside = {"validate": whole.validate, "steady": r.steady, "initial_time": r.initial_time is not None, "fit = false": not whole.fit}
+    beside = {
+        "validate": whole.validate,
+        "steady": r.steady,
+        "initial_time": r.initial_time is not None,
+        "fit = false": not whole.fit,
+    }
     for key, given in beside.items():
         if given:
             raise SpecError(
-                f"{path.name}: recording.{name} has pieces, which are parts of what is fitted, and also {key}; leave one of them out. "
+                f"{path.name}: recording.{name} has pieces, which are parts of what is fitted, and also {key}; leave "
+                f"one of them out. "
                 "An unseen part can stand in a table of its own, [recording.OTHER], with the same file."
             )
     assert whole.fit is not None
@@ -124,26 +142,34 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
     steps = {"counted": r.counted, "rounded": r.rounded}
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
-            raise SpecError(f"{path.name}: recording.{name} has split, and also fit or validate; keep split alone, or fit and validate.")
+            raise SpecError(
+                f"{path.name}: recording.{name} has split, and also fit or validate; keep split alone, or fit and "
+                f"validate."
+            )
         with errors_at(path.name):
             cut = split(record, r.split, r.skip)
-            return Experiment(record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time, **steps)
+            return Experiment(
+                record, cut.fit, cut.validate, r.skip, r.before, r.steady, r.shared_errors, r.initial_time, **steps
+            )
     every = (-np.inf, np.inf)
     unseen = every if r.validate_ is True else r.validate_
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
     if fit is not None and unseen is not None and fit == every:
         raise SpecError(
-            f"{path.name}: recording.{name} has validate but no fit; add fit = [start, stop] in seconds, with no time that is "
+            f"{path.name}: recording.{name} has validate but no fit; add fit = [start, stop] in seconds, with no time "
+            f"that is "
             "in validate too."
         )
     for what, interval in (("fit", fit), ("validate", unseen)):
         if interval is not None and interval[0] >= interval[1]:
             raise SpecError(
-                f"{path.name}: recording.{name}.{what} = {list(interval)} is empty; give [start, stop] in seconds with start before stop."
+                f"{path.name}: recording.{name}.{what} = {list(interval)} is empty; give [start, stop] in seconds with "
+                f"start before stop."
             )
     if fit is not None and unseen is not None and max(fit[0], unseen[0]) < min(fit[1], unseen[1]):
         raise SpecError(
-            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not be "
+            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not "
+            f"be "
             "fitted, so choose intervals that do not overlap."
         )
     with errors_at(path.name):

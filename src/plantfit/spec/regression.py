@@ -1,4 +1,5 @@
-"""The table [regression] of a study file: columns of measured, differentiated signals, what they explain, and instruments for them."""
+"""The table [regression] of a study file: columns of measured, differentiated signals, what they explain, and
+instruments for them."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -28,7 +29,8 @@ MOST_POWER = 0.999  # of the instruments below the frequency that is told
 
 @dataclass(frozen=True)
 class Prepared:
-    """A regression as a problem takes it: the `model` of its columns, the `experiments` with these, and `instruments` by recording.
+    """A regression as a problem takes it: the `model` of its columns, the `experiments` with these, and `instruments`
+    by recording.
 
     `band` (Hz) is that of the parallel filter, `power_below` (Hz) holds 99.9 % of the power of the instruments.
     """
@@ -42,7 +44,9 @@ class Prepared:
     @property
     def scales(self) -> dict[str, float]:
         """For a target that never moves, as the torque of a free joint, the spread of the others."""
-        spread = {o: max(float(np.nanstd(e.recording[o])) for e in self.experiments.values()) for o in self.model.outputs}
+        spread = {
+            o: max(float(np.nanstd(e.recording[o])) for e in self.experiments.values()) for o in self.model.outputs
+        }
         largest = max(spread.values())
         return {o: largest for o, s in spread.items() if largest > 0 and s <= 1e-9 * largest}
 
@@ -51,13 +55,24 @@ class Prepared:
         """What is to be said of the band and the instruments, as looks at data are."""
         if self.power_below is None:
             return []
-        told = f"99.9 % of the power of the instruments lies below {self.power_below:.3g} Hz; the band ends at {self.band:g} Hz"
+        told = (
+            f"99.9 % of the power of the instruments lies below {self.power_below:.3g} Hz; the band ends at "
+            f"{self.band:g} Hz"
+        )
         if self.power_below > self.band:
-            return [{"level": "warning", "sentence": f"{told} and cuts the motion.", "write": f"band = {2 * self.power_below:.2g}"}]
+            return [
+                {
+                    "level": "warning",
+                    "sentence": f"{told} and cuts the motion.",
+                    "write": f"band = {2 * self.power_below:.2g}",
+                }
+            ]
         return [{"level": "info", "sentence": f"{told}.", "write": ""}]
 
 
-def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[str, Experiment], path: Path) -> Prepared:
+def prepared(
+    table: SpecTable, model: Model | LinearModel, experiments: Mapping[str, Experiment], path: Path
+) -> Prepared:
     """Columns, targets and instruments of every recording. Raises SpecError with the key that does not fit."""
     r = table.regression
     assert r is not None
@@ -70,7 +85,8 @@ def prepared(table: SpecTable, model: Model | LinearModel, experiments: Mapping[
         raise SpecError(f"{where}: a regression cannot use stated errors of instruments; leave [uncertainty] out.")
     _check(r, linear, experiments, where)
     inverse = InverseDynamics(
-        linear, {a: (pair[0], pair[1]) for a, pair in r.derivatives.items()}, _targets(r, linear, experiments, where), tuple(r.held),
+        linear, {a: (pair[0], pair[1]) for a, pair in r.derivatives.items()}, _targets(r, linear, experiments, where),
+        tuple(r.held),
         r.smoothing, r.band,
     )  # fmt: skip
     columns: LinearModel | None = None
@@ -90,52 +106,75 @@ def _check(r: RegressionTable, model: LinearModel, experiments: Mapping[str, Exp
     made = {n for pair in r.derivatives.values() for n in pair}
     if r.method == "instrumental variables" and not r.reference:
         raise SpecError(
-            f'{where}: instrumental variables need reference = {{ SIGNAL = "SIGNAL_ref" }}, the recorded motion that the controller was to '
-            "follow; where none was recorded, make instruments from a simulated loop in Python (docs/regression.md), or write "
+            f'{where}: instrumental variables need reference = {{ SIGNAL = "SIGNAL_ref" }}, the recorded motion that '
+            f"the controller was to "
+            "follow; where none was recorded, make instruments from a simulated loop in Python (docs/regression.md), "
+            "or write "
             'method = "least squares".'
         )
     if r.method == "least squares" and r.reference:
-        raise SpecError(f"{where}: reference is for instrumental variables, but method is least squares; leave one of the two out.")
+        raise SpecError(
+            f"{where}: reference is for instrumental variables, but method is least squares; leave one of the two out."
+        )
     names = [*r.derivatives, *(n for pair in r.derivatives.values() for n in pair)]
     twice = next((n for n in names if names.count(n) > 1), None)
     if twice is not None:
-        raise SpecError(f"{where}: derivatives names {twice!r} twice; give the signal and its two derivatives different names.")
+        raise SpecError(
+            f"{where}: derivatives names {twice!r} twice; give the signal and its two derivatives different names."
+        )
     for name, e in experiments.items():
         known = list(e.recording.signals)
-        for key, wanted in (("derivatives", list(r.derivatives)), ("held", r.held), ("reference", list(r.reference.values()))):
+        for key, wanted in (
+            ("derivatives", list(r.derivatives)),
+            ("held", r.held),
+            ("reference", list(r.reference.values())),
+        ):
             for signal in wanted:
                 if signal not in known:
                     raise SpecError(
-                        f"{where}: {key} names {signal!r}, which recording {name!r} does not have.{suggest(signal, known)} It has "
+                        f"{where}: {key} names {signal!r}, which recording {name!r} does not "
+                        f"have.{suggest(signal, known)} It has "
                         f"{', '.join(known)}."
                     )
     for signal, reference in r.reference.items():
         if signal not in r.derivatives:
-            raise SpecError(f"{where}: reference names {signal!r}, which is not in derivatives; there are {', '.join(r.derivatives)}.")
+            raise SpecError(
+                f"{where}: reference names {signal!r}, which is not in derivatives; there are "
+                f"{', '.join(r.derivatives)}."
+            )
         if reference in r.derivatives or reference in made:
             raise SpecError(
-                f"{where}: reference = {{ {signal} = {reference!r} }} is a measured signal and has the errors of the columns; name "
+                f"{where}: reference = {{ {signal} = {reference!r} }} is a measured signal and has the errors of the "
+                f"columns; name "
                 "the motion that the controller was to follow."
             )
         for name, e in experiments.items():
             if np.array_equal(e.recording[signal], e.recording[reference], equal_nan=True):
                 raise SpecError(
-                    f"{where}: in recording {name!r} {reference!r} has the same samples as {signal!r}, so it has the same "
+                    f"{where}: in recording {name!r} {reference!r} has the same samples as {signal!r}, so it has the "
+                    f"same "
                     "errors and cannot be "
                     "an instrument; record the motion that the controller was to follow."
                 )
     lacking = [a for a in r.derivatives if a not in r.reference]
     if r.reference and lacking:
-        raise SpecError(f"{where}: reference has no entry for {lacking[0]!r}; give one for each of {', '.join(r.derivatives)}.")
+        raise SpecError(
+            f"{where}: reference has no entry for {lacking[0]!r}; give one for each of {', '.join(r.derivatives)}."
+        )
     unknown = [o for o in r.targets if o not in model.outputs]
     if unknown:
         raise SpecError(
-            f"{where}: targets names {unknown[0]!r}, which is not an output of {model.name!r}; its outputs are {', '.join(model.outputs)}."
+            f"{where}: targets names {unknown[0]!r}, which is not an output of {model.name!r}; its outputs are "
+            f"{', '.join(model.outputs)}."
         )
-    read = next((n for n in model.signals if n not in made and any(n not in e.recording.signals for e in experiments.values())), None)
+    read = next(
+        (n for n in model.signals if n not in made and any(n not in e.recording.signals for e in experiments.values())),
+        None,
+    )
     if read is not None:
         raise SpecError(
-            f"{where}: the model reads {read!r}, which is neither recorded nor a derivative; add it to derivatives, as in "
+            f"{where}: the model reads {read!r}, which is neither recorded nor a derivative; add it to derivatives, as "
+            f"in "
             f'derivatives = {{ angle = ["rate", "{read}"] }}.'
         )
 
@@ -149,7 +188,8 @@ def _targets(
         for o in recorded:
             if o not in e.recording.signals:
                 raise SpecError(
-                    f"{where}: {o!r} is an output, but recording {name!r} has no such signal; name its column under signals, "
+                    f"{where}: {o!r} is an output, but recording {name!r} has no such signal; name its column under "
+                    f"signals, "
                     f'or give a formula, as in targets = {{ {o} = "kt*i" }}.'
                 )
     units = {o: model.outputs[o] for o in recorded}
@@ -184,7 +224,8 @@ def _converted(recording: Recording, units: Mapping[str, str | None]) -> dict[st
 
 
 def _power_below(model: LinearModel, instruments: Mapping[str, Recording]) -> float:
-    """The frequency (Hz) below which 99.9 % of the power of the instruments lies, the column with the fastest motion."""
+    """The frequency (Hz) below which 99.9 % of the power of the instruments lies, the column with the fastest
+    motion."""
     found = 0.0
     for recording in instruments.values():
         step = float(np.median(np.diff(recording.t)))

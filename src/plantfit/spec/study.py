@@ -35,9 +35,9 @@ if TYPE_CHECKING:
 class Study:
     """A study file, ready to run; `text` is its wording, `path` beside which its recordings are looked for.
 
-    `errors` are those of instruments, clock and held values that it states, `draws` the refits that carry them to the parameters
-    (None: to first order). `regression` is what [regression] makes of model and recordings, whose problem is solved by
-    `plantfit.regress`; `biased` says, as looks at data do, that a regression needs instruments and has none.
+    `errors` are those of instruments, clock and held values that it states, `draws` the refits that carry them to the
+    parameters (None: to first order). `regression` is what [regression] makes of model and recordings, whose problem is
+    solved by `plantfit.regress`; `biased` says, as looks at data do, that a regression needs instruments and has none.
     """
 
     name: str
@@ -58,14 +58,19 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
     for n, r in table.recording.items():
         own = experiments_of(n, r, path, files)
         if twice := own.keys() & experiments.keys():
-            raise SpecError(f"{path.name}: a piece of recording.{n} is called {min(twice)!r}, as another recording is; rename one of them.")
+            raise SpecError(
+                f"{path.name}: a piece of recording.{n} is called {min(twice)!r}, as another recording is; rename one "
+                f"of them."
+            )
         experiments, tables = {**experiments, **own}, {**tables, **dict.fromkeys(own, r)}
     if isinstance(model, Model):
         with errors_at(path.name):
             experiments = {n: _with_counts(e, tables[n], model) for n, e in experiments.items()}
     regression, biased = None, missing_instruments(table, model)
     if table.regression is not None:
-        from plantfit.spec.regression import prepared  # filters and instruments need rooms of scipy that are slow to import
+        from plantfit.spec.regression import (
+            prepared,
+        )  # filters and instruments need rooms of scipy that are slow to import
 
         regression = prepared(table, model, experiments, path)
         model, experiments = regression.model, regression.experiments
@@ -117,9 +122,13 @@ def model_of(table: SpecTable, path: Path) -> Model | LinearModel:
     """The model of a validated study file; the errors of the models' room name file and table."""
     m = table.model
     if m.kind is None and m.equations is None:
-        raise SpecError(f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """..."""; add one.')
+        raise SpecError(
+            f'{path.name}: [model] needs either kind = "..." (see `plantfit models`) or equations = """..."""; add one.'
+        )
     if m.kind is not None and m.equations is not None:
-        raise SpecError(f"{path.name}: [model] has kind = {m.kind!r} and also equations; it can have only one, so leave one out.")
+        raise SpecError(
+            f"{path.name}: [model] has kind = {m.kind!r} and also equations; it can have only one, so leave one out."
+        )
     with errors_at(f"{path.name}, [model]"):
         model = library.make(m.kind, **m.options) if m.kind is not None else _from_text(table)
         if not m.extensions:
@@ -133,7 +142,9 @@ def _from_text(table: SpecTable) -> Model:
     for kind, own in m.extensions.items():
         beside = KINDS[kind].beside if kind in KINDS else ()
         added |= {parameter_name(part, s) for part in (kind, *beside) for s in own}
-    states = {n: ({"unit": s} if isinstance(s, str) else {"unit": s.unit, "initial": s.initial}) for n, s in m.states.items()}
+    states = {
+        n: ({"unit": s} if isinstance(s, str) else {"unit": s.unit, "initial": s.initial}) for n, s in m.states.items()
+    }
     parameters = {
         n: {"unit": p.unit, "bounds": p.bounds, "scale": p.scale, "value": p.value, "sentence": p.sentence}
         for n, p in table.parameters.items()
@@ -160,11 +171,16 @@ def _with_counts(e: Experiment, r: RecordingTable, model: Model) -> Experiment:
 
 def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
     if not isinstance(model, LinearModel):
-        raise SpecError(f"{path.name}, [model]: filter_alike is only for regressions, but {model.name!r} is simulated; leave it out.")
+        raise SpecError(
+            f"{path.name}, [model]: filter_alike is only for regressions, but {model.name!r} is simulated; leave it "
+            f"out."
+        )
     from plantfit.problem.measure.filter_alike import filter_alike  # needs scipy.signal, slow to import and rarely used
 
     with errors_at(f"{path.name}, [model] filter_alike"):
-        columns, filtered = filter_alike(model, {n: e.recording for n, e in experiments.items()}, **options.model_dump())
+        columns, filtered = filter_alike(
+            model, {n: e.recording for n, e in experiments.items()}, **options.model_dump()
+        )
     return columns, {n: replace(e, recording=filtered[n]) for n, e in experiments.items()}
 
 

@@ -46,7 +46,9 @@ def _starts(value: Any) -> Any:
 
 def _by_name(value: Any) -> Any:
     if isinstance(value, list):
-        raise ValueError("write [uncertainty.NAME], a table with a name of its own for each source, in place of [[uncertainty]]")
+        raise ValueError(
+            "write [uncertainty.NAME], a table with a name of its own for each source, in place of [[uncertainty]]"
+        )
     return value
 
 
@@ -216,7 +218,9 @@ class ControlTable(_Table):
     recording: str | None = None
     inputs: dict[str, float | str] = {}
     tolerances: dict[str, float | str] = {}
-    levels: Annotated[int, Field(ge=2, le=20)] | Annotated[list[float | str], Field(min_length=2, max_length=20)] | None = None
+    levels: (
+        Annotated[int, Field(ge=2, le=20)] | Annotated[list[float | str], Field(min_length=2, max_length=20)] | None
+    ) = None
     inner: str | None = None
     inner_lower: float | str | None = None
     inner_upper: float | str | None = None
@@ -240,7 +244,8 @@ Level = Quantity | tuple[Quantity, Quantity]
 
 
 class EstimateTable(_Table):
-    """What `plantfit estimate` and `plantfit track` ask for; levels that are left out are proposed from the recordings."""
+    """What `plantfit estimate` and `plantfit track` ask for; levels that are left out are proposed from the
+    recordings."""
 
     methods: Annotated[list[Literal["maximum likelihood", "ekf", "ukf", "kalman"]], Field(min_length=1)] = [
         "maximum likelihood", "ekf", "ukf"
@@ -278,23 +283,35 @@ class SpecTable(_Table):
 def validated(text: str, path: Path) -> SpecTable:
     """The text as checked tables; nothing is read or built yet."""
     if len(text) > LONGEST:
-        raise SpecError(f"{path.name} has {len(text)} characters; a study file can have at most {LONGEST}, so put data into recordings.")
+        raise SpecError(
+            f"{path.name} has {len(text)} characters; a study file can have at most {LONGEST}, so put data into "
+            f"recordings."
+        )
     try:
         raw = tomllib.loads(text.removeprefix("\ufeff"))
     except tomllib.TOMLDecodeError as error:
         raise SpecError(f"{path.name} is not valid TOML: {error}. {_other_kind(text, path)}") from None
     except RecursionError:
-        raise SpecError(f"{path.name} has too many brackets or keys inside each other; write it with at most {DEEPEST} levels.") from None
+        raise SpecError(
+            f"{path.name} has too many brackets or keys inside each other; write it with at most {DEEPEST} levels."
+        ) from None
     except (ValueError, OverflowError) as error:  # a number or a date that Python cannot hold
-        raise SpecError(f"{path.name} has a number or date that cannot be read ({_first(error)}); correct it there.") from None
+        raise SpecError(
+            f"{path.name} has a number or date that cannot be read ({_first(error)}); correct it there."
+        ) from None
     if (place := _too_deep(raw)) is not None:
-        raise SpecError(f"{path.name}: {place[:80]} is nested more than {DEEPEST} levels deep; write it with fewer brackets or dots.")
+        raise SpecError(
+            f"{path.name}: {place[:80]} is nested more than {DEEPEST} levels deep; write it with fewer brackets or "
+            f"dots."
+        )
     try:
         return SpecTable.model_validate(raw)
     except ValidationError as error:
         raise SpecError(_sentence(error, raw, path)) from None
     except (RecursionError, OverflowError, TypeError, ValueError) as error:
-        raise SpecError(f"{path.name} cannot be used ({_first(error)}); see docs/study-file.md for what each key takes.") from None
+        raise SpecError(
+            f"{path.name} cannot be used ({_first(error)}); see docs/study-file.md for what each key takes."
+        ) from None
 
 
 def _other_kind(text: str, path: Path) -> str:

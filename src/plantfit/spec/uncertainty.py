@@ -1,4 +1,5 @@
-"""The errors that a study file states: limits of data sheets as shared errors of signals, of the clock, of held parameters."""
+"""The errors that a study file states: limits of data sheets as shared errors of signals, of the clock, of held
+parameters."""
 
 import difflib
 from collections.abc import Iterable
@@ -44,7 +45,8 @@ def _error(name: str, own: UncertaintyTable, table: SpecTable, problem: Problem)
     relative = kind in ("gain", "clock")
     if relative and source.limit >= 1.0:
         raise SpecError(
-            f'the error of the {kind} is {100 * source.limit:g} %, which is too large; for one per cent write 0.01, or 1 with unit = "%".'
+            f"the error of the {kind} is {100 * source.limit:g} %, which is too large; for one per cent write 0.01, or "
+            f'1 with unit = "%".'
         )
     recordings = None if own.recordings is None else tuple(own.recordings)
     of = "" if kind == "clock" else names[0] if len(names) == 1 else tuple(names)
@@ -64,7 +66,9 @@ def _kind(own: UncertaintyTable, table: SpecTable, problem: Problem) -> Kind:
         _check_constant(other, table, problem)
     what = "the clock" if other == "clock" else f"the parameter {other!r}"
     if len(names) > 1:
-        raise SpecError(f"of names {what} together with others; only signals can share an error, so write another table for it.")
+        raise SpecError(
+            f"of names {what} together with others; only signals can share an error, so write another table for it."
+        )
     if own.kind is not None:
         raise SpecError(f"kind = {own.kind!r} is only for signals, but 'of' names {what}; leave kind out.")
     return "clock" if other == "clock" else "constant"
@@ -80,7 +84,8 @@ def _check_together(own: UncertaintyTable, names: list[str], problem: Problem) -
     if len(set(found.values())) > 1:
         units_said = ", ".join(f"{n} in {unit}" for n, unit in found.items())
         raise SpecError(
-            f"signals in different units ({units_said}) cannot share one {own.kind}; they can share a gain, or write one table for each."
+            f"signals in different units ({units_said}) cannot share one {own.kind}; they can share a gain, or write "
+            f"one table for each."
         )
 
 
@@ -100,7 +105,8 @@ def _check_constant(of: str, table: SpecTable, problem: Problem) -> None:
         raise SpecError(f"{of!r} is tied to {p.tied!r}; state the uncertainty of {problem.space.root(of)!r}.")
     if p.value is None:
         raise SpecError(
-            f"{of!r} is fitted, so its uncertainty comes from the data; hold it with [parameters.{of}] value, or leave this table out."
+            f"{of!r} is fitted, so its uncertainty comes from the data; hold it with [parameters.{of}] value, or leave "
+            f"this table out."
         )
     if p.shape:
         raise SpecError(f"{of!r} is a table; only single held numbers can have an uncertainty.")
@@ -111,7 +117,8 @@ def _check_size(own: UncertaintyTable) -> None:
     given = [s for s in SIZES if getattr(own, s) is not None]
     if not given:
         raise SpecError(
-            "the size is missing: give limit (half width from the data sheet), standard, expanded with its k, or repeats = [...]."
+            "the size is missing: give limit (half width from the data sheet), standard, expanded with its k, or "
+            "repeats = [...]."
         )
     if len(given) > 1:
         raise SpecError(f"it gives {' and '.join(given)}; keep one of them, as each says how large the error is.")
@@ -121,7 +128,9 @@ def _check_size(own: UncertaintyTable) -> None:
         if not np.all(np.isfinite(value)):
             raise SpecError(f"repeats = {list(value)} has values that are not finite numbers; leave these out.")
     elif not (np.isfinite(value) and value >= 0):
-        better = f"an uncertainty has no sign, so write {-value:g}" if -np.inf < value < 0 else "give a number of at least 0"
+        better = (
+            f"an uncertainty has no sign, so write {-value:g}" if -np.inf < value < 0 else "give a number of at least 0"
+        )
         raise SpecError(f"{size} = {value:g} cannot be used; {better}.")
     for key, where in (("shape", "limit"), ("k", "expanded")):
         if getattr(own, key) is not None and size != where:
@@ -129,14 +138,18 @@ def _check_size(own: UncertaintyTable) -> None:
     if own.degrees_of_freedom is not None and size == "repeats":
         raise SpecError("the degrees of freedom follow from repeats; leave degrees_of_freedom out.")
     if own.shape == "normal":
-        raise SpecError('a normal distribution has no limit; give standard, or expanded with its k, in place of shape = "normal".')
+        raise SpecError(
+            'a normal distribution has no limit; give standard, or expanded with its k, in place of shape = "normal".'
+        )
 
 
 def _check_span(own: UncertaintyTable, kind: Kind) -> None:
     if kind in ("zero", "full scale") and own.span is None:
         raise SpecError(f"kind = {kind!r} needs span; give the range of the sensor, in the unit of {_names(own)[0]!r}.")
     if kind == "gain" and own.span is not None:
-        raise SpecError('a gain is a share of the reading, so span has no meaning; for a share of the span use kind = "full scale".')
+        raise SpecError(
+            'a gain is a share of the reading, so span has no meaning; for a share of the span use kind = "full scale".'
+        )
     if kind in ("clock", "constant") and own.span is not None:
         raise SpecError(f"span is only for signals, but 'of' names {_names(own)[0]!r}; leave span out.")
 
@@ -156,12 +169,20 @@ def _factor(own: UncertaintyTable, kind: Kind, unit: str | None, table: SpecTabl
         if own.unit is None:
             return 1.0
         if not units.compatible(own.unit, "1"):
-            raise UnitError(f'a {kind} is relative, and {own.unit!r} is not; write unit = "%" or "ppm", or give a share without unit.')
+            raise UnitError(
+                f'a {kind} is relative, and {own.unit!r} is not; write unit = "%" or "ppm", or give a share without '
+                f"unit."
+            )
         return units.factor_offset(own.unit, "1")[0]
     if kind == "constant":
         name = _names(own)[0]
         p = problem.space.parameters[name]
-        if unit is not None and units.is_point(unit) and own.unit is not None and units.parse(own.unit) in [units.parse(s) for s in SHARES]:
+        if (
+            unit is not None
+            and units.is_point(unit)
+            and own.unit is not None
+            and units.parse(own.unit) in [units.parse(s) for s in SHARES]
+        ):
             raise UnitError(
                 f"{name!r} is in {unit!r}, whose zero is arbitrary, so an error in {own.unit} has no size; give it "
                 f"in {units.difference_of(unit)!r}."
@@ -172,7 +193,8 @@ def _factor(own: UncertaintyTable, kind: Kind, unit: str | None, table: SpecTabl
 
 
 def _absolute(own: UncertaintyTable, given: str | None, wanted: str | None, whole: float | None, of_what: str) -> float:
-    """A unit turned into that of a signal or parameter; % and ppm of anything that is not in them are shares of `whole`."""
+    """A unit turned into that of a signal or parameter; % and ppm of anything that is not in them are shares of
+    `whole`."""
     if given is None or given == wanted:
         return 1.0
     parsed = units.parse(given)
@@ -181,9 +203,13 @@ def _absolute(own: UncertaintyTable, given: str | None, wanted: str | None, whol
             raise SpecError(f"unit = {given!r} is a share of {of_what}, or give the error in {wanted or 'its unit'!r}.")
         return units.factor_offset(given, "1")[0] * whole
     if wanted is None:
-        raise UnitError(f"unit = {given!r}, but {_names(own)[0]!r} has no unit; leave unit out, or give {_names(own)[0]!r} one.")
+        raise UnitError(
+            f"unit = {given!r}, but {_names(own)[0]!r} has no unit; leave unit out, or give {_names(own)[0]!r} one."
+        )
     if not units.compatible(given, wanted):
-        raise UnitError(f"unit = {given!r} cannot be converted to {wanted!r}, the unit of {_names(own)[0]!r}; correct one of them.")
+        raise UnitError(
+            f"unit = {given!r} cannot be converted to {wanted!r}, the unit of {_names(own)[0]!r}; correct one of them."
+        )
     return units.factor(given, wanted)  # an uncertainty is a difference: 1 degC is 1 K
 
 

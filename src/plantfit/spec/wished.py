@@ -19,7 +19,8 @@ def table_in(text: str | None, name: str, path: Path = Path("study.toml")) -> di
 
 
 def wished(kind: type[Table], table: Mapping[str, Any], wishes: Mapping[str, Any], function: str) -> Table:
-    """The table with those wishes that are not None. Raises SpecError for a key that there is not, and for a value that cannot be."""
+    """The table with those wishes that are not None. Raises SpecError for a key that there is not, and for a value
+    that cannot be."""
     given = {**table, **{k: v for k, v in wishes.items() if v is not None}}
     unknown = [k for k in given if k not in kind.model_fields]
     if unknown:

@@ -13,7 +13,8 @@ SIDE_BY_SIDE = 500_000  # entries of a Jacobian of which several fit into memory
 
 
 def _in_few_rows(zs: np.ndarray, r: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals (n, k) and derivatives (n, k, d) with the mean square, gradient and Gauss-Newton matrix of (n, m) and (n, m, d).
+    """Residuals (n, k) and derivatives (n, k, d) with the mean square, gradient and Gauss-Newton matrix of (n, m) and
+    (n, m, d).
 
     Points zs (n, d) that are the first once more, with which a search fills up, cost no decomposition of their own.
     """
@@ -22,12 +23,15 @@ def _in_few_rows(zs: np.ndarray, r: np.ndarray, jacobian: np.ndarray) -> tuple[n
         return r, jacobian
     first = triangle(jacobian[0], r[0])
     again = np.all(zs == zs[0], axis=1)
-    small = np.stack([first if same else triangle(*pair) for same, *pair in zip(again, jacobian, r, strict=True)]) * np.sqrt((d + 1) / m)
+    small = np.stack(
+        [first if same else triangle(*pair) for same, *pair in zip(again, jacobian, r, strict=True)]
+    ) * np.sqrt((d + 1) / m)
     return small[:, :, d], small[:, :, :d]
 
 
 def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective:
-    """The cost with its derivatives; `start` (k, d) are cube points to begin from, by default the guesses of the space."""
+    """The cost with its derivatives; `start` (k, d) are cube points to begin from, by default the guesses of the
+    space."""
     if start is None and problem.space.start is not None:
         start = problem.space.start[None, :]
 
@@ -35,7 +39,9 @@ def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective
         if regression:  # its one block has few rows, with the same mean square
             r, jacobian = several(problem.compiled["blocks"])(zs, problem.arguments)[0]
             return np.asarray(r), np.asarray(jacobian)
-        return _in_few_rows(zs, *map(np.asarray, several(problem.compiled["residuals_and_jacobian"])(zs, problem.arguments)))
+        return _in_few_rows(
+            zs, *map(np.asarray, several(problem.compiled["residuals_and_jacobian"])(zs, problem.arguments))
+        )
 
     regression = "triangles" in problem.data
     samples = 0 if regression else sum(problem.parts.counts.values())

@@ -11,7 +11,10 @@ from plantfit.study.store.codec import plain
 MOST_RUNS = 1_000_000  # their tasks are rows of the store and stand in memory
 LIMIT = 2**31  # what `minimise` counts to
 SMALLEST_CHUNK, LARGEST_CHUNK = 5, 100
-AFTER_SHOOTING = "least_squares", {"agree": 1}  # multiple shooting has found the basin: one descent from there, unless a method is named
+AFTER_SHOOTING = (
+    "least_squares",
+    {"agree": 1},
+)  # multiple shooting has found the basin: one descent from there, unless a method is named
 TASKS_OF_METHOD = 10  # enough to keep several workers busy to the end
 
 
@@ -42,7 +45,9 @@ class Plan:
         for key, least in (("runs", 1), ("budget", 1), ("seed", 0)):
             object.__setattr__(self, key, _whole(self.name, key, getattr(self, key), least))
         if self.runs > MOST_RUNS:
-            raise SearchError(f"Study {self.name!r}: runs is {self.runs}; a study has at most {MOST_RUNS} runs of a method.")
+            raise SearchError(
+                f"Study {self.name!r}: runs is {self.runs}; a study has at most {MOST_RUNS} runs of a method."
+            )
         chunk = default_chunk(self.runs) if self.chunk is None else _whole(self.name, "chunk", self.chunk, 1)
         object.__setattr__(self, "chunk", chunk)
         object.__setattr__(self, "methods", _methods(self.name, self.methods))
@@ -56,13 +61,15 @@ class Plan:
 
     @classmethod
     def from_record(cls, record: Mapping[str, Any]) -> "Plan":
-        """A plan from `record()`. Raises SearchError for one with other keys, as of a newer plantfit or a damaged database."""
+        """A plan from `record()`. Raises SearchError for one with other keys, as of a newer plantfit or a damaged
+        database."""
         needed, known = {"name", "methods"}, {f.name for f in fields(cls)}
         odd = sorted(needed - {*record}) or sorted({*record} - known)
         if odd:
             has = "lacks" if odd[0] in needed else "has the unknown"
             raise SearchError(
-                f"The stored plan {has} {', '.join(map(repr, odd))[:200]}; it is of a newer plantfit or damaged, so update plantfit, "
+                f"The stored plan {has} {', '.join(map(repr, odd))[:200]}; it is of a newer plantfit or damaged, so "
+                f"update plantfit, "
                 "or restore the database from a copy."
             )
         return cls(**{**record, "methods": tuple(record["methods"])})
@@ -83,7 +90,11 @@ def tasks(plan: Plan) -> tuple[Task, ...]:
     The methods take turns, so that a study that is half done has half of the runs of each and can be compared.
     """
     chunk = plan.chunk or default_chunk(plan.runs)
-    return tuple(Task(method, first, min(chunk, plan.runs - first)) for first in range(0, plan.runs, chunk) for method in plan.methods)
+    return tuple(
+        Task(method, first, min(chunk, plan.runs - first))
+        for first in range(0, plan.runs, chunk)
+        for method in plan.methods
+    )
 
 
 def default_chunk(runs: int) -> int:
@@ -102,7 +113,9 @@ def _whole(name: str, key: str, value: Any, least: int) -> int:
         raise SearchError(f"Study {name!r}: {key} is {value!r}; give a whole number.")
     number = value.__index__()
     if not least <= number < LIMIT:
-        raise SearchError(f"Study {name!r}: {key} is {number}; give a whole number of at least {least} and below {LIMIT}.")
+        raise SearchError(
+            f"Study {name!r}: {key} is {number}; give a whole number of at least {least} and below {LIMIT}."
+        )
     return number
 
 
@@ -114,7 +127,9 @@ def _methods(name: str, methods: Any) -> tuple[str, ...]:
         if not isinstance(method, str):
             raise SearchError(f"Study {name!r}: method {method!r} is not a name; write it as text, for example 'auto'.")
         if method in chosen[:k]:
-            raise SearchError(f"Study {name!r}: method {method!r} is named twice; name it once, and raise runs for more runs.")
+            raise SearchError(
+                f"Study {name!r}: method {method!r} is named twice; name it once, and raise runs for more runs."
+            )
     return chosen
 
 
@@ -124,9 +139,12 @@ def _settings(name: str, settings: Any, methods: tuple[str, ...]) -> dict[str, d
     for method, own in settings.items():
         if method not in methods:
             raise SearchError(
-                f"Study {name!r} has settings for {method!r}, which is not one of its methods {list(methods)}; add or remove it."
+                f"Study {name!r} has settings for {method!r}, which is not one of its methods {list(methods)}; add or "
+                f"remove it."
             )
         if not isinstance(own, Mapping):
-            raise SearchError(f"Study {name!r}: the settings of {method!r} are {own!r}; give a table of names and values.")
+            raise SearchError(
+                f"Study {name!r}: the settings of {method!r} are {own!r}; give a table of names and values."
+            )
     # through JSON types at once, so that a resumed study gets the very same settings
     return plain(settings)

@@ -31,7 +31,8 @@ class Maker(Protocol):
 
 @dataclass(frozen=True)
 class Recipe:
-    """`maker` is the place of a Maker, as in "package.module:function"; `files` hold the recordings' bytes, none if they are at hand."""
+    """`maker` is the place of a Maker, as in "package.module:function"; `files` hold the recordings' bytes, none if
+    they are at hand."""
 
     maker: str
     text: str
@@ -42,13 +43,19 @@ class Recipe:
     def digest(self) -> str:
         """The same for recipes that make the same problem."""
         found = hashlib.sha256()
-        for part in (self.maker, self.text, self.path, *(p for name in sorted(self.files) for p in (name, self.files[name]))):
+        for part in (
+            self.maker,
+            self.text,
+            self.path,
+            *(p for name in sorted(self.files) for p in (name, self.files[name])),
+        ):
             data = part.encode() if isinstance(part, str) else part
             found.update(len(data).to_bytes(8, "big") + data)
         return found.hexdigest()
 
     def make(self, start: np.ndarray | None = None) -> Made:
-        """The objective and the map to declared units. Raises what the maker raises, and StoreError if there is no such maker."""
+        """The objective and the map to declared units. Raises what the maker raises, and StoreError if there is no
+        such maker."""
         maker = _found(self.maker)
         with TemporaryDirectory(prefix="plantfit-") as folder:
             places = {}

@@ -4,12 +4,14 @@ import importlib.metadata
 import platform
 from pathlib import Path
 
-SEARCHES = 2  # raised whenever a search takes other steps than before; a study is finished by the searches that it was begun with
+# raised whenever a search takes other steps than before; a study is finished by the searches that it was begun with
+SEARCHES = 2
 PACKAGES = ("plantfit", "jax", "jaxlib", "numpy", "scipy")
 
 
 def versions() -> dict[str, str]:
-    """Versions of Python, plantfit, its searches, jax, jaxlib, numpy and scipy, what runs loops over time, and the operating system."""
+    """Versions of Python, plantfit, its searches, jax, jaxlib, numpy and scipy, what runs loops over time, and the
+    operating system."""
     found = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
@@ -18,7 +20,11 @@ def versions() -> dict[str, str]:
             found[package] = "not installed"
     from plantfit.native.compile.interface import engine  # imports jax
 
-    return found | {"searches": str(SEARCHES), "engine": engine(), "system": f"{platform.system()} {platform.machine()}"}
+    return found | {
+        "searches": str(SEARCHES),
+        "engine": engine(),
+        "system": f"{platform.system()} {platform.machine()}",
+    }
 
 
 def cpu_model(cpuinfo: Path = Path("/proc/cpuinfo")) -> str:

@@ -27,13 +27,18 @@ CLOSE = 0.25  # of the effect: by how much law and model may differ, which treat
 def check_candidate(kind: str, candidate: Any, extension: Kind | None = None) -> None:
     """Try a candidate on an input of steps and the output of a lag of first order.
 
-    Its name, phrase and sentence name the signal and the value; where it is tried there is a range, with the values to begin with inside;
-    the bounds for the study file hold the value that is found. At zero its law changes nothing (of a `level` at one end of its range), at
-    the values to begin with it changes something, in finite numbers, the same twice; derivatives agree with differences, and the law with
-    the model that has the `extension`. Raises AssertionError with what was expected and what came.
+    Its name, phrase and sentence name the signal and the value; where it is tried there is a range, with the values to
+    begin with inside; the bounds for the study file hold the value that is found. At zero its law changes nothing (of a
+    `level` at one end of its range), at the values to begin with it changes something, in finite numbers, the same
+    twice; derivatives agree with differences, and the law with the model that has the `extension`. Raises
+    AssertionError with what was expected and what came.
     """
     own = extension or getattr(candidate, "extension", None)
-    _expect(type(candidate) in PLACES, kind, f"a {type(candidate).__name__} was given; give a Before, Inside, Changing or Behind")
+    _expect(
+        type(candidate) in PLACES,
+        kind,
+        f"a {type(candidate).__name__} was given; give a Before, Inside, Changing or Behind",
+    )
     _expect(isinstance(own, Kind), kind, "it has no extension, a plantfit.models.extensions.Kind")
     assert isinstance(own, Kind)
     place = PLACES[type(candidate)]
@@ -41,7 +46,11 @@ def check_candidate(kind: str, candidate: Any, extension: Kind | None = None) ->
     _words(kind, candidate, own)
     for value in (0.8, 0.02):
         low, high = candidate.bounds(0.01, 3.0, value)
-        _expect(low < value < high, kind, f"bounds({0.01}, {3.0}, {value}) are {low} and {high}, which do not hold the value")
+        _expect(
+            low < value < high,
+            kind,
+            f"bounds({0.01}, {3.0}, {value}) are {low} and {high}, which do not hold the value",
+        )
     t, u = np.arange(SAMPLES) * PERIOD, np.repeat(np.random.default_rng(0).uniform(-2.0, 3.0, SAMPLES // HELD), HELD)
     bare = _Plant(t, u)
     if isinstance(candidate, Inside):
@@ -62,10 +71,18 @@ def check_candidate(kind: str, candidate: Any, extension: Kind | None = None) ->
     effect = float(np.sqrt(np.mean((by_law - bare.y) ** 2)))
     apart = float(np.sqrt(np.mean((model - by_law) ** 2)))
     _expect(effect > 0, kind, f"at {value:g} its law changes nothing")
-    _expect(apart <= CLOSE * effect, kind, f"its law and its model differ by {apart:.3g} at {value:g}, where the law changes {effect:.3g}")
+    _expect(
+        apart <= CLOSE * effect,
+        kind,
+        f"its law and its model differ by {apart:.3g} at {value:g}, where the law changes {effect:.3g}",
+    )
     nothing = nothing if candidate.level else max(nothing, tried.low)  # a time constant of zero cannot be simulated
     left, size = bare.with_addition(kind, own, SIGNALS[place], nothing), float(np.ptp(bare.y))
-    _expect(np.allclose(left, bare.y, atol=0.01 * size), kind, f"at {nothing:g}, where its law changes nothing, its model is another one")
+    _expect(
+        np.allclose(left, bare.y, atol=0.01 * size),
+        kind,
+        f"at {nothing:g}, where its law changes nothing, its model is another one",
+    )
 
 
 class _Plant:
@@ -74,7 +91,8 @@ class _Plant:
     def __init__(self, t: np.ndarray, u: np.ndarray):
         self.recording = Recording(t, {"u": Signal(u, "V"), "y": Signal(np.zeros(len(t)), "m/s")}, "exam")
         self.model = equations(
-            "x' = (K*u - x)/tau; y = x", inputs={"u": "V"}, states={"x": {"unit": "m/s", "initial": 0.5}}, outputs={"y": "m/s"},
+            "x' = (K*u - x)/tau; y = x", inputs={"u": "V"}, states={"x": {"unit": "m/s", "initial": 0.5}},
+            outputs={"y": "m/s"},
             parameters={"K": {"bounds": (0.1, 100.0), "unit": "m/s/V"}, "tau": {"bounds": (0.01, 10.0), "unit": "s"}},
         )  # fmt: skip
         self.y = self._simulated(self.model, {})
@@ -85,7 +103,9 @@ class _Plant:
         try:
             model = extension.make(self.model, signal, (value - size, value + size), name)
         except Exception as failure:
-            raise AssertionError(f"Candidate {kind!r}: its model cannot be made ({type(failure).__name__}: {failure}).") from failure
+            raise AssertionError(
+                f"Candidate {kind!r}: its model cannot be made ({type(failure).__name__}: {failure})."
+            ) from failure
         brought = {p.name for p in model.parameters} - {p.name for p in self.model.parameters}
         _expect(name in brought, kind, f"its model has no parameter {name!r}; it brings {sorted(brought)}")
         return self._simulated(model, {**dict.fromkeys(brought, others), name: value})
@@ -104,7 +124,11 @@ def _words(kind: str, candidate: Any, extension: Kind) -> None:
             said = text.format(*words)
         except (IndexError, KeyError, ValueError):
             said = ""
-        _expect(all(said.count(w) == 1 for w in words), kind, f"its {what} is {text!r}, which does not take {' and '.join(words).lower()}")
+        _expect(
+            all(said.count(w) == 1 for w in words),
+            kind,
+            f"its {what} is {text!r}, which does not take {' and '.join(words).lower()}",
+        )
     _expect(kind.isidentifier(), kind, "it is no name for a key of a study file")
 
 
@@ -114,18 +138,32 @@ def _tried(kind: str, candidate: Any, values: np.ndarray) -> Tried:
         try:
             candidate.tried(Seen("V", own, SAMPLES * PERIOD, PERIOD, times))
         except Exception as failure:
-            raise AssertionError(f"Candidate {kind!r}: `tried` fails at {what} ({type(failure).__name__}: {failure}).") from failure
+            raise AssertionError(
+                f"Candidate {kind!r}: `tried` fails at {what} ({type(failure).__name__}: {failure})."
+            ) from failure
     tried = candidate.tried(Seen("V", values, SAMPLES * PERIOD, PERIOD, times))
     _expect(isinstance(tried, Tried), kind, f"`tried` gives {tried!r} for a signal that moves, not a Tried")
     _expect(tried.low < tried.high, kind, f"its range is {tried.low} to {tried.high}")
-    _expect(all(tried.low <= s <= tried.high for s in tried.starts), kind, f"it begins at {tried.starts}, outside of its range")
-    _expect(bool(tried.starts) != candidate.linear, kind, "values to begin with are for what is not `linear`, and needed there")
+    _expect(
+        all(tried.low <= s <= tried.high for s in tried.starts),
+        kind,
+        f"it begins at {tried.starts}, outside of its range",
+    )
+    _expect(
+        bool(tried.starts) != candidate.linear,
+        kind,
+        "values to begin with are for what is not `linear`, and needed there",
+    )
     return tried
 
 
 def _ahead(tried: Tried) -> float:
     """A value of a linear effect that would be seen."""
-    return 0.3 if not (math.isfinite(tried.low) and math.isfinite(tried.high)) else tried.low + 0.3 * (tried.high - tried.low)
+    return (
+        0.3
+        if not (math.isfinite(tried.low) and math.isfinite(tried.high))
+        else tried.low + 0.3 * (tried.high - tried.low)
+    )
 
 
 def _neutral(kind: str, candidate: Any, tried: Tried, shown: Any, seen: np.ndarray) -> float:
@@ -142,7 +180,9 @@ def _shown(candidate: Any, t: np.ndarray, signal: np.ndarray, value: float) -> n
     """What the law makes of a signal (n,), in its unit."""
     if isinstance(candidate, Before):
         return np.asarray(candidate.law(t, signal.copy(), value, True), dtype=float)
-    return np.asarray(candidate.law(t, signal / SCALE, np.zeros((len(signal), 0)), value, SCALE)[0], dtype=float) * SCALE
+    return (
+        np.asarray(candidate.law(t, signal / SCALE, np.zeros((len(signal), 0)), value, SCALE)[0], dtype=float) * SCALE
+    )
 
 
 def _law(kind: str, candidate: Any, t: np.ndarray, signal: np.ndarray, value: float) -> None:
@@ -153,8 +193,12 @@ def _law(kind: str, candidate: Any, t: np.ndarray, signal: np.ndarray, value: fl
         try:
             one, two = (_parts(law(*given, *more)) for _ in range(2))
         except Exception as failure:
-            raise AssertionError(f"Candidate {kind!r}: its law fails at {value:g} ({type(failure).__name__}: {failure}).") from failure
-        _expect(all(np.all(np.isfinite(a)) for a in one), kind, f"its law gives numbers that are not finite at {value:g}")
+            raise AssertionError(
+                f"Candidate {kind!r}: its law fails at {value:g} ({type(failure).__name__}: {failure})."
+            ) from failure
+        _expect(
+            all(np.all(np.isfinite(a)) for a in one), kind, f"its law gives numbers that are not finite at {value:g}"
+        )
         _expect(one[0].shape == signal.shape, kind, f"its law gives shape {one[0].shape} for {signal.shape}")
         _expect(all(map(np.array_equal, one, two)), kind, "its law gives something else when called twice")
         _expect(all(map(np.array_equal, given, before)), kind, "its law changed what it was given")
@@ -176,10 +220,18 @@ def _derivatives(kind: str, candidate: Behind, t: np.ndarray, signal: np.ndarray
     _, slopes, by_value = shown(0.0, value)
     _near(kind, slopes[:, 0], shown(STEP, value)[0], shown(-STEP, value)[0], "derivatives by the plant's parameters")
     _expect(
-        (by_value is None) == candidate.differenced, kind, "a derivative by the value is for what is not `differenced`, and needed there"
+        (by_value is None) == candidate.differenced,
+        kind,
+        "a derivative by the value is for what is not `differenced`, and needed there",
     )
     if by_value is not None:
-        _near(kind, np.asarray(by_value), shown(0.0, value + STEP)[0], shown(0.0, value - STEP)[0], "derivatives by its value")
+        _near(
+            kind,
+            np.asarray(by_value),
+            shown(0.0, value + STEP)[0],
+            shown(0.0, value - STEP)[0],
+            "derivatives by its value",
+        )
     if candidate.linear:
         zero, one, two = (shown(0.0, k * value)[0] for k in (0.0, 1.0, 2.0))
         _expect(
@@ -202,11 +254,17 @@ def _inside(kind: str, candidate: Inside, extension: Kind, bare: _Plant) -> None
         made = candidate.unit(unit)
         _expect(made is None or isinstance(made, str), kind, f"its unit for a state in {unit!r} is {made!r}")
     size = candidate.size(spread, rate)
-    _expect(math.isfinite(size) and size > 0, kind, f"its size is {size} for a spread of {spread:.3g} and a rate of {rate:.3g}")
+    _expect(
+        math.isfinite(size) and size > 0,
+        kind,
+        f"its size is {size} for a spread of {spread:.3g} and a rate of {rate:.3g}",
+    )
     others, signal = 0.02 * spread, SIGNALS[extension.to]
     one, two, zero = (bare.with_addition(kind, extension, signal, v, others) for v in (1e-3 * size, 2e-3 * size, 0.0))
     whole = float(np.ptp(bare.y))
-    _expect(np.allclose(zero, bare.y, atol=1e-6 * whole), kind, "at zero, where it is nothing, its model is another one")
+    _expect(
+        np.allclose(zero, bare.y, atol=1e-6 * whole), kind, "at zero, where it is nothing, its model is another one"
+    )
     _expect(bool(np.all(np.isfinite(one))), kind, "its model gives numbers that are not finite")
     effect = one - bare.y
     _expect(float(np.max(np.abs(effect))) > 1e-9 * whole, kind, f"at {1e-3 * size:.3g} its model changes nothing")

@@ -22,8 +22,9 @@ CLOSE = 1e-4  # of the largest slope: how far derivatives may be from difference
 def check_model(model: Model, seed: int = 0) -> None:
     """Try the functions of a model at random values within the bounds of its parameters.
 
-    Every state has a derivative and every output a value; the same values give the same numbers, compiled or not, alone or in a batch;
-    derivatives by jax agree with differences. States and inputs are drawn from -1 to 1 and, should that give no finite number, from
+    Every state has a derivative and every output a value; the same values give the same numbers, compiled or not, alone
+    or in a batch; derivatives by jax agree with differences. States and inputs are drawn from -1 to 1 and, should that
+    give no finite number, from
     0.1 to 1. Raises AssertionError with what was expected and what came.
     """
     _expect(isinstance(model, Model), model, f"a {type(model).__name__} was given; give a plantfit Model")
@@ -31,19 +32,41 @@ def check_model(model: Model, seed: int = 0) -> None:
     f = _function(model)
     one = [np.asarray(f(z)) for z in points]
     wanted = len(model.states) + len(model.outputs)
-    _expect(all(v.shape == (wanted,) for v in one), model, f"its functions give {one[0].shape} numbers for {wanted} states and outputs")
+    _expect(
+        all(v.shape == (wanted,) for v in one),
+        model,
+        f"its functions give {one[0].shape} numbers for {wanted} states and outputs",
+    )
     finite = [i for i, v in enumerate(one) if np.all(np.isfinite(v))]
-    _expect(len(finite) > POINTS // 4, model, f"only {len(finite)} of {POINTS} random points have finite derivatives and outputs")
+    _expect(
+        len(finite) > POINTS // 4,
+        model,
+        f"only {len(finite)} of {POINTS} random points have finite derivatives and outputs",
+    )
     compiled, together = jax.jit(f), jax.jit(jax.vmap(f))(np.stack(points))
     for i in finite:
         scale = np.abs(one[i]) + 1e-12
-        _expect(np.array_equal(one[i], np.asarray(f(points[i]))), model, "its functions give other numbers when called twice")
-        _expect(np.all(np.abs(compiled(points[i]) - one[i]) <= 1e-9 * scale), model, "compiled, its functions give other numbers")
-        _expect(np.all(np.abs(together[i] - one[i]) <= 1e-9 * scale), model, "in a batch, its functions give other numbers")
+        _expect(
+            np.array_equal(one[i], np.asarray(f(points[i]))),
+            model,
+            "its functions give other numbers when called twice",
+        )
+        _expect(
+            np.all(np.abs(compiled(points[i]) - one[i]) <= 1e-9 * scale),
+            model,
+            "compiled, its functions give other numbers",
+        )
+        _expect(
+            np.all(np.abs(together[i] - one[i]) <= 1e-9 * scale), model, "in a batch, its functions give other numbers"
+        )
     slopes = jax.jit(jax.jacfwd(f))
     wrong = [i for i in finite if not _derived_well(compiled, slopes, points[i])]
     # a point may lie on a corner of the model, where differences are no derivative
-    _expect(len(wrong) <= max(1, len(finite) // 10), model, f"derivatives differ from differences at {len(wrong)} of {len(finite)} points")
+    _expect(
+        len(wrong) <= max(1, len(finite) // 10),
+        model,
+        f"derivatives differ from differences at {len(wrong)} of {len(finite)} points",
+    )
 
 
 def _function(model: Model) -> Any:
@@ -62,7 +85,9 @@ def _function(model: Model) -> Any:
         outputs = model.output(x, u, p)
         missing = [s for s in states if s not in rates] + [o for o in model.outputs if o not in outputs]
         _expect(not missing, model, f"its functions give nothing for {missing}")
-        return jnp.stack([*(jnp.asarray(rates[s], float) for s in states), *(jnp.asarray(outputs[o], float) for o in model.outputs)])
+        return jnp.stack(
+            [*(jnp.asarray(rates[s], float) for s in states), *(jnp.asarray(outputs[o], float) for o in model.outputs)]
+        )
 
     return f
 
@@ -76,7 +101,10 @@ def _points(model: Model, seed: int) -> list[Any]:
     signals = len(model.states) + len(_channels(model))
     found: list[Any] = []
     for low in (-1.0, 0.1):
-        found = [np.concatenate([rng.uniform(low, 1.0, signals), *(_value(p, rng) for p in model.parameters)]) for _ in range(POINTS)]
+        found = [
+            np.concatenate([rng.uniform(low, 1.0, signals), *(_value(p, rng) for p in model.parameters)])
+            for _ in range(POINTS)
+        ]
         if all(np.all(np.isfinite(f(z))) for z in found):
             break
     return found

@@ -37,7 +37,8 @@ def _mean_squares(residuals: Callable[[Array], Any], x: Array) -> Array:
 
 
 class Shape(NamedTuple):
-    """Residuals of a cube point as numbers: weights * (x[order] - target), and nothing works where the first coordinate is below `wall`."""
+    """Residuals of a cube point as numbers: weights * (x[order] - target), and nothing works where the first
+    coordinate is below `wall`."""
 
     weights: np.ndarray
     target: np.ndarray
@@ -46,7 +47,9 @@ class Shape(NamedTuple):
 
 
 def _residuals(x: Array, shape: Shape) -> Array:
-    return jnp.where(x[0] < shape.wall, jnp.nan, jnp.asarray(shape.weights) * (x[jnp.asarray(shape.order)] - shape.target))
+    return jnp.where(
+        x[0] < shape.wall, jnp.nan, jnp.asarray(shape.weights) * (x[jnp.asarray(shape.order)] - shape.target)
+    )
 
 
 def _costs(x: Array, shape: Shape) -> Array:
@@ -58,7 +61,8 @@ _both = jax.jit(lambda x, shape: (_residuals(x, shape), jax.jacfwd(_residuals)(x
 
 
 def _of_shape(shape: Shape) -> Objective:
-    """An objective with every derivative; all of one dimension share their compiled programs, which take most of an exam."""
+    """An objective with every derivative; all of one dimension share their compiled programs, which take most of an
+    exam."""
     box = np.ones(len(shape.target))
     whole = partial(_gradient, shape=shape), partial(_both, shape=shape)
     return Objective(len(box), CostOfData(_costs, shape), *whole, lower=-box, upper=box)
@@ -73,7 +77,9 @@ def centre(dimension: int) -> np.ndarray:
 def bowl(dimension: int, moved: float = 0.0, turned: bool = False) -> Objective:
     """A well-conditioned bowl with its optimum, cost 0, at `centre + moved`; `turned` reverses the coordinates."""
     order = np.arange(dimension)
-    return _of_shape(Shape(np.linspace(1.0, 3.0, dimension), centre(dimension) + moved, order[::-1] if turned else order))
+    return _of_shape(
+        Shape(np.linspace(1.0, 3.0, dimension), centre(dimension) + moved, order[::-1] if turned else order)
+    )
 
 
 @lru_cache(maxsize=16)

@@ -19,7 +19,8 @@ from plantfit.testing.objectives import OUTSIDE, bowl, centre, corner, flat, hop
 import jax
 import jax.numpy as jnp
 
-# Compiling takes most of an exam, and budgets, numbers of runs and dimensions decide what is compiled. So the checks share these few.
+# Compiling takes most of an exam, and budgets, numbers of runs and dimensions decide what is compiled. So the checks
+# share these few.
 BUDGET, SMALL = 1500, 601  # evaluations; no number of rows divides the small one
 FEW, MANY, MANY_OF_HOST = 2, 9, 5  # runs side by side; those of a host method come one after another
 ALONE = 3  # the run taken alone
@@ -44,7 +45,9 @@ def check_bounds_and_budget(method: Any) -> None:
             _expect(bool(np.all(np.diff(r.history_evaluations) > 0)), method, "history evaluations do not increase")
             _expect(bool(np.all(np.diff(r.history_cost) <= 0)), method, "the best cost rose")
             _expect(
-                r.history_evaluations[-1] == r.evaluations and r.history_cost[-1] == r.cost, method, "the history does not reach the end"
+                r.history_evaluations[-1] == r.evaluations and r.history_cost[-1] == r.cost,
+                method,
+                "the history does not reach the end",
             )
 
 
@@ -62,7 +65,11 @@ def check_rows_of_a_generation(method: Any) -> None:
             return made.ask(key, made.init(key, facts))[0]
 
         shape = jax.eval_shape(asked, jax.random.key(0)).shape
-        _expect(shape == (rows, 3), method, f"`rows` says {rows} with a budget of {budget}, but `ask` returns points of shape {shape}")
+        _expect(
+            shape == (rows, 3),
+            method,
+            f"`rows` says {rows} with a budget of {budget}, but `ask` returns points of shape {shape}",
+        )
 
 
 def check_calls_within_budget(method: Any) -> None:
@@ -86,7 +93,9 @@ def check_calls_within_budget(method: Any) -> None:
     )
     [r] = minimise(objective, method, budget=SMALL, seed=2)
     _expect(
-        charged[0] <= r.evaluations <= SMALL, method, f"derivatives worth {charged[0]} were called, {r.evaluations} booked, {SMALL} allowed"
+        charged[0] <= r.evaluations <= SMALL,
+        method,
+        f"derivatives worth {charged[0]} were called, {r.evaluations} booked, {SMALL} allowed",
     )
 
 
@@ -105,15 +114,23 @@ def check_nothing_works(method: Any) -> None:
     """When no candidate can be simulated the runs fail and nothing is raised."""
     for r in minimise(hopeless(3), method, runs=FEW, budget=SMALL, seed=1):
         _expect(
-            r.status is Status.failed and r.cost == np.inf, method, f"status {r.status} and cost {r.cost} without any working candidate"
+            r.status is Status.failed and r.cost == np.inf,
+            method,
+            f"status {r.status} and cost {r.cost} without any working candidate",
         )
-        _expect(r.failures > 0 and r.evaluations <= SMALL, method, f"{r.failures} failures in {r.evaluations} evaluations")
+        _expect(
+            r.failures > 0 and r.evaluations <= SMALL, method, f"{r.failures} failures in {r.evaluations} evaluations"
+        )
 
 
 def check_flat_and_one_dimension(method: Any) -> None:
     """A flat cost over one coordinate is searched without an error."""
     for r in minimise(flat(1), method, runs=FEW, budget=SMALL, seed=1):
-        _expect(r.cost == 1.0 and r.status is not Status.failed, method, f"a flat cost of 1 came back as {r.cost} with status {r.status}")
+        _expect(
+            r.cost == 1.0 and r.status is not Status.failed,
+            method,
+            f"a flat cost of 1 came back as {r.cost} with status {r.status}",
+        )
 
 
 def check_same_seed_same_bits(method: Any) -> None:
@@ -121,7 +138,9 @@ def check_same_seed_same_bits(method: Any) -> None:
     one, two, other = (minimise(corner(3), method, runs=FEW, budget=SMALL, seed=s) for s in (7, 7, 8))
     _same(method, one, two, "the same seed")
     _expect(
-        any(not np.array_equal(a.history_cost, b.history_cost) for a, b in zip(one, other, strict=True)), method, "the seed has no effect"
+        any(not np.array_equal(a.history_cost, b.history_cost) for a, b in zip(one, other, strict=True)),
+        method,
+        "the seed has no effect",
     )
 
 
@@ -153,7 +172,11 @@ def check_resume_same_bits(method: Any) -> None:
 def check_no_favoured_place(method: Any) -> None:
     """Moving the optimum or reversing the coordinates does not change how well it is found."""
     places = [_typical(method, objective) for objective in (bowl(3), bowl(3, moved=0.2), bowl(3, turned=True))]
-    _expect(max(places) - min(places) < 3 or max(places) < -10, method, f"log10 cost depends on the place of the optimum: {places}")
+    _expect(
+        max(places) - min(places) < 3 or max(places) < -10,
+        method,
+        f"log10 cost depends on the place of the optimum: {places}",
+    )
 
 
 def check_310_dimensions(method: Any) -> None:

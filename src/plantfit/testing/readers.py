@@ -18,9 +18,9 @@ CUTS = 12
 def check_reader(reader: Callable[[Path], Mapping[str, Any]], path: str | os.PathLike[str]) -> None:
     """Read a file twice, then its beginnings of several lengths.
 
-    A reader takes a path and gives a mapping of names to arrays (n,) of real numbers; most of them have one length. It leaves the file as
-    it was, gives the same twice, and of a file that was cut it gives arrays or raises an Exception. Raises AssertionError with what was
-    expected and what came.
+    A reader takes a path and gives a mapping of names to arrays (n,) of real numbers; most of them have one length. It
+    leaves the file as it was, gives the same twice, and of a file that was cut it gives arrays or raises an Exception.
+    Raises AssertionError with what was expected and what came.
     """
     path = Path(path)
     before = path.read_bytes()
@@ -45,7 +45,11 @@ def check_reader(reader: Callable[[Path], Mapping[str, Any]], path: str | os.Pat
 
 
 def _arrays(reader: Any, found: Any, which: str = "") -> None:
-    _expect(isinstance(found, Mapping), reader, f"{which}it gives a {type(found).__name__}, not a mapping of names to arrays")
+    _expect(
+        isinstance(found, Mapping),
+        reader,
+        f"{which}it gives a {type(found).__name__}, not a mapping of names to arrays",
+    )
     for name, values in found.items():
         array = np.asarray(values)
         _expect(isinstance(name, str) and array.ndim == 1, reader, f"{which}{name!r} is not a name of an array (n,)")

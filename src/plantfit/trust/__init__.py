@@ -25,7 +25,12 @@ if TYPE_CHECKING:
     from plantfit.trust.sensitivity.salib_extra import has_salib, need_salib
     from plantfit.trust.sensitivity.screening import Screening, morris
     from plantfit.trust.sensitivity.sobol_indices import SobolIndices, sobol_indices
-    from plantfit.trust.stated_errors.parameter_uncertainty import ParameterUncertainty, SharedError, propagate, propagate_by_monte_carlo
+    from plantfit.trust.stated_errors.parameter_uncertainty import (
+        ParameterUncertainty,
+        SharedError,
+        propagate,
+        propagate_by_monte_carlo,
+    )
     from plantfit.trust.stated_errors.reading_budgets import reading_budgets
     from plantfit.trust.stated_errors.uncertainty_budget import Budget, Source, type_a, type_b, uncertainty_budget
     from plantfit.trust.validate.dead_time import DeadTime, dead_time

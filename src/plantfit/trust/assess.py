@@ -39,7 +39,13 @@ from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
 from plantfit.trust.validate.one_stretch import one_stretch
-from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, measured_rows, whiteness
+from plantfit.trust.validate.residual_tests import (
+    cross_correlation,
+    explained_by_past,
+    independent,
+    measured_rows,
+    whiteness,
+)
 from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.turned import turned
 from plantfit.trust.verdict.all_sentences import sentences
@@ -68,7 +74,9 @@ def assess(
     best = min(runs, key=lambda r: r.cost)
     local = linearise(problem, best.x)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
-    visits, unseen = agreeing(table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True)))
+    visits, unseen = agreeing(
+        table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True))
+    )
     ranges, spent = None, float(sum(r.evaluations for r in runs))
     if local.linear is not None:
         ranges = followed_ranges(problem, best.x, local.linear, spent, _other_ends(runs, best))
@@ -82,7 +90,9 @@ def assess(
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
     tests = list(_residual_tests(problem, predictions))
-    scores = with_foretold(problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests)
+    scores = with_foretold(
+        problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests
+    )
     found = Findings(
         schema_version=VERSION,
         name=problem.name,
@@ -104,7 +114,9 @@ def assess(
         agreement=agreed,
         weights=weight_rows(problem),
         simulation=_simulation(problem, best.x, local.values, verify, scores),
-        reproduction=Reproduction(spec=spec, seed=seed, versions=versions(), cpu=cpu_model(), seconds=dict(seconds or {}), command=command),
+        reproduction=Reproduction(
+            spec=spec, seed=seed, versions=versions(), cpu=cpu_model(), seconds=dict(seconds or {}), command=command
+        ),
     ).plain()
     return {**found, "verdict": sentences(found, best)}
 
@@ -130,9 +142,13 @@ def _recording(problem: Problem, name: str, predicted: Mapping[str, np.ndarray])
         name=name,
         log=list(record.log),
         t=record.t.tolist(),
-        inputs={n: Input(unit=record.signals[n].unit, values=_listed(record[n])) for n in inputs if n not in problem.outputs},
+        inputs={
+            n: Input(unit=record.signals[n].unit, values=_listed(record[n])) for n in inputs if n not in problem.outputs
+        },
         outputs={
-            o: Output(unit=_unit(problem, o), measured=_listed(record[o]), simulated=_listed(predicted[o]), part=part.tolist())
+            o: Output(
+                unit=_unit(problem, o), measured=_listed(record[o]), simulated=_listed(predicted[o]), part=part.tolist()
+            )
             for o in problem.outputs
         },
     )
@@ -177,7 +193,9 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
         record, mask = experiment.recording, experiment.mask("fit")
         for output in problem.outputs:
             residual = np.where(mask, record[output] - predictions[name][output], np.nan)[mask]
-            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(record[output])):
+            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(
+                np.abs(record[output])
+            ):
                 continue
             rows = measured_rows(residual)
             residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))
@@ -187,7 +205,11 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 at = np.flatnonzero(mask)[rows][there]
                 simulated = predictions[name][output][at]
                 against = turned(record.t[at], record[output][at], simulated)
-                stretch = None if against else one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
+                stretch = (
+                    None
+                    if against
+                    else one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
+                )
             cross = {}
             for i in inputs:
                 u = record[i][mask][rows]
@@ -195,7 +217,8 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                     continue
                 c = cross_correlation(residual, u)
                 cross[i] = Cross(
-                    lags_s=(c.lags * period).tolist(), values=c.values.tolist(), bound=c.bound, independent=independent(c),
+                    lags_s=(c.lags * period).tolist(), values=c.values.tolist(), bound=c.bound,
+                    independent=independent(c),
                     explained=explained_by_past(residual, u),
                 )  # fmt: skip
             yield ResidualTest(
@@ -221,7 +244,10 @@ def _combinations(local: Local, rows: Sequence[Mapping[str, Any]]) -> list[Combi
     kept = [d for d in local.directions if not (told if len(d.weights) == 1 else unseen).issuperset(d.weights)]
     kept.sort(key=lambda d: (len(d.weights) == 1, -d.relative_sd))
     said = [d.sentence if local.linear is None else d.moves for d in kept]
-    return [Combination(sentence=s, weights=dict(d.weights), relative_sd=d.relative_sd) for s, d in zip(said, kept, strict=True)]
+    return [
+        Combination(sentence=s, weights=dict(d.weights), relative_sd=d.relative_sd)
+        for s, d in zip(said, kept, strict=True)
+    ]
 
 
 def _run(problem: Problem, r: RunResult) -> Run:
@@ -232,7 +258,9 @@ def _run(problem: Problem, r: RunResult) -> Run:
         run=r.run,
         seed=r.seed,
         cost=float(r.cost),
-        rmse=float(np.sqrt(squares)) * (problem.scales[problem.outputs[0]] if one else 1.0) if np.isfinite(r.cost) else None,
+        rmse=float(np.sqrt(squares)) * (problem.scales[problem.outputs[0]] if one else 1.0)
+        if np.isfinite(r.cost)
+        else None,
         status=str(r.status),
         ended=str(r.extra.get("ended", "")),
         evaluations=float(r.evaluations),
@@ -242,7 +270,9 @@ def _run(problem: Problem, r: RunResult) -> Run:
         searched=named(problem, r.extra["searched"]) if "searched" in r.extra else {},
         history=History(evaluations=np.asarray(r.history_evaluations).tolist(), cost=_listed(r.history_cost)),
         extra={
-            k: v for k, v in r.extra.items() if isinstance(v, str | int | float | list) and k not in ("searched", "elsewhere", "nearly")
+            k: v
+            for k, v in r.extra.items()
+            if isinstance(v, str | int | float | list) and k not in ("searched", "elsewhere", "nearly")
         },
     )
 
@@ -252,10 +282,15 @@ def _basins(problem: Problem, runs: Sequence[RunResult]) -> list[Basin]:
     if not finite:
         return []
     found = basins(np.array([r.cost for r in finite]), np.array([r.x for r in finite]), SAME, rounding(problem))
-    return [Basin(cost=float(b.cost), runs=len(b.members), share=float(b.share), parameters=named(problem, b.x)) for b in found]
+    return [
+        Basin(cost=float(b.cost), runs=len(b.members), share=float(b.share), parameters=named(problem, b.x))
+        for b in found
+    ]
 
 
-def _simulation(problem: Problem, z: np.ndarray, values: np.ndarray, verify: bool, scores: Sequence[Score]) -> Simulation:
+def _simulation(
+    problem: Problem, z: np.ndarray, values: np.ndarray, verify: bool, scores: Sequence[Score]
+) -> Simulation:
     moving = [n for n, d in problem.data["drive"].items() if isinstance(d, Drive)]
     if not problem.predictor.has_steps or not moving:
         return Simulation(stepper="none (static model)", substeps=0, outputs={})

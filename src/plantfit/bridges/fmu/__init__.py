@@ -1,1 +1,2 @@
-"""The plant as a Functional Mock-up Unit (FMI 2.0): its description, its C, and the archive of both with a compiled binary."""
+"""The plant as a Functional Mock-up Unit (FMI 2.0): its description, its C, and the archive of both with a compiled
+binary."""

@@ -16,10 +16,15 @@ def description(plant: Plant, nominal: Sequence[float], guid: str) -> str:
     name = one_line(plant.answer.problem.name)
     step = float(np.median(np.diff(plant.t)))
     root = ET.Element(
-        "fmiModelDescription", fmiVersion="2.0", modelName=name or plant.name, guid=guid, description=one_line(plant.story[0]),
+        "fmiModelDescription", fmiVersion="2.0", modelName=name or plant.name, guid=guid,
+        description=one_line(plant.story[0]),
         generationTool=f"plantfit {plantfit.__version__}", variableNamingConvention="flat", numberOfEventIndicators="0",
     )  # fmt: skip
-    common = {"modelIdentifier": plant.name, "canNotUseMemoryManagementFunctions": "true", "canGetAndSetFMUstate": "true"}
+    common = {
+        "modelIdentifier": plant.name,
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+    }
     kinds = [("CoSimulation", {"canHandleVariableCommunicationStepSize": "true", "canInterpolateInputs": "true"})]
     if not plant.model.delays:
         kinds.insert(0, ("ModelExchange", {}))
@@ -35,7 +40,11 @@ def description(plant: Plant, nominal: Sequence[float], guid: str) -> str:
             own = ET.SubElement(units, "Unit", name=shown)
             if base is not None:
                 factor, offset, powers = base
-                ET.SubElement(own, "BaseUnit", {**{k: str(v) for k, v in powers.items()}, "factor": repr(factor), "offset": repr(offset)})
+                ET.SubElement(
+                    own,
+                    "BaseUnit",
+                    {**{k: str(v) for k, v in powers.items()}, "factor": repr(factor), "offset": repr(offset)},
+                )
     categories = ET.SubElement(root, "LogCategories")
     ET.SubElement(categories, "Category", name="logStatusError")
     begin, end = float(plant.t[0]), float(plant.t[-1])
@@ -62,31 +71,49 @@ def description(plant: Plant, nominal: Sequence[float], guid: str) -> str:
 
 
 def variables(plant: Plant, nominal: Sequence[float]) -> list[dict[str, Any]]:
-    """A row for each variable in the order of value references: `what`, `reference`, name, unit, description, attributes of the variable
-    and of its real number. Inputs before the start are there where a dead time reads them."""
+    """A row for each variable in the order of value references: `what`, `reference`, name, unit, description,
+    attributes of the variable and of its real number. Inputs before the start are there where a dead time reads
+    them."""
     model, states = plant.model, list(plant.vector.states)
     late, read = {d.parameter for d in model.delays}, {d.input for d in model.delays}
     rows: list[dict[str, Any]] = []
     errors = {row["name"]: row["standard_error"] for row in plant.answer.findings["parameters"]}
     names = _names(plant)
     groups = {
-        "parameter": [p.name for p in model.parameters], "before": model.inputs, "input": model.inputs, "state": states, "rate": states,
+        "parameter": [p.name for p in model.parameters], "before": model.inputs, "input": model.inputs, "state": states,
+        "rate": states,
         "output": plant.vector.outputs,
     }  # fmt: skip
     references = {key: k for k, key in enumerate((what, n) for what, members in groups.items() for n in members)}
 
     def add(what: str, name: str, unit: str | None, kind: Sequence[str], real: dict[str, str], told: str = "") -> None:
         attributes = dict(zip(("causality", "variability", "initial"), kind, strict=False))
-        own = {"what": what, "reference": references[what, name], "name": names[what, name], "unit": unit, "description": told}
+        own = {
+            "what": what,
+            "reference": references[what, name],
+            "name": names[what, name],
+            "unit": unit,
+            "description": told,
+        }
         rows.append({**own, "kind": attributes, "real": real})
 
     for d in model.parameters:
         error = errors.get(d.name)
-        kind, real = ("parameter", "fixed" if d.name in late else "tunable", "exact"), {"start": repr(float(plant.p[d.name]))}
+        kind, real = (
+            ("parameter", "fixed" if d.name in late else "tunable", "exact"),
+            {"start": repr(float(plant.p[d.name]))},
+        )
         add("parameter", d.name, d.unit, kind, real, f"standard error {error:.3g}" if error else "")
     for n in (n for n in model.inputs if n in read):
         real = {"start": repr(float(plant.before[n]))}
-        add("before", n, model.inputs[n], ("parameter", "fixed", "exact"), real, "the input before the start, for its dead time")
+        add(
+            "before",
+            n,
+            model.inputs[n],
+            ("parameter", "fixed", "exact"),
+            real,
+            "the input before the start, for its dead time",
+        )
     for n, unit in model.inputs.items():
         add("input", n, unit, ("input", "continuous"), {"start": repr(float(plant.inputs[n][0]))})
     first = len(rows) + 1
@@ -95,7 +122,13 @@ def variables(plant: Plant, nominal: Sequence[float]) -> list[dict[str, Any]]:
         add("state", n, model.states[n], ("local", "continuous", "exact"), real)
     for k, n in enumerate(states):
         unit = model.states[n]
-        add("rate", n, per_second(unit) if unit else None, ("local", "continuous", "calculated"), {"derivative": str(first + k)})
+        add(
+            "rate",
+            n,
+            per_second(unit) if unit else None,
+            ("local", "continuous", "calculated"),
+            {"derivative": str(first + k)},
+        )
     for n, unit in model.outputs.items():
         add("output", n, unit, ("output", "continuous", "calculated"), {})
     return rows
@@ -104,7 +137,12 @@ def variables(plant: Plant, nominal: Sequence[float]) -> list[dict[str, Any]]:
 def _names(plant: Plant) -> dict[tuple[str, str], str]:
     """A name of its own for each variable; a state that is called as an output gives way to it."""
     model, states = plant.model, plant.vector.states
-    groups = {"parameter": (p.name for p in model.parameters), "input": model.inputs, "output": model.outputs, "state": states}
+    groups = {
+        "parameter": (p.name for p in model.parameters),
+        "input": model.inputs,
+        "output": model.outputs,
+        "state": states,
+    }
     found = {(what, n): one_line(n) for what, names in groups.items() for n in names}
     found |= {("rate", n): f"der({found['state', n]})" for n in states} | {
         ("before", n): f"before({found['input', n]})" for n in model.inputs

@@ -56,12 +56,15 @@ def functional_mockup_unit(plant: Plant) -> dict[str, str | bytes]:
     numbers = {"first": [plant.inputs[n][0] for n in plant.model.inputs], "nominal": nominal}
     order = [p.name for p in plant.model.parameters]
     prelude = _PRELUDE.format(
-        name=plant.name, guid=guid, k=len(order), m=len(plant.model.inputs), n=len(nominal), q=len(plant.vector.outputs),
+        name=plant.name, guid=guid, k=len(order), m=len(plant.model.inputs), n=len(nominal),
+        q=len(plant.vector.outputs),
         d=len(plant.model.delays), places=", ".join(str(order.index(d.parameter)) for d in plant.model.delays) or "0",
         **{what: ", ".join(repr(float(v)) for v in values) or "0.0" for what, values in numbers.items()},
     )  # fmt: skip
     sources[f"{plant.name}_fmu.c"] = prelude + rest
-    held = {"modelDescription.xml": description(plant, nominal, guid)} | {f"sources/{n}": text for n, text in sources.items()}
+    held = {"modelDescription.xml": description(plant, nominal, guid)} | {
+        f"sources/{n}": text for n, text in sources.items()
+    }
     held |= _binary(plant.name, sources)
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w") as archive:
@@ -86,10 +89,14 @@ def _binary(name: str, sources: Mapping[str, str | bytes]) -> dict[str, bytes]:
     """binaries/PLATFORM/NAME.so or the like by its place, or nothing and a warning."""
     system = {"linux": ("linux", ".so"), "darwin": ("darwin", ".dylib"), "win32": ("win", ".dll")}.get(sys.platform)
     intel = platform.machine().lower() in ("x86_64", "amd64")
-    compiler = next((found for word in (os.environ.get("CC"), "cc", "gcc", "clang") if word and (found := shutil.which(word))), None)
+    compiler = next(
+        (found for word in (os.environ.get("CC"), "cc", "gcc", "clang") if word and (found := shutil.which(word))), None
+    )
     # FMI 2.0 has no name for Linux and Windows on other processors
     if system is None or not (intel or sys.platform == "darwin"):
-        return _without(f"FMI 2.0 has no name for the binaries of this machine ({platform.system()} on {platform.machine()})")
+        return _without(
+            f"FMI 2.0 has no name for the binaries of this machine ({platform.system()} on {platform.machine()})"
+        )
     if compiler is None:
         return _without("no C compiler is on this machine (cc, gcc or clang)")
     folder, ending = f"{system[0]}64", system[1]
@@ -97,16 +104,23 @@ def _binary(name: str, sources: Mapping[str, str | bytes]) -> dict[str, bytes]:
         for file, text in sources.items():
             (Path(place) / file).write_bytes(text if isinstance(text, bytes) else text.encode())
         made = subprocess.run(
-            [compiler, *_FLAGS, "-o", f"{name}{ending}", f"{name}_fmu.c", "-lm"], cwd=place, capture_output=True, text=True, check=False
+            [compiler, *_FLAGS, "-o", f"{name}{ending}", f"{name}_fmu.c", "-lm"],
+            cwd=place,
+            capture_output=True,
+            text=True,
+            check=False,
         )
         if made.returncode:
-            return _without(f"{compiler} did not compile it ({(made.stderr.strip().splitlines() or ['no reason given'])[0]})")
+            return _without(
+                f"{compiler} did not compile it ({(made.stderr.strip().splitlines() or ['no reason given'])[0]})"
+            )
         return {f"binaries/{folder}/{name}{ending}": (Path(place) / f"{name}{ending}").read_bytes()}
 
 
 def _without(why: str) -> dict[str, bytes]:
     warnings.warn(
-        f"The FMU has sources and no binary, because {why}; an importer has to compile them, or export it where a compiler is.",
+        f"The FMU has sources and no binary, because {why}; an importer has to compile them, or export it where a "
+        f"compiler is.",
         PlantfitWarning, stacklevel=2,
     )  # fmt: skip
     return {}

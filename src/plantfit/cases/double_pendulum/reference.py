@@ -25,7 +25,9 @@ def read_runs(folder: Path, runs: tuple[str, ...] = RUNS) -> dict[str, rec.Recor
     signals = {f"{n}{j}": f"{column}{j}" for n, (column, _) in columns.items() for j in JOINTS}
     units = {f"{n}{j}": unit for n, (_, unit) in columns.items() for j in JOINTS}
     return {
-        run: rec.read_csv(folder / f"run_{run}.csv.gz", time="time", time_unit="s", signals=signals, units=units, name=f"run_{run}")
+        run: rec.read_csv(
+            folder / f"run_{run}.csv.gz", time="time", time_unit="s", signals=signals, units=units, name=f"run_{run}"
+        )
         for run in runs
     }
 
@@ -36,7 +38,8 @@ def law_model(friction: tuple[str, ...], sign: str = "atan", **shape: float) -> 
 
 
 def published(name: str) -> dict[str, float]:
-    """Published parameters as base parameters: b1 = I1 + m2 l1^2 and so on; its friction cf atan(100 omega) has Fc = cf pi/2."""
+    """Published parameters as base parameters: b1 = I1 + m2 l1^2 and so on; its friction cf atan(100 omega) has Fc =
+    cf pi/2."""
     p = tomllib.loads(files("plantfit.cases.double_pendulum").joinpath("published.toml").read_text())[name]
     return {
         "b1": p["I1"] + p["m2"] * L1**2,
@@ -61,7 +64,8 @@ def reference_torque(run: rec.Recording) -> np.ndarray:
 
 
 def reference_prediction(run: rec.Recording, values: dict[str, float]) -> np.ndarray:
-    """Torque of both joints (2, n) as the source computes it: from velocity and acceleration that were filtered before."""
+    """Torque of both joints (2, n) as the source computes it: from velocity and acceleration that were filtered
+    before."""
     signals = {}
     for j in JOINTS:
         signals[f"theta{j}"] = run[f"theta{j}"]

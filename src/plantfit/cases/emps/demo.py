@@ -1,4 +1,5 @@
-"""Ways to the parameters of one drive: force regression, free run, closed loop; Kalman filters and maximum likelihood."""
+"""Ways to the parameters of one drive: force regression, free run, closed loop; Kalman filters and maximum
+likelihood."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -25,11 +26,15 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     estimates = kalman.estimate(closed, force)
     figures = [*_regression(force), *_free_run(free, force), *_closed_loop(closed), *_kalman(estimates)]
     sentences = [
-        "The plant is a pure integrator: in the free run every error of force adds up twice, so millimetres over 25 s are a hard test.",
-        "In closed loop the position follows its reference whatever the model, so the controller output is what is scored.",
+        "The plant is a pure integrator: in the free run every error of force adds up twice, so millimetres over 25 s "
+        "are a hard test.",
+        "In closed loop the position follows its reference whatever the model, so the controller output is what is "
+        "scored.",
         "The controller gains are held at what the recorded controller law itself shows, 159.5 1/s and 266.8 V s/m.",
         "Force regression, free run and closed loop in turn give "
-        + "; ".join(f"{n} {', '.join(f'{a.values[n]:.4g}' for a in (force, free, closed))} {UNITS[n]}" for n in REGRESSED)
+        + "; ".join(
+            f"{n} {', '.join(f'{a.values[n]:.4g}' for a in (force, free, closed))} {UNITS[n]}" for n in REGRESSED
+        )
         + ".",
         "Regression, maximum likelihood, extended and unscented Kalman filter agree within their 95 % intervals."
         if not (differ := kalman.apart(estimates))
@@ -40,7 +45,11 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
 
 
 def _kalman(estimates: kalman.Estimates) -> list[dict[str, Any]]:
-    short = {"maximum likelihood": "maximum likelihood", "extended Kalman filter": "EKF", "unscented Kalman filter": "UKF"}
+    short = {
+        "maximum likelihood": "maximum likelihood",
+        "extended Kalman filter": "EKF",
+        "unscented Kalman filter": "UKF",
+    }
     own = estimates.intervals
     return [
         figure(f"{short[m]}: {n}", own[m][n][1], UNITS[n], own["force regression"][n][1], "force regression above")
@@ -55,7 +64,13 @@ def _regression(answer: Answer) -> list[dict[str, Any]]:
     return [
         *(figure(f"force regression: {n}", answer.values[n], UNITS[n], value, IDIM) for n, value in REGRESSED.items()),
         figure("force regression: residual", rms(error), "N", 2.16, IDIM),
-        figure("force regression: relative residual", 100 * float(np.linalg.norm(error) / np.linalg.norm(measured)), "%", 4.04, IDIM),
+        figure(
+            "force regression: relative residual",
+            100 * float(np.linalg.norm(error) / np.linalg.norm(measured)),
+            "%",
+            4.04,
+            IDIM,
+        ),
     ]
 
 
@@ -68,7 +83,9 @@ def _free_run(answer: Answer, force: Answer) -> list[dict[str, Any]]:
     here = "parameters of the force regression above, which saw all"
     return [
         figure("free run: position RMSE, whole record", rms(error), "mm", 5.09, f"simulated with {IDIM}"),
-        figure("free run: position RMSE, fitted three quarters", rms(error[~unseen]), "mm", rms(regressed[~unseen]), here),
+        figure(
+            "free run: position RMSE, fitted three quarters", rms(error[~unseen]), "mm", rms(regressed[~unseen]), here
+        ),
         figure("free run: position RMSE, unseen quarter", rms(error[unseen]), "mm", rms(regressed[unseen]), here),
     ]
 

@@ -18,7 +18,8 @@ NOISE = Noise({"v": 1e-6}, {"u": (1e-3, 1.0)}, {"q": 1e-4, "v": 0.02})
 
 @dataclass(frozen=True)
 class Estimates:
-    """The likelihood's answer, both joint filters with its noise, and intervals (low, value, high) by method and constant."""
+    """The likelihood's answer, both joint filters with its noise, and intervals (low, value, high) by method and
+    constant."""
 
     likelihood: MaximumLikelihood
     extended: FilterRun
@@ -27,9 +28,11 @@ class Estimates:
 
 
 def estimate(closed: Answer, force: Answer) -> Estimates:
-    """From the closed loop of `closed`, where errors of the model enter as force and so as controller output, as in the regression.
+    """From the closed loop of `closed`, where errors of the model enter as force and so as controller output, as in the
+    regression.
 
-    The loop is stepped at every sample of its reference and scored at every tenth, all of the record, as the regression does.
+    The loop is stepped at every sample of its reference and scored at every tenth, all of the record, as the regression
+    does.
     """
     problem = closed.problem
     recording = next(iter(problem.experiments.values())).recording
@@ -38,11 +41,15 @@ def estimate(closed: Answer, force: Answer) -> Estimates:
     boxes: dict[str, Any] = {n: (c.lower, c.upper) for n in CONSTANTS for c in problem.space.coordinates if c.name == n}
     held = {n: float(p.value) for n, p in problem.space.parameters.items() if p.value is not None}
     start = {"q_start": float(recording["reference"][0]), "v_start": 0.0}
-    loop = Problem(problem.model, Recording(recording.t, signals, "emps"), boxes | held | start, hold={"reference": "linear"})
+    loop = Problem(
+        problem.model, Recording(recording.t, signals, "emps"), boxes | held | start, hold={"reference": "linear"}
+    )
     found = maximum_likelihood(loop, NOISE, budget=100)
     runs = [kind(loop, found.noise, CONSTANTS).run() for kind in (ekf, ukf)]
     se = 1.959963984540054 * np.array([force_error(force, n) for n in CONSTANTS])
-    regression = {n: (force.values[n] - s, force.values[n], force.values[n] + s) for n, s in zip(CONSTANTS, se, strict=True)}
+    regression = {
+        n: (force.values[n] - s, force.values[n], force.values[n] + s) for n, s in zip(CONSTANTS, se, strict=True)
+    }
     likelihood = {n: (found.interval[n][0], found.parameters[n], found.interval[n][1]) for n in CONSTANTS}
     filters = [{n: (r.interval[n][0], r.estimate.named[n], r.interval[n][1]) for n in CONSTANTS} for r in runs]
     names = ("force regression", "maximum likelihood", "extended Kalman filter", "unscented Kalman filter")
@@ -67,7 +74,8 @@ def apart(estimates: Estimates) -> list[str]:
 
 
 def section(estimates: Estimates, units: dict[str, str]) -> dict[str, Any]:
-    """A section of the case's page: intervals side by side, how the constants settle, whether the filter is as sure as it should be."""
+    """A section of the case's page: intervals side by side, how the constants settle, whether the filter is as sure
+    as it should be."""
     rows = []
     for method, own in estimates.intervals.items():
         cells = [f"{v:.4g} ({low:.4g} to {high:.4g})" for low, v, high in (own[n] for n in CONSTANTS)]
@@ -78,12 +86,17 @@ def section(estimates: Estimates, units: dict[str, str]) -> dict[str, Any]:
     sentences = [
         "All intervals meet." if not apart_now else "Intervals that do not meet: " + " ".join(apart_now),
         nis_test(estimates.extended).sentence,
-        f"Neighbouring innovations are correlated ({memory:.2f}): the model's error is not white. The likelihood's and the regression's "
+        f"Neighbouring innovations are correlated ({memory:.2f}): the model's error is not white. The likelihood's and "
+        f"the regression's "
         "intervals allow for it, those of the filters do not.",
     ]
     reference = {n: (v, low, high) for n, (low, v, high) in estimates.intervals["force regression"].items()}
     figure = constants_figure([estimates.extended.track(n) for n in CONSTANTS], reference, "force regression, 95 %")
-    table = {"caption": "95 % intervals", "columns": ["method", *(f"{n} [{units[n]}]" for n in CONSTANTS)], "rows": rows}
+    table = {
+        "caption": "95 % intervals",
+        "columns": ["method", *(f"{n} [{units[n]}]" for n in CONSTANTS)],
+        "rows": rows,
+    }
     label = "the constants in the extended Kalman filter over time, with two standard deviations"
     return {
         "title": "Kalman filters and maximum likelihood",

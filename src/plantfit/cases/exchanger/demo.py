@@ -1,4 +1,5 @@
-"""Fit the staircase of January by a table and by a linear model, predict the recordings of June; then the same within June."""
+"""Fit the staircase of January by a table and by a linear model, predict the recordings of June; then the same
+within June."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -36,13 +37,18 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
         "June, on june_prbs, fitted half": _part(june, june_linear, "prbs", "fit"),
         "June, on june_prbs, unseen half": _part(june, june_linear, "prbs", "validation"),
     }
-    steps = {n: (after_steps(table, n), after_steps(linear, n), after_steps(None, n, record_of[n])) for n in ("june_stairs", "june_prbs")}
+    steps = {
+        n: (after_steps(table, n), after_steps(linear, n), after_steps(None, n, record_of[n]))
+        for n in ("june_stairs", "june_prbs")
+    }
     unseen = np.concatenate([residual(halves, "y", n) for n, e in halves.problem.experiments.items() if e.fit is None])
     fitted = rms(scores["January, on january, fitted"][0])
     by_level = levels_section(record_of["january"], own)
     figures = [
         figure("staircase of January, one table model", fitted, "degC", 4.76, "one linear model (own)"),
-        figure("staircase, a model for each level", rms(_all(own)), "degC", 0.365, "a model refitted at each level (own)"),
+        figure(
+            "staircase, a model for each level", rms(_all(own)), "degC", 0.365, "a model refitted at each level (own)"
+        ),
         figure("staircase, levels left out of the fit", rms(unseen), "degC"),
         *(
             figure(f"models of {name}: table", rms(a), "degC", rms(b), "linear model, fitted to the same samples")
@@ -50,14 +56,29 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
             if "fitted" not in name
         ),
         *(
-            figure(f"models of January, on {name}, change after a step: table", rms(a), "degC", rms(b), "linear model of January")
+            figure(
+                f"models of January, on {name}, change after a step: table",
+                rms(a),
+                "degC",
+                rms(b),
+                "linear model of January",
+            )
             for name, (a, b, _) in steps.items()
         ),
     ]
     sections = [unseen_section(table, linear, scores, steps, rms(unseen)), by_level, map_section(record_of, table)]
     sentences = [*sections[0]["sentences"], *by_level["sentences"]]
     title = "Plate heat exchanger"
-    return record("exchanger", title, figures, sentences, answers, files, sections, "Three recordings of half a year, one table model")
+    return record(
+        "exchanger",
+        title,
+        figures,
+        sentences,
+        answers,
+        files,
+        sections,
+        "Three recordings of half a year, one table model",
+    )
 
 
 def whole(answer: Answer, name: str) -> np.ndarray:

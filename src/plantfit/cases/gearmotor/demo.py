@@ -1,4 +1,5 @@
-"""From a first model of the PRBS record over what it lacks to physics that predicts the static curve, and to a controller."""
+"""From a first model of the PRBS record over what it lacks to physics that predicts the static curve, and to a
+controller."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -30,13 +31,17 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     """See `plantfit.cases.shared.registry.demos`."""
     begins = stages(PARTS, progress)
     first = unpack("gearmotor", folder) / "plain.toml"
-    file, both, better = (first.with_name(f"{n}.toml") for n in ("gearmotor", "static_and_prbs", f"plain-with-{ADDED.replace(' ', '-')}"))
+    file, both, better = (
+        first.with_name(f"{n}.toml") for n in ("gearmotor", "static_and_prbs", f"plain-with-{ADDED.replace(' ', '-')}")
+    )
     begins(PARTS[0])
     plain = fit_file(first)
     begins(PARTS[1])
     found = diagnose(plain.problem, plain.best.x)
     if found.found[0].extension.kind != ADDED.replace(" ", "_"):
-        raise SimulationError(f"The diagnosis named {found.found[0].extension.name!r}; restore the files of the demo and run it again.")
+        raise SimulationError(
+            f"The diagnosis named {found.found[0].extension.name!r}; restore the files of the demo and run it again."
+        )
     better.write_text(with_additions(first.read_text("utf-8"), first, changed(found), name=better.stem), "utf-8")
     begins(PARTS[2])
     fuller = fit_file(better)
@@ -54,7 +59,13 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     static = static_curve(curve, answer.values, low, high)
     figures = [
         figure("RMSE on the fitted half", rms(error[seen]), "deg/s", 5.06, LINEAR),
-        figure("RMSE on the unseen half, after 3 s, mean error removed", float(np.std(error[settled])), "deg/s", 5.38, LINEAR),
+        figure(
+            "RMSE on the unseen half, after 3 s, mean error removed",
+            float(np.std(error[settled])),
+            "deg/s",
+            5.38,
+            LINEAR,
+        ),
         figure("RMSE on the unseen half, nothing removed", rms(error[unseen]), "deg/s"),
         figure("mean error on the unseen half after 3 s", float(np.mean(error[settled])), "deg/s"),
         *static,
@@ -62,10 +73,13 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     ]
     near, far = static[0], static[2]
     sentences = [
-        f"Its static curve was measured apart, from -5 to 5 V; the record above holds {low:.2f} to {high:.2f} V. Within that range the "
-        f"prediction is {near['value']:.0f} deg/s off; at 5 V, far outside, it says {far['value']:.0f} deg/s and {far['reference']:.0f} "
+        f"Its static curve was measured apart, from -5 to 5 V; the record above holds {low:.2f} to {high:.2f} V. "
+        f"Within that range the "
+        f"prediction is {near['value']:.0f} deg/s off; at 5 V, far outside, it says {far['value']:.0f} deg/s and "
+        f"{far['reference']:.0f} "
         "were measured.",
-        f"What is left on the unseen half is a drift: {np.mean(error[settled]):.1f} deg/s in the mean, which constant parameters do not "
+        f"What is left on the unseen half is a drift: {np.mean(error[settled]):.1f} deg/s in the mean, which constant "
+        f"parameters do not "
         "follow.",
         joint_sentence(joint),
     ]
@@ -89,12 +103,32 @@ def static_curve(curve: Recording, values: dict[str, float], low: float, high: f
     moving = u[(u > 0) & (y > 0)]
     at_top, inside = u == u.max(), (u >= low) & (u <= high)
     return [
-        figure("static curve inside the range of the record, RMSE of the prediction", rms(predicted[inside] - y[inside]), "deg/s"),
         figure(
-            "static curve, -5 to 5 V, RMSE of the prediction", rms(predicted - y), "deg/s", float(np.std(y)), "spread of the curve itself"
+            "static curve inside the range of the record, RMSE of the prediction",
+            rms(predicted[inside] - y[inside]),
+            "deg/s",
         ),
-        figure("static speed at 5 V, predicted", float(predicted[at_top][0]), "deg/s", float(y[at_top][0]), "measured static curve"),
-        figure("dead zone, predicted edge", values["threshold"], "V", float(moving.min()), "lowest positive voltage that turned the motor"),
+        figure(
+            "static curve, -5 to 5 V, RMSE of the prediction",
+            rms(predicted - y),
+            "deg/s",
+            float(np.std(y)),
+            "spread of the curve itself",
+        ),
+        figure(
+            "static speed at 5 V, predicted",
+            float(predicted[at_top][0]),
+            "deg/s",
+            float(y[at_top][0]),
+            "measured static curve",
+        ),
+        figure(
+            "dead zone, predicted edge",
+            values["threshold"],
+            "V",
+            float(moving.min()),
+            "lowest positive voltage that turned the motor",
+        ),
     ]
 
 

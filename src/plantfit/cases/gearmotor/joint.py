@@ -27,10 +27,20 @@ def joint_figures(answer: Answer) -> list[dict[str, Any]]:
             5.38,
             "first-order model with dead time about the mean, PRBS alone",
         ),
-        figure("both records: static curve, -5 to 5 V, RMSE", rms(curve), "deg/s", TOLERANCE, "5 % of the top of the curve"),
+        figure(
+            "both records: static curve, -5 to 5 V, RMSE", rms(curve), "deg/s", TOLERANCE, "5 % of the top of the curve"
+        ),
         figure("both records: static curve, largest error", float(np.max(np.abs(curve))), "deg/s"),
-        figure("both records: static curve below 0.5 V, mean error", float(np.mean(np.sign(u[near]) * curve[near])), "deg/s"),
-        figure("both records: static curve above 0.5 V, mean error", float(np.mean(np.sign(u[~near]) * curve[~near])), "deg/s"),
+        figure(
+            "both records: static curve below 0.5 V, mean error",
+            float(np.mean(np.sign(u[near]) * curve[near])),
+            "deg/s",
+        ),
+        figure(
+            "both records: static curve above 0.5 V, mean error",
+            float(np.mean(np.sign(u[~near]) * curve[~near])),
+            "deg/s",
+        ),
     ]
 
 
@@ -44,6 +54,7 @@ def joint_sentence(answer: Answer) -> str:
     """What one set of parameters leaves of both records."""
     scales = answer.problem.scales
     return (
-        f"`plantfit run static_and_prbs.toml` fits both records together and leaves {scales['y']:.1f} deg/s of the one and "
+        f"`plantfit run static_and_prbs.toml` fits both records together and leaves {scales['y']:.1f} deg/s of the one "
+        f"and "
         f"{scales['settled']:.1f} deg/s of the static curve; by these the fit weighs them."
     )

@@ -1,4 +1,5 @@
-"""The page of the gear motor: from a first model over what it lacks to a controller, each step with the command that repeats it."""
+"""The page of the gear motor: from a first model over what it lacks to a controller, each step with the command that
+repeats it."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -40,7 +41,8 @@ def first_section(plain: Answer) -> Section:
         "title": "1. A first model",
         "command": "plantfit run plain.toml",
         "sentences": [
-            f"Voltage in, speed out: w' = gain*u - loss*w. It misses the speed by {seen:.1f} deg/s on the half that it was fitted to, and "
+            f"Voltage in, speed out: w' = gain*u - loss*w. It misses the speed by {seen:.1f} deg/s on the half that it "
+            f"was fitted to, and "
             f"by {unseen:.1f} deg/s on the half that it has not seen (shaded)."
         ],
         "figures": [
@@ -66,7 +68,8 @@ def cause_section(diagnosis: Mapping[str, Any]) -> Section:
         "title": "2. What it lacks",
         "command": "plantfit diagnose plain.toml",
         "sentences": [
-            f"plantfit tried {len(tried)} additions, each with all parameters fitted again, and judged them on data left out.",
+            f"plantfit tried {len(tried)} additions, each with all parameters fitted again, and judged them on data "
+            f"left out.",
             *(v["sentence"] for v in diagnosis["verdict"]),
         ],
         "tables": [
@@ -77,7 +80,12 @@ def cause_section(diagnosis: Mapping[str, Any]) -> Section:
                 "note": "Where the last column is empty, the addition explained too little to be fitted in full.",
             }
         ],
-        "figures": [{"figure": share_figure(Round.model_validate(diagnosis["rounds"][0])), "label": "What each addition explains"}],
+        "figures": [
+            {
+                "figure": share_figure(Round.model_validate(diagnosis["rounds"][0])),
+                "label": "What each addition explains",
+            }
+        ],
     }
 
 
@@ -89,10 +97,12 @@ def fuller_section(plain: Answer, fuller: Answer, added: str, moves_from: float)
         "command": f"plantfit run {fuller.problem.name}.toml",
         "sentences": [
             "The diagnosis wrote this study file: one line more, under [model.extensions].",
-            f"RMSE {seen:.2f} deg/s, and {unseen:.2f} deg/s instead of {before:.1f} on the unseen half. The sensor reports speed in "
+            f"RMSE {seen:.2f} deg/s, and {unseen:.2f} deg/s instead of {before:.1f} on the unseen half. The sensor "
+            f"reports speed in "
             f"steps of {SENSOR} deg/s; rounding to them alone leaves {QUANTISED:.1f} deg/s.",
             _determined(fuller),
-            "In this record the motor never stops or turns back, so that dry friction and a dead zone are the same. On its static curve, "
+            "In this record the motor never stops or turns back, so that dry friction and a dead zone are the same. On "
+            "its static curve, "
             f"measured apart, it turns from {moves_from:.3f} V on.",
         ],
         "figures": [
@@ -107,28 +117,40 @@ def fuller_section(plain: Answer, fuller: Answer, added: str, moves_from: float)
 def physics_section(
     fuller: Answer, physics: Answer, curve: Recording, sentences: Sequence[str], figures: Sequence[Mapping[str, Any]]
 ) -> Section:
-    """The physics written out, and what it predicts of a curve that it has not seen; what the section on `fuller` says is not repeated."""
+    """The physics written out, and what it predicts of a curve that it has not seen; what the section on `fuller`
+    says is not repeated."""
     seen, unseen = scores(physics)
     reached = [
-        [f["name"], f"{f['value']:.4g} {f['unit'] or ''}", "" if f["reference"] is None else f"{f['reference']:.4g}", f["source"]]
+        [
+            f["name"],
+            f"{f['value']:.4g} {f['unit'] or ''}",
+            "" if f["reference"] is None else f"{f['reference']:.4g}",
+            f["source"],
+        ]
         for f in figures
     ]
     return {
         "title": "4. Physics that reaches further",
         "command": "plantfit run gearmotor.toml",
         "sentences": [
-            f"Dry friction, the PWM driver and a dead time as equations: RMSE {seen:.2f} deg/s, {unseen:.2f} on the unseen half.",
+            f"Dry friction, the PWM driver and a dead time as equations: RMSE {seen:.2f} deg/s, {unseen:.2f} on the "
+            f"unseen half.",
             _determined(physics, _determined(fuller)),
             *sentences,
         ],
         "figures": [
             {
                 "figure": _static_figure(curve, physics),
-                "label": "Settled speed over voltage: measured, and predicted from the record above, which ends at 0.44 V",
+                "label": "Settled speed over voltage: measured, and predicted from the record above, which ends at "
+                "0.44 V",
             }
         ],
         "tables": [
-            {"caption": "Figures, and what others reached", "columns": ["figure", "reached", "reference", "source"], "rows": reached}
+            {
+                "caption": "Figures, and what others reached",
+                "columns": ["figure", "reached", "reference", "source"],
+                "rows": reached,
+            }
         ],
     }
 
@@ -143,14 +165,16 @@ def controller_section(controller: Controller, files: Sequence[Path]) -> Section
         "command": "plantfit tune gearmotor.toml",
         "sentences": [
             *(v.sentence for v in record.verdict),
-            f"Kp {best.Kp:.3g} V/(deg/s), Ki {best.Ki:.3g} V/deg, Kd {best.Kd:.2g} V/(deg/s^2), sampled every {w.period:.4g} "
+            f"Kp {best.Kp:.3g} V/(deg/s), Ki {best.Ki:.3g} V/deg, Kd {best.Kd:.2g} V/(deg/s^2), sampled every "
+            f"{w.period:.4g} "
             f"s, between {w.lower:.3g} and {w.upper:.3g} V.",
             f"The same as C for the microcontroller: {', '.join(f.name for f in files)}.",
         ],
         "figures": [
             {
                 "figure": loop_figure(controller.curves, w, named(record.output), named(record.input), plants),
-                "label": f"A step of the set point, then a load: bands over {plants} that the data allow. The loop settles within one "
+                "label": f"A step of the set point, then a load: bands over {plants} that the data allow. The loop "
+                f"settles within one "
                 f"step of the sensor ({SENSOR} deg/s).",
             }
         ],
@@ -169,7 +193,9 @@ def _determined(answer: Answer, above: str = "") -> str:
     text = next(v["sentence"] for v in answer.findings["verdict"] if v["sentence"].startswith("The data determine"))
     values, *doubts = re.split(r"(?<=\.) (?=[A-Z])", text)
     new = [d for d in doubts if d not in above]
-    return " ".join([values, *new, *(["What is said of the residuals above holds here too."] if len(new) < len(doubts) else [])])
+    return " ".join(
+        [values, *new, *(["What is said of the residuals above holds here too."] if len(new) < len(doubts) else [])]
+    )
 
 
 def _static_figure(curve: Recording, physics: Answer) -> Figure:

@@ -1,4 +1,5 @@
-"""Steps of one heater as a first and a second order with dead time; both heaters by energy balances, the second half predicted."""
+"""Steps of one heater as a first and a second order with dead time; both heaters by energy balances, the second half
+predicted."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -28,24 +29,38 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     answers = [fit_file(file, progress) for file in files]
     steps, both = answers[:2], answers[2]
     late = [dead_time(a.problem, a) for a in steps]
-    figures = [figure(f"{a.problem.name}: RMSE", rms(residual(a, "y")), "K", REFERENCE[a.problem.name]["RMSE"], OWN) for a in steps]
+    figures = [
+        figure(f"{a.problem.name}: RMSE", rms(residual(a, "y")), "K", REFERENCE[a.problem.name]["RMSE"], OWN)
+        for a in steps
+    ]
     for answer, found in zip(steps, late, strict=True):
-        figures.append(figure(f"{answer.problem.name}: dead time", found.value, "s", REFERENCE[answer.problem.name]["L"], OWN))
+        figures.append(
+            figure(f"{answer.problem.name}: dead time", found.value, "s", REFERENCE[answer.problem.name]["L"], OWN)
+        )
     for output, alone in ALONE.items():
         error = residual(both, output)
         figures.append(figure(f"two heaters, {output}: RMSE on the fitted half", rms(error[part(both, "fit")]), "degC"))
         figures.append(
-            figure(f"two heaters, {output}: RMSE on the unseen half", rms(error[part(both, "validation")]), "degC", alone, APART)
+            figure(
+                f"two heaters, {output}: RMSE on the unseen half",
+                rms(error[part(both, "validation")]),
+                "degC",
+                alone,
+                APART,
+            )
         )
     sentences = [f"{a.problem.name}: {d.sentence}" for a, d in zip(steps, late, strict=True)]
     shorter = late[1].value < late[0].value
     sentences.append(
-        f"No pipe delays this board: with a second lag the dead time {'shrinks' if shorter else 'grows'} from {late[0].value:.3g} to "
+        f"No pipe delays this board: with a second lag the dead time {'shrinks' if shorter else 'grows'} from "
+        f"{late[0].value:.3g} to "
         f"{late[1].value:.2g} s, so that most of the first order's is the way of the heat to the sensor."
     )
     sections = [_steps_section(steps, sentences), _both_section(both)]
     subtitle = "Two recordings of a real board"
-    return record("heater", "Heater board (Temperature Control Lab)", figures, sentences, answers, files, sections, subtitle)
+    return record(
+        "heater", "Heater board (Temperature Control Lab)", figures, sentences, answers, files, sections, subtitle
+    )
 
 
 def _steps_section(steps: Sequence[Answer], sentences: Sequence[str]) -> dict[str, Any]:
@@ -56,7 +71,15 @@ def _steps_section(steps: Sequence[Answer], sentences: Sequence[str]) -> dict[st
                 continue
             p = profile(answer.problem, answer, name)
             inside = "yes" if p.low <= reference <= p.high else "no"
-            rows.append([answer.problem.name, name, p.unit or "", *(f"{v:.4g}" for v in (p.value, p.low, p.high, reference)), inside])
+            rows.append(
+                [
+                    answer.problem.name,
+                    name,
+                    p.unit or "",
+                    *(f"{v:.4g}" for v in (p.value, p.low, p.high, reference)),
+                    inside,
+                ]
+            )
     return {
         "title": "One heater, steps of its power",
         "sentences": list(sentences),
@@ -77,14 +100,20 @@ def _steps_section(steps: Sequence[Answer], sentences: Sequence[str]) -> dict[st
 
 
 def _both_section(both: Answer) -> dict[str, Any]:
-    rows = [[p["name"], p["unit"] or "", *(f"{p[k]:.4g}" for k in ("value", "low", "high"))] for p in both.findings["parameters"]]
+    rows = [
+        [p["name"], p["unit"] or "", *(f"{p[k]:.4g}" for k in ("value", "low", "high"))]
+        for p in both.findings["parameters"]
+    ]
     return {
         "title": "Two heaters side by side",
         "sentences": [
-            "Two energy balances in text, coupled between the heaters; the first half is fitted, the second only predicted.",
+            "Two energy balances in text, coupled between the heaters; the first half is fitted, the second only "
+            "predicted.",
             *(v["sentence"] for v in both.findings["verdict"] if "not seen" in v["sentence"]),
         ],
-        "tables": [{"caption": "Constants", "columns": ["parameter", "unit", "value", "95 % from", "to"], "rows": rows}],
+        "tables": [
+            {"caption": "Constants", "columns": ["parameter", "unit", "value", "95 % from", "to"], "rows": rows}
+        ],
         "figures": [
             {
                 "figure": followed_figure({"simulated": both}, "heaters", output),

@@ -1,6 +1,8 @@
-"""The paper's bench, virtual: H-bridge, encoder and one line every 100 ms for 150 s, around a motor whose constants are known.
+"""The paper's bench, virtual: H-bridge, encoder and one line every 100 ms for 150 s, around a motor whose constants are
+known.
 
-Tran et al., A Survey of Identification Experimental System Parameters Using Genetic Algorithm; hardware and excitation of sections 3 and 4.
+Tran et al., A Survey of Identification Experimental System Parameters Using Genetic Algorithm; hardware and excitation
+of sections 3 and 4.
 """
 
 from dataclasses import dataclass
@@ -18,7 +20,8 @@ from plantfit.rig.run import RigRun
 
 @dataclass(frozen=True)
 class Bench:
-    """`recording` V (V), w (rad/s), i (A) as the board sends them, missing where its reading is too old; `run` with the truth."""
+    """`recording` V (V), w (rad/s), i (A) as the board sends them, missing where its reading is too old; `run` with
+    the truth."""
 
     recording: Recording
     run: RigRun

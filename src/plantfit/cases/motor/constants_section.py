@@ -37,22 +37,39 @@ def targets(made: Sequence[Bench], order: int) -> Targets:
 
 
 def constants_section(found: Targets, current: Answer, methods: Methods) -> dict[str, Any]:
-    """Errors and intervals of both targets over the records; constants by a current channel beside the truth, the GA and the paper."""
+    """Errors and intervals of both targets over the records; constants by a current channel beside the truth, the GA
+    and the paper."""
     seen = {p["name"]: p for p in current.findings["parameters"]}
     inside, total = inside_of(current)
     label = next(iter(GA))
     best = methods.best(label)
-    rows = [[n, seen[n]["unit"], f"{seen[n]['value']:.5g}", _bound(seen[n]["low"]), _bound(seen[n]["high"]), f"{TRUTH[n]:.5g}",
+    rows = [[n, seen[n]["unit"], f"{seen[n]['value']:.5g}", _bound(seen[n]["low"]), _bound(seen[n]["high"]),
+             f"{TRUTH[n]:.5g}",
              "yes" if _holds(seen[n]) else "no", number(best[n]), number(PUBLISHED[n])] for n in NAMES]  # fmt: skip
-    columns = ["constant", "unit", "with the current", "95 % from", "to", "truth", "inside", f"{label}, best run", "the paper"]
+    columns = [
+        "constant",
+        "unit",
+        "with the current",
+        "95 % from",
+        "to",
+        "truth",
+        "inside",
+        f"{label}, best run",
+        "the paper",
+    ]
     return {
         "title": "Constants",
         "sentences": [
-            f"{len(found.raw.values)} records, each fitted as recorded and through its own surrogate: {_compared(found)}",
-            f"With a current channel beside the speed (Hall sensor, 20 mA) {inside} of the {total} constants that the data determine lie "
-            "inside their 95 % intervals; the current opens both flat directions, since voltage, speed and current show Rm, Lm and Kb one "
-            "by one. With Kt free a scale of Kt, Jm, Cm and Tf stays open even then. Tf = 0.05 mN m is below what this record can show.",
-            "The genetic algorithm's runs end at about the same J with constants far apart; its best run is no estimate of them.",
+            f"{len(found.raw.values)} records, each fitted as recorded and through its own surrogate: "
+            f"{_compared(found)}",
+            f"With a current channel beside the speed (Hall sensor, 20 mA) {inside} of the {total} constants that the "
+            f"data determine lie "
+            "inside their 95 % intervals; the current opens both flat directions, since voltage, speed and current "
+            "show Rm, Lm and Kb one "
+            "by one. With Kt free a scale of Kt, Jm, Cm and Tf stays open even then. Tf = 0.05 mN m is below what this "
+            "record can show.",
+            "The genetic algorithm's runs end at about the same J with constants far apart; its best run is no "
+            "estimate of them.",
         ],
         "tables": [
             _targets_table(found),
@@ -83,9 +100,12 @@ def _errors(which: Laws) -> np.ndarray:
 def _compared(found: Targets) -> str:
     raw, other = found.inside(found.raw)[:3], found.inside(found.surrogate)[:3]
     return (
-        f"the intervals of the raw fits hold the truth in {100 * raw.mean():.0f} % of the coefficients of w, w' and w'', those of the "
-        f"surrogate fits in {100 * other.mean():.0f} %. The estimates are about as good; but the noise in a surrogate does not show in the "
-        "residual of a fit to it, so that such intervals mean nothing. Fit the record; keep the surrogate for looking at it."
+        f"the intervals of the raw fits hold the truth in {100 * raw.mean():.0f} % of the coefficients of w, w' and "
+        f"w'', those of the "
+        f"surrogate fits in {100 * other.mean():.0f} %. The estimates are about as good; but the noise in a surrogate "
+        f"does not show in the "
+        "residual of a fit to it, so that such intervals mean nothing. Fit the record; keep the surrogate for looking "
+        "at it."
     )
 
 
@@ -95,8 +115,16 @@ def _targets_table(found: Targets) -> dict[str, Any]:
         error, told = which.values / true - 1, _errors(which) / true
         shares = found.inside(which)
         rows += [[label, name, f"{100 * np.mean(error[:, k]):+.3g}", f"{100 * np.sqrt(np.mean(error[:, k] ** 2)):.3g}",
-                  f"{100 * np.median(told[:, k]):.3g}", f"{100 * shares[k]:.0f}"] for k, label in enumerate(LABELS)]  # fmt: skip
-    columns = ["coefficient", "fitted to", "mean error [%]", "rms error [%]", "standard error told [%]", "truth inside 95 % [%]"]
+                  f"{100 * np.median(told[:, k]):.3g}", f"{100 * shares[k]:.0f}"] for k,
+                 label in enumerate(LABELS)]  # fmt: skip
+    columns = [
+        "coefficient",
+        "fitted to",
+        "mean error [%]",
+        "rms error [%]",
+        "standard error told [%]",
+        "truth inside 95 % [%]",
+    ]
     return {
         "caption": f"Errors over {len(found.raw.values)} records",
         "columns": columns,
@@ -110,7 +138,8 @@ def _ratios(methods: Methods, seen: Mapping[str, Any]) -> dict[str, Any]:
     clouds = {label: methods.answers(label)[:, at] / true for label in GA}
     value = np.array([seen[n]["value"] for n in NAMES])
     low, high = (
-        np.array([v if seen[n][side] is None else seen[n][side] for n, v in zip(NAMES, value, strict=True)]) for side in ("low", "high")
+        np.array([v if seen[n][side] is None else seen[n][side] for n, v in zip(NAMES, value, strict=True)])
+        for side in ("low", "high")
     )
     published = np.array([PUBLISHED[n] for n in NAMES]) / true
     return ratios_figure(NAMES, clouds, {"the paper": published}, (low / true, value / true, high / true))

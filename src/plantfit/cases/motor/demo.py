@@ -1,4 +1,5 @@
-"""A DC motor on a microcontroller's virtual bench: the paper's surrogate, objective and genetic algorithm, and what they can know."""
+"""A DC motor on a microcontroller's virtual bench: the paper's surrogate, objective and genetic algorithm, and what
+they can know."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +25,11 @@ from plantfit.spec import load
 
 RUNS, RECORDS = (10, 50), (6, 40)  # small, full: runs of each method; records of the surrogate's comparison
 TITLE = "DC motor on a microcontroller (virtual bench)"
-SUBTITLE = "A surrogate, two error signals and a genetic algorithm without a current sensor: what that determines, and what it does not."
+SUBTITLE = (
+    "A surrogate, two error signals and a genetic algorithm without a current sensor: what that determines, "
+    "and "
+    "what it does not."
+)
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
@@ -64,16 +69,23 @@ def _found(denoised: Surrogate, methods: Methods, both: Targets, current: Answer
     strays = {row[0]: float(row[1]) for row in tracked["tables"][0]["rows"]}
     rm = next(p for p in current.findings["parameters"] if p["name"] == "Rm")
     return [
-        f"The surrogate fits the record to {denoised.fit_raw:.1f} % (the paper: up to 98 %). Fitted to the record, 95 % intervals of the "
-        f"combinations hold the truth in {raw:.0f} % of cases, fitted to the surrogate in {other:.0f} %. Fit the record.",
-        f"The paper's J does not lead to the motor: at its lowest Kb is {methods.best('auto')['Kb']:.3g} V s/rad and the truth is "
+        f"The surrogate fits the record to {denoised.fit_raw:.1f} % (the paper: up to 98 %). Fitted to the record, 95 "
+        f"% intervals of the "
+        f"combinations hold the truth in {raw:.0f} % of cases, fitted to the surrogate in {other:.0f} %. Fit the "
+        f"record.",
+        f"The paper's J does not lead to the motor: at its lowest Kb is {methods.best('auto')['Kb']:.3g} V s/rad and "
+        f"the truth is "
         f"{TRUTH['Kb']}; at the true constants J is {methods.truth / lowest:.0f} times as large.",
-        f"The binary genetic algorithm's runs end with Rm from {low:.2g} to {high:.2g} ohm (truth {TRUTH['Rm']:.4g}) at a median J of "
+        f"The binary genetic algorithm's runs end with Rm from {low:.2g} to {high:.2g} ohm (truth {TRUTH['Rm']:.4g}) "
+        f"at a median J of "
         f"{np.median(ends[label]):.1e}; `auto` reaches {lowest:.1e} with the same budget in "
         f"{int(np.sum(ends['auto'] <= 1.01 * lowest))} of {len(ends['auto'])} runs, and no constants either.",
-        f"Speed and voltage determine four combinations of the six constants. With a current sensor {inside} of the {total} constants that "
-        f"are determined lie inside their 95 % intervals: Rm = {rm['value']:.4g} ohm ({rm['low']:.4g} to {rm['high']:.4g}).",
-        f"A pendubot driven by the identified motor follows its path to {strays['identified']:.2f} degrees rms, with the true constants to "
+        f"Speed and voltage determine four combinations of the six constants. With a current sensor {inside} of the "
+        f"{total} constants that "
+        f"are determined lie inside their 95 % intervals: Rm = {rm['value']:.4g} ohm ({rm['low']:.4g} to "
+        f"{rm['high']:.4g}).",
+        f"A pendubot driven by the identified motor follows its path to {strays['identified']:.2f} degrees rms, with "
+        f"the true constants to "
         f"{strays['true']:.2f}.",
     ]
 
@@ -86,12 +98,30 @@ def _figures(denoised: Surrogate, methods: Methods, both: Targets, current: Answ
     return [
         figure("surrogate, order chosen by blocks left out", denoised.order, None),
         figure("surrogate, fit to the raw record", denoised.fit_raw, "%", 98.0, "the paper, at most"),
-        figure("surrogate, fit to the true speed", denoised.fit_exact, "%", denoised.fit_sensor, "the raw record itself"),
-        figure("J, auto, median of the runs", float(np.median(ends["auto"])), None, float(np.median(ends[label])), f"binary {label}"),
+        figure(
+            "surrogate, fit to the true speed", denoised.fit_exact, "%", denoised.fit_sensor, "the raw record itself"
+        ),
+        figure(
+            "J, auto, median of the runs",
+            float(np.median(ends["auto"])),
+            None,
+            float(np.median(ends[label])),
+            f"binary {label}",
+        ),
         figure("J at the true constants", methods.truth, None, float(np.min(ends["auto"])), "lowest found"),
-        figure("Kb at the lowest J", methods.best("auto")["Kb"], "V*s/rad", TRUTH["Kb"], "truth of the bench; the paper 0.0061"),
-        figure("raw record: truth inside 95 %, three coefficients", 100 * float(raw[:3].mean()), "%", 95.0, "asked for"),
-        figure("surrogate: truth inside 95 %, three coefficients", 100 * float(other[:3].mean()), "%", 95.0, "asked for"),
+        figure(
+            "Kb at the lowest J",
+            methods.best("auto")["Kb"],
+            "V*s/rad",
+            TRUTH["Kb"],
+            "truth of the bench; the paper 0.0061",
+        ),
+        figure(
+            "raw record: truth inside 95 %, three coefficients", 100 * float(raw[:3].mean()), "%", 95.0, "asked for"
+        ),
+        figure(
+            "surrogate: truth inside 95 %, three coefficients", 100 * float(other[:3].mean()), "%", 95.0, "asked for"
+        ),
         figure("with a current channel: constants inside their intervals", inside, None, total, "determined"),
     ]
 
@@ -100,9 +130,11 @@ def _sentences(methods: Methods) -> list[str]:
     label = next(iter(GA))
     low, high = spread(methods, label, "Rm")
     return [
-        "Speed and voltage determine four combinations of the motor's constants, one of which, the friction's, is smaller than its "
+        "Speed and voltage determine four combinations of the motor's constants, one of which, the friction's, is "
+        "smaller than its "
         "interval here: of six constants (Kt = Kb) two directions stay flat, of seven three.",
-        f"Runs of the genetic algorithm end with Rm anywhere from {low:.2g} to {high:.2g} ohm (truth {TRUTH['Rm']:.4g}); what J prefers "
+        f"Runs of the genetic algorithm end with Rm anywhere from {low:.2g} to {high:.2g} ohm (truth "
+        f"{TRUTH['Rm']:.4g}); what J prefers "
         "along the flat directions is the bias of its second error, towards a small Kb. The paper prints "
         f"{PUBLISHED['Kb']} beside Kt = {PUBLISHED['Kt']}.",
     ]

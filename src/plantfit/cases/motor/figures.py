@@ -20,13 +20,24 @@ def along_figure(constant: np.ndarray, e1: np.ndarray, e2: np.ndarray, truth: fl
     layout["yaxis"] = style.log_axis("root mean square of an error", np.concatenate([e1, e2]))
     layout["shapes"] = [{"type": "line", "yref": "paper", "x0": truth, "x1": truth, "y0": 0, "y1": 1,
                          "line": {"color": style.WARNING, "width": 1.2, "dash": "dash"}}]  # fmt: skip
-    note = {"yref": "paper", "y": 0.02, "yanchor": "bottom", "xanchor": "right", "showarrow": False, "font": style.SMALL, "text": "truth "}
+    note = {
+        "yref": "paper",
+        "y": 0.02,
+        "yanchor": "bottom",
+        "xanchor": "right",
+        "showarrow": False,
+        "font": style.SMALL,
+        "text": "truth ",
+    }
     layout["annotations"] = [note | {"x": float(np.log10(truth))}]
     return {"data": data, "layout": layout}
 
 
-def ratios_figure(names: Sequence[str], clouds: Mapping[str, np.ndarray], points: Mapping[str, np.ndarray], intervals: Any) -> Figure:
-    """Answers over the truth (1 is right) on a log axis: `clouds` (runs, d), `points` (d,), `intervals` low, value, high (d,) each."""
+def ratios_figure(
+    names: Sequence[str], clouds: Mapping[str, np.ndarray], points: Mapping[str, np.ndarray], intervals: Any
+) -> Figure:
+    """Answers over the truth (1 is right) on a log axis: `clouds` (runs, d), `points` (d,), `intervals` low, value,
+    high (d,) each."""
     data, places = [], np.arange(len(names))
     for k, (name, many) in enumerate(clouds.items()):
         jitter = 0.12 * np.sin(np.arange(len(many)) * 2.399) + 0.14 * (k - (len(clouds) - 1) / 2) - 0.12
@@ -35,8 +46,15 @@ def ratios_figure(names: Sequence[str], clouds: Mapping[str, np.ndarray], points
     for k, (name, one) in enumerate(points.items()):
         data.append(_dots(places, one, name, {"color": style.SERIES[len(clouds) + k], "size": 10, "symbol": "diamond"}))
     low, value, high = intervals
-    bars = {"type": "data", "symmetric": False, "array": style.numbers(high - value), "arrayminus": style.numbers(value - low)}
-    seen = _dots(places + 0.22, value, "with a current channel, 95 %", {"color": style.INK, "size": 7, "symbol": "square"})
+    bars = {
+        "type": "data",
+        "symmetric": False,
+        "array": style.numbers(high - value),
+        "arrayminus": style.numbers(value - low),
+    }
+    seen = _dots(
+        places + 0.22, value, "with a current channel, 95 %", {"color": style.INK, "size": 7, "symbol": "square"}
+    )
     data.append(seen | {"error_y": bars | {"thickness": 1.5, "width": 5, "color": style.INK}})
     layout = style.layout(380, showlegend=True)
     layout["xaxis"] = style.axis(tickvals=places.tolist(), ticktext=[style.plain(n) for n in names], showgrid=False)

@@ -19,9 +19,11 @@ SPEED = 60.0  # rad/s, of the tests that a workshop could make
 SHOWN = 40  # points along a flat curve
 
 
-def identifiability_section(problem: Problem, two_errors: Problem, constants: Mapping[str, float], law: Laws) -> dict[str, Any]:
-    """`problem` of the speed alone, `two_errors` of the paper's J; `constants` are an answer that determines them all, `law` the one
-    estimate of the coefficients."""
+def identifiability_section(
+    problem: Problem, two_errors: Problem, constants: Mapping[str, float], law: Laws
+) -> dict[str, Any]:
+    """`problem` of the speed alone, `two_errors` of the paper's J; `constants` are an answer that determines them
+    all, `law` the one estimate of the coefficients."""
     space = problem.space
     found = combinations(coefficients, space.names, space.lower, space.upper, LABELS)
     free = [p for p in dc_motor().parameters if p.name in TRUTH]
@@ -34,24 +36,34 @@ def identifiability_section(problem: Problem, two_errors: Problem, constants: Ma
     values, errors = law.values[0], np.sqrt(np.diag(law.covariance[0]))
     true, along = coefficients(TRUTH), _moving_kb(two_errors, curves)
     rows = [
-        [text, u, f"{v:.5g}", number(1.96 * e), f"{t:.5g}"] for text, u, v, e, t in zip(LABELS, UNITS, values, errors, true, strict=True)
+        [text, u, f"{v:.5g}", number(1.96 * e), f"{t:.5g}"]
+        for text, u, v, e, t in zip(LABELS, UNITS, values, errors, true, strict=True)
     ]
     return {
         "title": "What the speed determines without a current sensor",
         "sentences": [
             found.sentence,
-            f"With Kt free: {apart.open} flat directions of {len(apart.names)} parameters, because Kt, Jm, Cm and Tf can grow together.",
-            f"Rm Tf/K is {1e3 * true[LAW.index('f')]:.1f} mV at the truth, a thirtieth of a step of the bridge: below its interval.",
+            f"With Kt free: {apart.open} flat directions of {len(apart.names)} parameters, because Kt, Jm, Cm and Tf "
+            f"can grow together.",
+            f"Rm Tf/K is {1e3 * true[LAW.index('f')]:.1f} mV at the truth, a thirtieth of a step of the bridge: below "
+            f"its interval.",
             *(c.sentence for c in curves),
             *_along_sentence(*along),
             *opened.sentences,
         ],
         "tables": [
-            {"caption": "What is determined", "columns": ["combination", "unit", "estimate", "± 95 %", "truth"], "rows": rows},
+            {
+                "caption": "What is determined",
+                "columns": ["combination", "unit", "estimate", "± 95 %", "truth"],
+                "rows": rows,
+            },
             opened.table(),
         ],
         "figures": [
-            {"figure": along_figure(*along, TRUTH["Kb"]), "label": "Both errors of J along a flat curve: e1 stays, e2 falls with Kb"}
+            {
+                "figure": along_figure(*along, TRUTH["Kb"]),
+                "label": "Both errors of J along a flat curve: e1 stays, e2 falls with Kb",
+            }
         ],
     }
 
@@ -61,8 +73,12 @@ def candidates() -> list[Measurement]:
     return [
         Measurement("Rm by ohmmeter (1 %)", lambda p: p["Rm"], 0.01 * TRUTH["Rm"]),
         Measurement("Lm by LCR meter (2 %)", lambda p: p["Lm"], 0.02 * TRUTH["Lm"]),
-        Measurement(f"voltage when driven at {SPEED:g} rad/s (0.5 %)", lambda p: SPEED * p["Kb"], 0.005 * SPEED * TRUTH["Kb"]),
-        Measurement(f"current at steady {SPEED:g} rad/s (20 mA)", lambda p: (p["Cm"] * SPEED + p["Tf"]) / p["Kb"], 0.02),
+        Measurement(
+            f"voltage when driven at {SPEED:g} rad/s (0.5 %)", lambda p: SPEED * p["Kb"], 0.005 * SPEED * TRUTH["Kb"]
+        ),
+        Measurement(
+            f"current at steady {SPEED:g} rad/s (20 mA)", lambda p: (p["Cm"] * SPEED + p["Tf"]) / p["Kb"], 0.02
+        ),
         Measurement("current when held, at 3 V (20 mA)", lambda p: 3.0 / p["Rm"], 0.02),
     ]
 
@@ -79,7 +95,9 @@ def _moving_kb(problem: Problem, curves: tuple[FlatCurve, ...]) -> tuple[np.ndar
 def _along_sentence(kb: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> list[str]:
     low, high = int(np.argmin(kb)), int(np.argmax(kb))
     return [
-        f"Along the curve on which Kb goes from {number(kb[low])} to {number(kb[high])}, e1 stays between {e1.min():.4g} and "
-        f"{e1.max():.4g} rad/s rms, while e2 goes from {e2[low]:.3g} to {e2[high]:.3g} V: what J seems to determine beyond the "
+        f"Along the curve on which Kb goes from {number(kb[low])} to {number(kb[high])}, e1 stays between "
+        f"{e1.min():.4g} and "
+        f"{e1.max():.4g} rad/s rms, while e2 goes from {e2[low]:.3g} to {e2[high]:.3g} V: what J seems to determine "
+        f"beyond the "
         "combinations is the bias of e2."
     ]

@@ -1,4 +1,5 @@
-"""The paper's objective searched by its binary genetic algorithm and by other methods, every run with the same budget."""
+"""The paper's objective searched by its binary genetic algorithm and by other methods, every run with the same
+budget."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -27,7 +28,8 @@ RK4_STEPS, GUARDED = 10, 30 * 69  # substeps of 10 ms, a fixed step like that of
 
 @dataclass(frozen=True)
 class Methods:
-    """`results` by label, `record` of their comparison (`plantfit.study.comparing.record`), `truth` the cost at the bench's constants."""
+    """`results` by label, `record` of their comparison (`plantfit.study.comparing.record`), `truth` the cost at the
+    bench's constants."""
 
     problem: Problem
     results: Mapping[str, list[RunResult]]
@@ -89,10 +91,19 @@ def _errors(problem: Problem, constants: Mapping[str, float]) -> dict[str, np.nd
 
 
 def guarded(study: Study) -> RunResult:
-    """A short run of the genetic algorithm where the simulation is a fixed-step RK4, which overflows for short time constants."""
+    """A short run of the genetic algorithm where the simulation is a fixed-step RK4, which overflows for short time
+    constants."""
     plain = study.problem
     experiments: dict[str, Experiment] = dict(plain.experiments)
-    problem = Problem(plain.model, experiments, plain.space.parameters, scales=plain.scales, stepper="rk4", substeps=RK4_STEPS, name="rk4")
+    problem = Problem(
+        plain.model,
+        experiments,
+        plain.space.parameters,
+        scales=plain.scales,
+        stepper="rk4",
+        substeps=RK4_STEPS,
+        name="rk4",
+    )
     settings = dict(study.plan.settings["binary_ga"])
     return minimise(objective_of(problem), "binary_ga", budget=GUARDED, seed=study.plan.seed, settings=settings)[0]
 
@@ -100,5 +111,6 @@ def guarded(study: Study) -> RunResult:
 def _as_record(label: str, r: RunResult, problem: Problem) -> RunRecord:
     values = dict(zip(problem.space.names, np.asarray(problem.space.physical(r.x)).tolist(), strict=True))
     told = replace(r, method=label)
-    return RunRecord(label, told.run, told.seed, told.x, told.cost, values, told.evaluations, told.seconds, told.status, told.failures,
+    return RunRecord(label, told.run, told.seed, told.x, told.cost, values, told.evaluations, told.seconds, told.status,
+                     told.failures,
                      told.history_evaluations, told.history_cost, told.extra)  # fmt: skip

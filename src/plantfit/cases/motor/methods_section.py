@@ -25,7 +25,8 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
     """Costs of every method, constants of their best runs, and what both errors are worth there."""
     record, names = found.record, found.problem.space.names
     methods = record.methods
-    rows = [[m.name, *(f"{v:.4g}" for v in (m.cost.minimum, m.cost.median, m.cost.maximum)), f"{m.evaluations.mean:.0f}",
+    rows = [[m.name, *(f"{v:.4g}" for v in (m.cost.minimum, m.cost.median, m.cost.maximum)),
+             f"{m.evaluations.mean:.0f}",
              f"{m.seconds.mean:.2f}"] for m in methods]  # fmt: skip
     constants = [
         _row("truth of the bench", TRUTH, found),
@@ -40,31 +41,44 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
     return {
         "title": "The paper's objective and the genetic algorithm",
         "sentences": [
-            f"J is the mean of (e1/{scales['w']:.3g} rad/s)^2 and (e2/{scales['Ve']:.3g} V)^2, each signal weighed by its standard "
-            "deviation: e1 is the surrogate's speed less the model's, e2 the voltage less Rm/Kt torque + Kb w with the model's torque and "
+            f"J is the mean of (e1/{scales['w']:.3g} rad/s)^2 and (e2/{scales['Ve']:.3g} V)^2, each signal weighed by "
+            f"its standard "
+            "deviation: e1 is the surrogate's speed less the model's, e2 the voltage less Rm/Kt torque + Kb w with the "
+            "model's torque and "
             "the surrogate's speed.",
-            f"The paper's binary GA, 200 generations of 70 ({found.budget} evaluations), in two readings of its rates 0.6 and 0.4, and "
-            "other methods with the same budget. The third reading, 0.4 for each bit, is random search and is not offered.",
-            "e2 measures nothing: along any solution of the model it is Lm di/dt + Kb (w of the model - w of the surrogate). "
+            f"The paper's binary GA, 200 generations of 70 ({found.budget} evaluations), in two readings of its rates "
+            f"0.6 and 0.4, and "
+            "other methods with the same budget. The third reading, 0.4 for each bit, is random search and is not "
+            "offered.",
+            "e2 measures nothing: along any solution of the model it is Lm di/dt + Kb (w of the model - w of the "
+            "surrogate). "
             f"At the truth J is {found.truth:.4g}; {_below(found)}, which makes e2 small.",
-            f"By least squares the model's speed of the genetic algorithm's best run is {_lag(_late(found))} the surrogate's (the paper: "
+            f"By least squares the model's speed of the genetic algorithm's best run is {_lag(_late(found))} the "
+            f"surrogate's (the paper: "
             "slightly delayed).",
             f"The paper's answer too has a small Kb ({PUBLISHED['Kb']}) beside its Kt ({PUBLISHED['Kt']}).",
-            f"Overflow: with a fixed step of 10 ms (RK4), {guard.failures} of the {GUARDED} candidates of a run of 30 generations diverge; "
+            f"Overflow: with a fixed step of 10 ms (RK4), {guard.failures} of the {GUARDED} candidates of a run of 30 "
+            f"generations diverge; "
             "each is counted, costs infinity, and the run goes on. With the stepper of all other runs "
             f"{sum(r.failures for rs in found.results.values() for r in rs)} candidates do.",
             *told,
         ],
         "tables": [
             {"caption": "J after the same budget", "columns": COLUMNS, "rows": rows},
-            {"caption": "Where the best runs end", "columns": ["run", "J", "rms e1 [rad/s]", "rms e2 [V]", *names], "rows": constants},
+            {"caption": "Where the best runs end", "columns": ["run", "J", "rms e1 [rad/s]", "rms e2 [V]", *names],
+             "rows": constants},
         ],
         "figures": [
-            {"figure": _over_time(found), "label": f"The first {SHOWN:g} s: speed of the surrogate and of the model, voltage applied and "
-                                                   "calculated, and their differences e1 and e2 (the paper's figures 15 and 16)"},
-            {"figure": distribution_figure(final, {"J at the truth": found.truth}), "label": "J at the end of every run"},
-            {"figure": quartiles_figure(record.convergence, counts, "evaluations", "evaluations"), "label": "J against evaluations"},
-            *({"figure": parallel_figure(p, list(found.results)), "label": "Where the runs ended between the bounds"} for p in ends),
+            {"figure": _over_time(found), "label": f"The first {SHOWN:g} s: speed of the surrogate and of the model, "
+                                                   f"voltage applied and "
+                                                   "calculated, and their differences e1 and e2 (the paper's figures "
+                                                   "15 and 16)"},
+            {"figure": distribution_figure(final, {"J at the truth": found.truth}),
+             "label": "J at the end of every run"},
+            {"figure": quartiles_figure(record.convergence, counts, "evaluations", "evaluations"),
+             "label": "J against evaluations"},
+            *({"figure": parallel_figure(p, list(found.results)),
+               "label": "Where the runs ended between the bounds"} for p in ends),
         ],
     }  # fmt: skip
 
@@ -78,7 +92,8 @@ def _pairs(record: ProblemComparison) -> list[str]:
         return [p.sentence for p in own]
     shares = ", ".join(f"{p.worse} {p.a12:.2f}" for p in won)
     return [
-        f"{best} beats, with the share of pairs of runs that it wins (A12): {shares}; largest {p_value(max(p.p_holm for p in won))} "
+        f"{best} beats, with the share of pairs of runs that it wins (A12): {shares}; largest "
+        f"{p_value(max(p.p_holm for p in won))} "
         f"after Holm for {won[0].pairs} pairs of methods, {won[0].runs[0]} runs each.",
         *(p.sentence for p in own if p not in won),
     ]
@@ -109,7 +124,8 @@ def _best_ga(found: Methods) -> str:
 
 
 def _late(found: Methods) -> float:
-    """By how much the model's speed of the best run is behind the surrogate's, in ms: w_model(t) = w(t - d) to first order."""
+    """By how much the model's speed of the best run is behind the surrogate's, in ms: w_model(t) = w(t - d) to first
+    order."""
     t, e1, _ = errors_at(found.problem, found.best(_best_ga(found)))
     [experiment] = found.problem.experiments.values()
     slope = np.gradient(experiment.recording["w"], t)
@@ -123,7 +139,11 @@ def _lag(late: float) -> str:
 def _below(found: Methods) -> str:
     """How many runs end below the cost of the truth, and at which Kb."""
     at = found.problem.space.names.index("Kb")
-    ends = [(r.cost, kb) for label, rs in found.results.items() for r, kb in zip(rs, found.answers(label)[:, at], strict=True)]
+    ends = [
+        (r.cost, kb)
+        for label, rs in found.results.items()
+        for r, kb in zip(rs, found.answers(label)[:, at], strict=True)
+    ]
     low = [kb for cost, kb in ends if cost < found.truth]
     smaller = sum(kb < TRUTH["Kb"] for kb in low)
     return f"{len(low)} of {len(ends)} runs end below it, {smaller} of them with a smaller Kb"

@@ -4,7 +4,8 @@ Without the current the two equations of the motor join to
 
     Lm Jm/K w'' + (Rm Jm + Lm Cm)/K w' + (Rm Cm + K^2)/K w + Rm Tf/K sgn(w) = V,     K = Kt = Kb,
 
-in which Lm Tf/K d/dt sgn(w) is left out, an impulse of microvolt seconds here. With Kt free, K^2 is Kt Kb and the rest over Kt.
+in which Lm Tf/K d/dt sgn(w) is left out, an impulse of microvolt seconds here. With Kt free, K^2 is Kt Kb and the rest
+over Kt.
 """
 
 from collections.abc import Mapping, Sequence
@@ -37,7 +38,10 @@ def coefficients(p: Mapping[str, Any]) -> list[Any]:
 def law_model() -> Model:
     """The equation above for simulation, from rest; input V, output w."""
     states = {"w": {"unit": "rad/s", "initial": 0}, "a": {"unit": "rad/s^2", "initial": 0}}
-    kinds = {n: {"unit": u, "bounds": BOXES[n], "scale": "linear" if n == "f" else "log"} for n, u in zip(LAW, UNITS, strict=True)}
+    kinds = {
+        n: {"unit": u, "bounds": BOXES[n], "scale": "linear" if n == "f" else "log"}
+        for n, u in zip(LAW, UNITS, strict=True)
+    }
     signals = {"inputs": {"V": "V"}, "states": states, "outputs": {"w": "rad/s"}}
     return equations(EQUATIONS, **signals, parameters=kinds, constants={"edge": EDGE}, name="speed law")
 
@@ -54,7 +58,8 @@ def fitted_laws(records: Sequence[Recording], seed: int = 1) -> Laws:
     """Least squares of the law on each record of V and w, all in one compiled program."""
     named = {f"r{k}": _only(r) for k, r in enumerate(records)}
     space = {
-        n: Parameter(BOXES[n], u, "linear" if n == "f" else "log", per_recording=len(named) > 1) for n, u in zip(LAW, UNITS, strict=True)
+        n: Parameter(BOXES[n], u, "linear" if n == "f" else "log", per_recording=len(named) > 1)
+        for n, u in zip(LAW, UNITS, strict=True)
     }
     problem = Problem(law_model(), named, space, substeps=SUBSTEPS)
     found = minimise(objective_of(problem), "auto", budget=int(200 * problem.jacobian_charge), seed=seed)[0]

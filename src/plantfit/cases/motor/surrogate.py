@@ -24,8 +24,8 @@ SUBSTEPS = 4
 
 @dataclass(frozen=True)
 class Surrogate:
-    """`speed` (n,) of the fitted surrogate; `fit_raw`, `fit_exact` in percent to the record and to the motor's true speed; `fit_sensor`
-    of the record itself to the true speed; `order` and how it was chosen."""
+    """`speed` (n,) of the fitted surrogate; `fit_raw`, `fit_exact` in percent to the record and to the motor's true
+    speed; `fit_sensor` of the record itself to the true speed; `order` and how it was chosen."""
 
     order: int
     chosen: StructureChoice
@@ -42,7 +42,11 @@ def surrogate(made: Bench, seed: int = 1, progress: Callable[[Any], None] | None
     chosen = choose_structure({str(n): structure(n) for n in ORDERS}, record, BLOCKS, SUBSTEPS, seed)
     order = int(chosen.simplest)
     own = structure(order)
-    answer = fit(Problem(own.model, record, own.parameters, substeps=SUBSTEPS, name="motor-surrogate"), seed=seed, progress=progress)
+    answer = fit(
+        Problem(own.model, record, own.parameters, substeps=SUBSTEPS, name="motor-surrogate"),
+        seed=seed,
+        progress=progress,
+    )
     speed, seen, exact = answer.predict()["y"], record["y"], made.run.exact["w"]
     return Surrogate(order, chosen, answer, speed, percent(speed, seen), percent(speed, exact), percent(seen, exact))
 
@@ -60,18 +64,25 @@ def surrogate_speeds(records: Sequence[Recording], order: int, seed: int = 1) ->
 
 def structure(order: int) -> Structure:
     """Input saturation, linear block of an order, piecewise linear output."""
-    model = hammerstein_wiener("saturation", order, output_curve="table", output_nodes=NODES, input_unit="V", output_unit="rad/s")
+    model = hammerstein_wiener(
+        "saturation", order, output_curve="table", output_nodes=NODES, input_unit="V", output_unit="rad/s"
+    )
     times = {
         f"a{k}": Parameter((0.003**k, 2.0**k), next(p.unit for p in model.parameters if p.name == f"a{k}"), "log")
         for k in range(1, order + 1)
     }
-    edges = {"low": Parameter((-20.0, -4.0), "V"), "high": Parameter((4.0, 20.0), "V")}  # below 4 V the record would look flat
+    edges = {
+        "low": Parameter((-20.0, -4.0), "V"),
+        "high": Parameter((4.0, 20.0), "V"),
+    }  # below 4 V the record would look flat
     return Structure(model, {**edges, **times, "g": Parameter((-200.0, 200.0), "rad/s", shape=(NODES["count"],))})
 
 
 def as_block(recording: Recording) -> Recording:
     """Voltage and speed by the names of `hammerstein_wiener`."""
-    return Recording(recording.t, {"u": recording.signals["V"], "y": recording.signals["w"]}, recording.name, recording.log)
+    return Recording(
+        recording.t, {"u": recording.signals["V"], "y": recording.signals["w"]}, recording.name, recording.log
+    )
 
 
 def percent(simulated: np.ndarray, measured: np.ndarray) -> float:
@@ -85,5 +96,10 @@ def two_errors_record(recording: Recording, speed: np.ndarray) -> Recording:
     volts = recording["V"]
     before = np.concatenate([volts[:1], volts[:-1]])
     told = "w and w_seen are the surrogate's speed; Ve is the voltage of the interval that ends at each sample."
-    signals = {"V": Signal(volts, "V"), "w": Signal(speed, "rad/s"), "w_seen": Signal(speed, "rad/s"), "Ve": Signal(before, "V")}
+    signals = {
+        "V": Signal(volts, "V"),
+        "w": Signal(speed, "rad/s"),
+        "w_seen": Signal(speed, "rad/s"),
+        "Ve": Signal(before, "V"),
+    }
     return Recording(recording.t, signals, "surrogate", (*recording.log, told))

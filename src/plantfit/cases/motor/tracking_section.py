@@ -1,4 +1,5 @@
-"""Verified by control: a pendubot follows poses through the identified constants of its motor, wrong ones, and the true ones."""
+"""Verified by control: a pendubot follows poses through the identified constants of its motor, wrong ones, and the
+true ones."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,7 +18,8 @@ OFF = 0.3  # of Rm / Kt, in the wrong motors
 
 
 def tracking_section(identified: Mapping[str, float], truth: Mapping[str, float]) -> dict[str, Any]:
-    """Table and figure of the runs; both hold Rm, Lm, Kb, Jm, Cm, Tf and Kt (Kb's value if left out), as `models.dc_motor`."""
+    """Table and figure of the runs; both hold Rm, Lm, Kb, Jm, Cm, Tf and Kt (Kb's value if left out), as
+    `models.dc_motor`."""
     identified, truth = ({"Kt": motor["Kb"], **motor} for motor in (identified, truth))
     rig = PendubotTracking()
     motors = {
@@ -36,17 +38,23 @@ def tracking_section(identified: Mapping[str, float], truth: Mapping[str, float]
     return {
         "title": "Verified by control (virtual rig)",
         "sentences": [
-            f"A pendubot with link 2 upright follows three moves of 20 and 40 degrees. An LQR decides on a torque every "
-            f"{1000 * rig.period:g} ms, which becomes the voltage V = (Rm/Kt) tau + Kb w by the constants that it takes for true. "
+            f"A pendubot with link 2 upright follows three moves of 20 and 40 degrees. An LQR decides on a torque "
+            f"every "
+            f"{1000 * rig.period:g} ms, which becomes the voltage V = (Rm/Kt) tau + Kb w by the constants that it "
+            f"takes for true. "
             "The motor has the true ones, with its winding, rotor and friction.",
-            f"In the loop: encoders of {rig.counts} counts, an {rig.bits}-bit bridge of +-{rig.limit:.4g} V, speeds by a Kalman filter.",
+            f"In the loop: encoders of {rig.counts} counts, an {rig.bits}-bit bridge of +-{rig.limit:.4g} V, speeds by "
+            f"a Kalman filter.",
             _compared(runs),
-            f"At rest the voltage plays by {_play(rig, runs['identified']):.2f} V rms, because a step of an encoder is a jump "
+            f"At rest the voltage plays by {_play(rig, runs['identified']):.2f} V rms, because a step of an encoder is "
+            f"a jump "
             f"of the speeds that the filter takes from it; encoders {FINE} times finer leave {_play(rig, fine):.2f} V.",
         ],
-        "tables": [{"caption": f"Tracking error of both angles over {rig.duration:g} s", "columns": columns, "rows": rows}],
+        "tables": [{"caption": f"Tracking error of both angles over {rig.duration:g} s", "columns": columns,
+                    "rows": rows}],
         "figures": [
-            {"figure": _tracked(rig, runs["identified"], truth["Kt"]), "label": "Both joints and their references, torque of the motor and "
+            {"figure": _tracked(rig, runs["identified"], truth["Kt"]),
+             "label": "Both joints and their references, torque of the motor and "
              "voltage, with the identified constants (the paper's figures 17 and 18)"},
             {"figure": _figure(rig, runs), "label": "Error of theta1 with each set of constants"},
         ],
@@ -63,7 +71,12 @@ def _tracked(rig: PendubotTracking, tracked: Tracked, constant: float) -> Figure
     panels = []
     for k, joint in enumerate(("theta1", "theta2")):
         wanted, had = np.degrees(tracked.wanted[:, k]), np.degrees(np.asarray(states[joint]))
-        panels.append((f"{joint} [deg]", {f"{joint}, reference": (wanted, style.MEASURED, 3.0), joint: (had, style.SIMULATED, 1.2)}))
+        panels.append(
+            (
+                f"{joint} [deg]",
+                {f"{joint}, reference": (wanted, style.MEASURED, 3.0), joint: (had, style.SIMULATED, 1.2)},
+            )
+        )
     panels.append(("torque [N m]", {"torque": (constant * np.asarray(states["i"]), style.SERIES[1], 1.2)}))
     panels.append(("voltage [V]", {"voltage": (np.asarray(tracked.run.u["V"]), style.INPUT, 1.0)}))
     return signals_figure(rig.t, panels)
@@ -73,11 +86,16 @@ def _compared(runs: Mapping[str, Tracked]) -> str:
     """What the runs say about the constants."""
     rms = {name: np.degrees(run.rms[0]) for name, run in runs.items()}
     wrong = [name for name in runs if "Rm/Kt" in name]
-    said = f"With the identified constants theta1 strays by {rms['identified']:.2f} degrees rms, with the true ones by {rms['true']:.2f}; "
+    said = (
+        f"With the identified constants theta1 strays by {rms['identified']:.2f} degrees rms, with the true ones "
+        f"by "
+        f"{rms['true']:.2f}; "
+    )
     said += f"Rm/Kt wrong by {100 * OFF:.0f} % makes it {' and '.join(f'{rms[name]:.2f}' for name in wrong)}. "
     fastest = np.max(np.abs(np.asarray(runs["true"].run.states["omega1"])))
     return said + (
-        f"The published pair, whose Kb is 15 times too low, gives {rms['published']:.2f}: at {fastest:.2g} rad/s at most the back-EMF is "
+        f"The published pair, whose Kb is 15 times too low, gives {rms['published']:.2f}: at {fastest:.2g} rad/s at "
+        f"most the back-EMF is "
         "too small for this test to judge Kb."
     )
 
@@ -86,7 +104,11 @@ def _row(name: str, tracked: Tracked) -> list[str]:
     if tracked.fell:
         return [name, "fell", "", "", "", "", ""]
     (a, b), (c, d) = np.degrees(tracked.rms), np.degrees(tracked.largest)
-    volts = [f"{np.max(np.abs(tracked.run.u['V'])):.2f}", f"{100 * tracked.at_limit:.1f} %"] if "V" in tracked.run.u else ["", ""]
+    volts = (
+        [f"{np.max(np.abs(tracked.run.u['V'])):.2f}", f"{100 * tracked.at_limit:.1f} %"]
+        if "V" in tracked.run.u
+        else ["", ""]
+    )
     return [name, f"{a:.3f}", f"{c:.2f}", f"{b:.3f}", f"{d:.2f}", *volts]
 
 

@@ -1,4 +1,5 @@
-"""Beside the paper's study: what the record determines, unbiased estimates, a controller on them, and the next experiment."""
+"""Beside the paper's study: what the record determines, unbiased estimates, a controller on them, and the next
+experiment."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -22,7 +23,9 @@ STRETCH = (4.5, 9.5)  # s, with the first move, for the forward fit of the small
 PARTS = ("instrumental variables", "forward fit", "what the record determines", "controllers", "next experiment")
 
 
-def better_study(progress: Callable[[Any], None] | None = None, full: bool = False) -> tuple[list[dict[str, Any]], list[str]]:
+def better_study(
+    progress: Callable[[Any], None] | None = None, full: bool = False
+) -> tuple[list[dict[str, Any]], list[str]]:
     """Sections of the page, and what they found; `full` looks longer for the next experiment."""
     begins = stages(PARTS, progress)
     rig = PendubotRig()
@@ -45,12 +48,17 @@ def better_study(progress: Callable[[Any], None] | None = None, full: bool = Fal
 
 def _unbiased(inverse: InverseFit, truth: Mapping[str, float]) -> str:
     true = np.array([truth[n] for n in inverse.estimate.names])
-    plain = {n: 100 * (v / truth[n] - 1) for n, v in zip(inverse.least_squares.names, inverse.least_squares.values, strict=True)}
+    plain = {
+        n: 100 * (v / truth[n] - 1)
+        for n, v in zip(inverse.least_squares.names, inverse.least_squares.values, strict=True)
+    }
     worst = max(plain, key=lambda n: abs(plain[n]))
     far = float(np.max(np.abs((inverse.estimate.values - true) / inverse.estimate.standard_error)))
     return (
-        f"Plain least squares of the torque has {worst} off by {plain[worst]:+.0f} %, because its columns are differentiated encoder "
-        f"steps; instrumental variables have all of {', '.join(inverse.estimate.names)} within {far:.1f} standard errors of the truth."
+        f"Plain least squares of the torque has {worst} off by {plain[worst]:+.0f} %, because its columns are "
+        f"differentiated encoder "
+        f"steps; instrumental variables have all of {', '.join(inverse.estimate.names)} within {far:.1f} standard "
+        f"errors of the truth."
     )
 
 
@@ -58,4 +66,7 @@ def _caught(held: Mapping[str, Any]) -> str:
     """By the table of the controllers: the leans that each catches to the worse side."""
     leans = {row[0]: min(float(row[2]), float(row[3])) for row in held["tables"][0]["rows"]}
     said = ", ".join(f"{n} {v:.1f}" for n, v in sorted(leans.items(), key=lambda p: -p[1]))
-    return f"Designed on the identified plant and tried on the true one, controllers catch leans of link 1 of so many degrees: {said}."
+    return (
+        f"Designed on the identified plant and tried on the true one, controllers catch leans of link 1 of so many "
+        f"degrees: {said}."
+    )

@@ -26,7 +26,12 @@ from plantfit.rig import PendubotRig
 from plantfit.space import Parameter
 
 REFERENCE = {"theta1": "theta1_ref", "theta2": "theta2_ref"}
-SPREAD = {"theta1": 0.01, "theta2": 0.01, "omega1": 3.0, "omega2": 3.0}  # of a window's start about its first sample, at rest
+SPREAD = {
+    "theta1": 0.01,
+    "theta2": 0.01,
+    "omega1": 3.0,
+    "omega2": 3.0,
+}  # of a window's start about its first sample, at rest
 AGREE = 1e-4  # relative difference of the costs of two shots that ended in the same place
 
 
@@ -46,24 +51,29 @@ def inverse_dynamics(joints: Sequence[int] = (1, 2), smoothing: float = 20.0, ba
 
 
 def inverse_fit(recording: Recording, rig: PendubotRig, joints: Sequence[int] = (1, 2)) -> InverseFit:
-    """b1, b2, b4, b5 by instrumental variables: from the reference motion first, then from the noise-free loop of `rig`."""
+    """b1, b2, b4, b5 by instrumental variables: from the reference motion first, then from the noise-free loop of
+    `rig`."""
     return inverse_dynamics(joints).fit(recording, rig.noise_free, REFERENCE)
 
 
 @dataclass(frozen=True)
 class ForwardFit:
-    """`estimate` of b1, b2, b4, b5, the RMSE of the angles in encoder steps of `step` rad, and the shots that led to it."""
+    """`estimate` of b1, b2, b4, b5, the RMSE of the angles in encoder steps of `step` rad, and the shots that led to
+    it."""
 
     estimate: Estimate
     rmse: float
     shots: tuple[Shot, ...]
 
 
-def forward_fit(recording: Recording, length: float = 1.0, step: float = 2 * np.pi / 10_000, seed: int = 0, starts: int = 6) -> ForwardFit:
-    """b1, b2, b4, b5 from simulated angles: windows of `length` seconds with starts of their own, joined by multiple shooting.
+def forward_fit(
+    recording: Recording, length: float = 1.0, step: float = 2 * np.pi / 10_000, seed: int = 0, starts: int = 6
+) -> ForwardFit:
+    """b1, b2, b4, b5 from simulated angles: windows of `length` seconds with starts of their own, joined by multiple
+    shooting.
 
-    Starts are drawn from the box of the physical parameters, where the mass matrix is positive, until two shots agree. Raises
-    SearchError when no two of `starts` do.
+    Starts are drawn from the box of the physical parameters, where the mass matrix is positive, until two shots agree.
+    Raises SearchError when no two of `starts` do.
     """
     parameters = {f"start_{n}": Parameter((-s, s), per_recording=True) for n, s in SPREAD.items()}
     scales = {n: float(step / np.sqrt(12.0)) for n in ("theta1", "theta2")}
@@ -76,14 +86,19 @@ def forward_fit(recording: Recording, length: float = 1.0, step: float = 2 * np.
         closed = sorted((s for s in shots if s.closed), key=lambda s: s.cost)
         if len(closed) > 1 and closed[1].cost <= (1.0 + AGREE) * closed[0].cost:
             z = gauss_newton(problem, closed[0].z)
-            return ForwardFit(estimate_at(problem, z, list(BASE_UNITS)), float(np.sqrt(problem.cost(z) / 12.0)), tuple(shots))
-    raise SearchError(f"No two of {starts} starts of the forward fit agree; give more starts, or shorter windows than {length:g} s.")
+            return ForwardFit(
+                estimate_at(problem, z, list(BASE_UNITS)), float(np.sqrt(problem.cost(z) / 12.0)), tuple(shots)
+            )
+    raise SearchError(
+        f"No two of {starts} starts of the forward fit agree; give more starts, or shorter windows than {length:g} s."
+    )
 
 
 def cross_check(inverse: Estimate, forward: Estimate) -> Comparison:
     """Whether both directions agree.
 
-    They share the errors of the encoders but count as independent here: differences are called too seldom, not too often.
+    They share the errors of the encoders but count as independent here: differences are called too seldom, not too
+    often.
     """
     return compare_estimates(inverse, forward, ("the inverse fit", "the forward fit"))
 
@@ -93,4 +108,6 @@ def _start(problem: Problem, rng: np.random.Generator) -> np.ndarray:
     links = {p.name: rng.uniform(*p.bounds) for p in pendubot().parameters if p.bounds}
     base = base_values(links)
     middle = np.asarray(problem.space.physical(np.full(problem.space.dimension, 0.5)))
-    return np.asarray(problem.space.cube(np.array([base.get(n, m) for n, m in zip(problem.space.names, middle, strict=True)])))
+    return np.asarray(
+        problem.space.cube(np.array([base.get(n, m) for n, m in zip(problem.space.names, middle, strict=True)]))
+    )

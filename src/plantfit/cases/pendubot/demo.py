@@ -14,7 +14,10 @@ from plantfit.cases.shared.fitting import fit_file
 from plantfit.cases.shared.record import figure, record
 
 TITLE = "Pendubot on a virtual rig"
-SMALL, WHOLE = (60, 20, 20), (1000, 100, 1000)  # runs of PSO, CGA and SSA each; of what they are compared with; on the calm record
+SMALL, WHOLE = (
+    (60, 20, 20),
+    (1000, 100, 1000),
+)  # runs of PSO, CGA and SSA each; of what they are compared with; on the calm record
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
@@ -32,7 +35,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         _sentences(study),
         [answer],
         [file],
-        subtitle="The paper's three metaheuristics, each run many times, against the optimum that least squares finds at once.",
+        subtitle="The paper's three metaheuristics, each run many times, against the optimum that least squares finds "
+        "at once.",
         sections=[*study.sections[:-1], *better, study.sections[-1]],
         found=[*_found(study, made.run.truth["parameters"]), *also],
     )
@@ -46,11 +50,13 @@ def _found(study: PaperStudy, truth: dict[str, float]) -> list[str]:
     apart = max(study.problem.space.names, key=lambda n: np.ptp([b[n] for b in best.values()]) / truth[n])
     seconds = np.mean([np.mean(r.seconds) for r in runs])
     return [
-        f"No parameters within the paper's bounds explain this torque better than {study.floor.rmse:.5f} N m RMSE, which is proven. "
+        f"No parameters within the paper's bounds explain this torque better than {study.floor.rmse:.5f} N m RMSE, "
+        f"which is proven. "
         f"Relative to that, the median run ends above it by: {gaps}; bounded least squares ends on it.",
         f"A run of 10 000 evaluations takes {1e3 * seconds:.0f} ms; the paper's took about 900 s.",
         f"The methods' best runs agree to {np.ptp(at_best) / min(at_best):.0e} in RMSE, and have {apart} from "
-        f"{min(b[apart] for b in best.values()):.3g} to {max(b[apart] for b in best.values()):.3g} (truth {truth[apart]:.3g}): the torque "
+        f"{min(b[apart] for b in best.values()):.3g} to {max(b[apart] for b in best.values()):.3g} (truth "
+        f"{truth[apart]:.3g}): the torque "
         "determines four combinations of the six parameters, however long one searches.",
     ]
 
@@ -69,6 +75,7 @@ def _sentences(study: PaperStudy) -> list[str]:
     total = sum(r.total_seconds for r in study.tuned.values())
     count = sum(len(r.gap) for r in study.tuned.values())
     return [
-        f"{count} runs of PSO, CGA and SSA with 10 000 evaluations each took {total:.0f} s on the virtual rig's record.",
+        f"{count} runs of PSO, CGA and SSA with 10 000 evaluations each took {total:.0f} s on the virtual rig's "
+        f"record.",
         *study.floor.sentences,
     ]

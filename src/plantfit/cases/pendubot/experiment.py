@@ -1,4 +1,5 @@
-"""Pendubot experiments as designs: moves between upright poses, run in the rig's closed loop, with the information that they give."""
+"""Pendubot experiments as designs: moves between upright poses, run in the rig's closed loop, with the information
+that they give."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -25,8 +26,8 @@ NODES = 25  # designs of the controller over theta1
 
 @dataclass(frozen=True)
 class Limits:
-    """What the bench allows: theta1 from .. to (rad), lean of link 2 from the vertical (rad), rate of joint 1 (rad/s); the
-    voltage is the rig's."""
+    """What the bench allows: theta1 from .. to (rad), lean of link 2 from the vertical (rad), rate of joint 1
+    (rad/s); the voltage is the rig's."""
 
     theta1: tuple[float, float] = (np.pi / 6, 5 * np.pi / 6)
     lean: float = 0.5
@@ -37,9 +38,10 @@ class Limits:
 class UprightMoves:
     """`moves` of theta1 between poses with link 2 upright in the time of `rig`, rest to rest, with joint 2 free.
 
-    A design holds the poses (rad), the times that the moves take (s, at least `fastest`), and `moves` + 1 weights that share
-    out the time of rest. The motion is that of the rig's closed loop with perfect sensors at the rig's parameters; the
-    information is about b1, b2, b4, b5 from the torque of joint 1 with the white noise of the recorded voltage.
+    A design holds the poses (rad), the times that the moves take (s, at least `fastest`), and `moves` + 1 weights that
+    share out the time of rest. The motion is that of the rig's closed loop with perfect sensors at the rig's
+    parameters; the information is about b1, b2, b4, b5 from the torque of joint 1 with the white noise of the recorded
+    voltage.
     """
 
     rig: PendubotRig
@@ -62,7 +64,9 @@ class UprightMoves:
     def design(self, poses: tuple[Move, ...]) -> np.ndarray:
         """The design of given moves, as many as `moves`."""
         ends = [0.0, *(m.end for m in poses)]
-        rests = np.array([start - end for start, end in zip([*(m.start for m in poses), self.rig.duration], ends, strict=True)])
+        rests = np.array(
+            [start - end for start, end in zip([*(m.start for m in poses), self.rig.duration], ends, strict=True)]
+        )
         return np.r_[[m.to for m in poses], [m.duration for m in poses], rests / rests.max()]
 
     def _times(self, design: Any) -> tuple[Any, Any, Any]:
@@ -72,7 +76,8 @@ class UprightMoves:
         return jnp.cumsum(rests[:k]) + jnp.cumsum(lasts) - lasts, lasts, to
 
     def reference(self, design: Any) -> tuple[Any, Any]:
-        """States (N, 4) and torque (N,) of the flat-output reference, `rig.pendubot_reference.upright_reference` but traceable."""
+        """States (N, 4) and torque (N,) of the flat-output reference, `rig.pendubot_reference.upright_reference` but
+        traceable."""
         base, l1, g = self.rig.base, self.rig.l1, self.rig.g
         flat = FlatOutput.of(base, l1, g)
         starts, lasts, to = self._times(design)
@@ -104,14 +109,16 @@ class UprightMoves:
         """Information (4, 4) about b1, b2, b4, b5 of a motion: states (N, 4), voltage (N,)."""
         rig, (plant, numbers) = self.rig, self._plant
         _, _, alpha1, alpha2 = plant.rate(tuple(states[:, i] for i in range(4)), (voltage, 0.0), numbers)
-        columns = torque_columns(rigid_terms(Motion(*(states[:, i] for i in range(4))), rig.l1, rig.g), alpha1, alpha2)[0]
+        columns = torque_columns(rigid_terms(Motion(*(states[:, i] for i in range(4))), rig.l1, rig.g), alpha1, alpha2)[
+            0
+        ]
         noise = max(rig.voltage_noise, 1e-6) * rig.parameters["kt"] / rig.parameters["Ra"]
         matrix = jnp.stack([jnp.broadcast_to(c, voltage.shape) for c in columns], axis=1) / noise
         return matrix.T @ matrix
 
     def broken(self, states: Any, voltage: Any) -> Any:
-        """By how much each limit is broken (5,), negative inside: share of the time at the amplifier's limit, theta1 and lean in rad,
-        rate as a share of what is allowed."""
+        """By how much each limit is broken (5,), negative inside: share of the time at the amplifier's limit, theta1
+        and lean in rad, rate as a share of what is allowed."""
         limits, (low, high) = self.limits, self.limits.theta1
         return jnp.stack([
             jnp.mean(jnp.abs(voltage) >= 0.999 * self.rig.limit),
@@ -131,7 +138,9 @@ class UprightMoves:
     def _controller(self) -> tuple[np.ndarray, Lqg]:
         """Values of theta1 (NODES,) and the rig's LQG design at each."""
         along = np.linspace(self.limits.theta1[0] - 0.3, self.limits.theta1[1] + 0.3, NODES)
-        return along, scheduled_lqg(self.rig.linearised, along, self.rig.period, self.rig.weights, measured=2, nodes=NODES)
+        return along, scheduled_lqg(
+            self.rig.linearised, along, self.rig.period, self.rig.weights, measured=2, nodes=NODES
+        )
 
 
 def _rest_to_rest(t: np.ndarray, starts: Any, lasts: Any, to: Any) -> list[Any]:
@@ -143,5 +152,7 @@ def _rest_to_rest(t: np.ndarray, starts: Any, lasts: Any, to: Any) -> list[Any]:
     move = jnp.clip(jnp.searchsorted(starts, t, side="right") - 1, 0)
     x = jnp.clip((t - starts[move]) / lasts[move], 0.0, 1.0)
     steps, lasting = (to - before)[move], lasts[move]
-    parts = [steps * jnp.polyval(jnp.asarray((shape.deriv(k) if k else shape).coef[::-1]), x) / lasting**k for k in range(5)]
+    parts = [
+        steps * jnp.polyval(jnp.asarray((shape.deriv(k) if k else shape).coef[::-1]), x) / lasting**k for k in range(5)
+    ]
     return [parts[0] + before[move], *parts[1:]]

@@ -1,11 +1,18 @@
-"""The paper's study on the virtual rig, end to end: record, optimum, runs of every method, and why they stop where they stop."""
+"""The paper's study on the virtual rig, end to end: record, optimum, runs of every method, and why they stop where
+they stop."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from plantfit.cases.pendubot.sections.paper_section import Section, errata_section, gap_section, record_section, results_section
+from plantfit.cases.pendubot.sections.paper_section import (
+    Section,
+    errata_section,
+    gap_section,
+    record_section,
+    results_section,
+)
 from plantfit.cases.pendubot.stagnation import bound_bias, causes, salps_in, stagnation, valley, with_more
 from plantfit.cases.pendubot.study_runs import Floor, MethodRuns, floor_of, method_runs
 from plantfit.cases.pendubot.torque import CALM, TorqueRecord, torque_record, write_record
@@ -19,7 +26,8 @@ METHODS = ("pso", "cga", "salp_swarm")
 
 @dataclass(frozen=True)
 class PaperStudy:
-    """`sections` of the page; `tuned` runs by method, `untuned` PSO and `longer` with five times the budget, `least_squares`."""
+    """`sections` of the page; `tuned` runs by method, `untuned` PSO and `longer` with five times the budget,
+    `least_squares`."""
 
     problem: Problem
     floor: Floor
@@ -33,13 +41,15 @@ class PaperStudy:
 def paper_study(
     file: Path, record: TorqueRecord, runs: int, others: int, calm: int, progress: Callable[[Any], None] | None = None
 ) -> PaperStudy:
-    """`runs` of PSO, CGA and SSA with the settings of the study file, `others` of what they are compared with, `calm` on the
-    harder record, which is written beside the file."""
+    """`runs` of PSO, CGA and SSA with the settings of the study file, `others` of what they are compared with,
+    `calm` on the harder record, which is written beside the file."""
     study = load(file)
     problem, plan = study.problem, study.plan
     floor = floor_of(problem)
 
-    def made(method: str, settings: dict[str, Any], count: int, budget: int = plan.budget, timed: bool = False) -> MethodRuns:
+    def made(
+        method: str, settings: dict[str, Any], count: int, budget: int = plan.budget, timed: bool = False
+    ) -> MethodRuns:
         return method_runs(problem, floor, method, settings, count, budget, plan.seed, progress, timed=timed)
 
     tuned = {m: made(m, dict(plan.settings.get(m, {})), runs, timed=True) for m in METHODS}
@@ -50,7 +60,10 @@ def paper_study(
     told = [*causes({tuned[m].label: s for m, s in found.items()}), with_more(untuned, longer, LONGER)]
     told.append(bound_bias([(tuned[m].label, s) for m, s in found.items()]))
     share, _ = least_squares.share_close
-    told.append(f"Bounded least squares from random starts: {100 * share:.0f} % of {len(least_squares.gap)} runs reach the optimum.")
+    told.append(
+        f"Bounded least squares from random starts: {100 * share:.0f} % of {len(least_squares.gap)} runs reach the "
+        f"optimum."
+    )
     every = list(tuned.values())
     sections = [
         record_section(record, floor),
@@ -73,10 +86,13 @@ def calm_section(file: Path, runs: int, progress: Callable[[Any], None] | None =
         return method_runs(problem, floor, method, settings, runs, plan.budget, plan.seed, progress, label)
 
     tuned = [made(m, dict(plan.settings[m])) for m in METHODS]
-    printed = made("salp_swarm", {"population": plan.settings["salp_swarm"]["population"], "variant": "paper"}, "SSA as printed")
+    printed = made(
+        "salp_swarm", {"population": plan.settings["salp_swarm"]["population"], "variant": "paper"}, "SSA as printed"
+    )
     exact = made("least_squares", {"agree": 3})
     told = [
-        f"An observer that takes the encoders' noise for what it is makes the torque chatter less: the optimum has an RMSE of "
+        f"An observer that takes the encoders' noise for what it is makes the torque chatter less: the optimum has an "
+        f"RMSE of "
         f"{floor.rmse:.4g} N m in place of the paper's 0.015. A relative gap of 0.1 % is then a smaller torque.",
         *floor.sentences,
         *causes({r.label: stagnation(problem, floor, r, plan.budget) for r in [*tuned, printed]}),

@@ -1,4 +1,5 @@
-"""Why runs stop short of the optimum: other minima, a flat valley, a swarm that has drawn together, or bounds; measured, in words."""
+"""Why runs stop short of the optimum: other minima, a flat valley, a swarm that has drawn together, or bounds;
+measured, in words."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,9 +22,10 @@ ON_BOUND = 1e-9  # of the range
 class Stagnation:
     """What the answers of one method have in common.
 
-    `distance`: median distance of the answers to the optimum, of the parameter farthest off, as a share of the bounds; `refined`: share
-    of the ENDS worst answers from which least squares ends within REACHED; `last`: median share of the budget at the last improvement
-    by more than REAL; `on_bound`: share of all coordinates that lie on a bound; `optimum_on_bound` that of the optimum's.
+    `distance`: median distance of the answers to the optimum, of the parameter farthest off, as a share of the bounds;
+    `refined`: share of the ENDS worst answers from which least squares ends within REACHED; `last`: median share of the
+    budget at the last improvement by more than REAL; `on_bound`: share of all coordinates that lie on a bound;
+    `optimum_on_bound` that of the optimum's.
     """
 
     distance: float
@@ -67,7 +69,8 @@ def with_more(runs: MethodRuns, longer: MethodRuns, times: int) -> str:
     gain = np.median(runs.gap) / max(np.median(longer.gap), 1e-300)
     what = "more search does not help" if gain < 2 else f"{gain:.1f} times less"
     return (
-        f"With its default settings {runs.label} ends within {CLOSE:g} of the optimum in {100 * share:.0f} % of {len(runs.gap)} runs, at a "
+        f"With its default settings {runs.label} ends within {CLOSE:g} of the optimum in {100 * share:.0f} % of "
+        f"{len(runs.gap)} runs, at a "
         f"median gap of {typical}; with {times} times the budget at {_small(float(np.median(longer.gap)))}: {what}."
     )
 
@@ -75,7 +78,8 @@ def with_more(runs: MethodRuns, longer: MethodRuns, times: int) -> str:
 def causes(found: Mapping[str, Stagnation]) -> list[str]:
     """Why the runs of each method stop where they do; methods with the same cause share a sentence."""
     told = [
-        f"From {100 * (1 - s.refined):.0f} % of the {ENDS} worst answers of {n} least squares does not come within {REACHED:g} either: "
+        f"From {100 * (1 - s.refined):.0f} % of the {ENDS} worst answers of {n} least squares does not come within "
+        f"{REACHED:g} either: "
         "other minima hold them, or its steps were too few."
         for n, s in found.items()
         if s.refined < 1
@@ -83,14 +87,17 @@ def causes(found: Mapping[str, Stagnation]) -> list[str]:
     free = {n: s for n, s in found.items() if s.refined == 1}
     if free:
         told.append(
-            f"No other minimum above {REACHED:g} holds {_and(free)}: least squares from the {ENDS} worst answers of each ends below that. "
-            f"At almost the same misfit their answers lie {_and(f'{s.distance:.2f}' for s in free.values())} of the bounds' width away "
+            f"No other minimum above {REACHED:g} holds {_and(free)}: least squares from the {ENDS} worst answers of "
+            f"each ends below that. "
+            f"At almost the same misfit their answers lie {_and(f'{s.distance:.2f}' for s in free.values())} of the "
+            f"bounds' width away "
             "from the optimum (median; the parameter farthest off): a flat valley."
         )
     early, late = ({n: s for n, s in free.items() if (s.last < STILL) is is_early} for is_early in (True, False))
     if early:
         told.append(
-            f"{_and(early)}: half of the runs made their last improvement above {REAL:g} in the first {_shares(early)} of the budget, "
+            f"{_and(early)}: half of the runs made their last improvement above {REAL:g} in the first {_shares(early)} "
+            f"of the budget, "
             "having drawn together on the valley's floor too early."
         )
     if late:
@@ -113,7 +120,8 @@ def _and(words: Iterable[str]) -> str:
 
 @dataclass(frozen=True)
 class Valley:
-    """How far the parameters may move from the optimum within CLOSE of it, as a share of the bounds: across the valley and along it."""
+    """How far the parameters may move from the optimum within CLOSE of it, as a share of the bounds: across the
+    valley and along it."""
 
     across: float
     along: float
@@ -133,9 +141,12 @@ def salps_in(found: Valley, generations: int) -> str:
     along = "over the whole width" if found.along >= 1 else f"by {_small(found.along)}"
     begin = int(np.ceil(generations / 4 * np.sqrt(np.log(2 / found.across))))
     return (
-        f"Within {CLOSE:g} of the optimum the parameters may move by {_small(found.across)} of the bounds' width across the valley and "
-        f"{along} along it. The salp swarm draws jumps of one size, at most c1, for all parameters: while c1 is larger than the "
-        f"valley is wide nearly all of them miss it; from generation {begin} of {generations} on they fit, but c1 falls so fast that they "
+        f"Within {CLOSE:g} of the optimum the parameters may move by {_small(found.across)} of the bounds' width "
+        f"across the valley and "
+        f"{along} along it. The salp swarm draws jumps of one size, at most c1, for all parameters: while c1 is larger "
+        f"than the "
+        f"valley is wide nearly all of them miss it; from generation {begin} of {generations} on they fit, but c1 "
+        f"falls so fast that they "
         "do not lead along it any more."
     )
 
@@ -143,4 +154,7 @@ def salps_in(found: Valley, generations: int) -> str:
 def bound_bias(found: Sequence[tuple[str, Stagnation]]) -> str:
     """Which methods end on bounds more often than the optimum does."""
     parts = [f"{name} {100 * s.on_bound:.0f} %" for name, s in found]
-    return f"Coordinates of the answers on a bound: {', '.join(parts)}; of the optimum {100 * found[0][1].optimum_on_bound:.0f} %."
+    return (
+        f"Coordinates of the answers on a bound: {', '.join(parts)}; of the optimum "
+        f"{100 * found[0][1].optimum_on_bound:.0f} %."
+    )

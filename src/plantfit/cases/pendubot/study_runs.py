@@ -21,7 +21,9 @@ from plantfit.trust import LinkNames, certified_floor, constrained_optimum
 LABELS = {"pso": "PSO", "cga": "CGA", "salp_swarm": "SSA", "least_squares": "bounded least squares"}
 LINKS = (LinkNames("m1", "lc1", "I1"), LinkNames("m2", "lc2", "I2"))
 CLOSE = 1e-3  # relative gap of the RMSE that counts as the optimum
-CHUNKS = 20  # parts of the runs that share a compiled loop and whose time is measured together, of at least SMALLEST runs
+CHUNKS = (
+    20  # parts of the runs that share a compiled loop and whose time is measured together, of at least SMALLEST runs
+)
 SMALLEST = 10
 STEPS, SETTLED = 400, 1e-14  # most steps of a descent, and the relative decrease that ends it
 TINY = 1e-15
@@ -38,8 +40,9 @@ class Floor:
 
 @dataclass(frozen=True)
 class MethodRuns:
-    """Runs of one method: final `rmse` (n,) in the output's unit, `gap` (n,) to the optimum, relative; physical `answers` (n, d);
-    `seconds` (chunks,) a run, those of each chunk shared out evenly; `compilation` (s) before the first; `results` of the search."""
+    """Runs of one method: final `rmse` (n,) in the output's unit, `gap` (n,) to the optimum, relative; physical
+    `answers` (n, d); `seconds` (chunks,) a run, those of each chunk shared out evenly; `compilation` (s) before the
+    first; `results` of the search."""
 
     name: str
     label: str
@@ -80,7 +83,9 @@ def floor_of(problem: Problem, proven: bool = True) -> Floor:
     found = constrained_optimum(triangle, model.base, space.names, space.lower, space.upper)
     told = [found.sentence]
     if proven:
-        told.append(certified_floor(triangle, model.base, space.names, space.lower, space.upper, LINKS, found.cost).sentence)
+        told.append(
+            certified_floor(triangle, model.base, space.names, space.lower, space.upper, LINKS, found.cost).sentence
+        )
     return Floor(found.rmse, found.values, tuple(told))
 
 
@@ -96,13 +101,16 @@ def method_runs(
     label: str | None = None,
     timed: bool = False,
 ) -> MethodRuns:
-    """`runs` seeded runs of one method, called `label`; if `timed`, the first chunk is made twice and compiling is timed apart."""
+    """`runs` seeded runs of one method, called `label`; if `timed`, the first chunk is made twice and compiling is
+    timed apart."""
     objective, results, seconds = objective_of(problem), [], []
     chosen, chunk = dict(settings), max(SMALLEST, -(-runs // CHUNKS))
 
     def made(first: int) -> tuple[list[RunResult], float]:
         began, count = time.perf_counter(), min(chunk, runs - first)
-        found = minimise(objective, method, runs=count, first_run=first, budget=budget, seed=seed, settings=chosen, progress=progress)
+        found = minimise(
+            objective, method, runs=count, first_run=first, budget=budget, seed=seed, settings=chosen, progress=progress
+        )
         return list(found), time.perf_counter() - began
 
     compilation = made(0)[1] if timed else 0.0
@@ -113,11 +121,14 @@ def method_runs(
     rmse = np.sqrt([r.cost for r in results])
     answers = np.asarray(problem.space.physical(np.array([r.x for r in results])))
     name = label or LABELS.get(method, method)
-    return MethodRuns(method, name, rmse, rmse / floor.rmse - 1.0, answers, np.array(seconds), compilation, tuple(results))
+    return MethodRuns(
+        method, name, rmse, rmse / floor.rmse - 1.0, answers, np.array(seconds), compilation, tuple(results)
+    )
 
 
 def refined(problem: Problem, floor: Floor, points: Sequence[np.ndarray] | np.ndarray) -> np.ndarray:
-    """Gap (n,) where a Levenberg-Marquardt method ends that begins at cube points (n, d) and solves each step inside the box exactly.
+    """Gap (n,) where a Levenberg-Marquardt method ends that begins at cube points (n, d) and solves each step inside
+    the box exactly.
 
     Scipy's trust region keeps off the bounds and creeps along them: it needs thousands of steps where this takes tens.
     """

@@ -21,7 +21,8 @@ STEPS_RMS = 1.0 / math.sqrt(12.0)  # of rounding, in steps
 
 @dataclass(frozen=True)
 class TorqueRecord:
-    """`recording` of angles, rates, accelerations and the torque of joint 1, its `cutoff` (Hz) and why; `run` it was made from."""
+    """`recording` of angles, rates, accelerations and the torque of joint 1, its `cutoff` (Hz) and why; `run` it was
+    made from."""
 
     recording: Recording
     cutoff: float
@@ -32,9 +33,9 @@ class TorqueRecord:
 def torque_record(seed: int = SEED, weights: Weights = JITTERY) -> TorqueRecord:
     """Record the paper's trajectory on the virtual rig and make the signals of `pendubot_regression` of it.
 
-    The angles pass a zero-phase Butterworth of order 3; its cut-off is the one that removes from theta1 as much as rounding to
-    encoder steps adds (`cutoff_frequency`, rule "discrepancy"). Rates and accelerations are central differences. The
-    torque is that of the recorded voltage and the rate of joint 1, not filtered, as in the paper.
+    The angles pass a zero-phase Butterworth of order 3; its cut-off is the one that removes from theta1 as much as
+    rounding to encoder steps adds (`cutoff_frequency`, rule "discrepancy"). Rates and accelerations are central
+    differences. The torque is that of the recorded voltage and the rate of joint 1, not filtered, as in the paper.
     """
     rig = PendubotRig(weights=weights)
     run = rig.record(seed=seed)

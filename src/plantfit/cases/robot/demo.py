@@ -25,7 +25,8 @@ BUDGET, FEW, RUNS, GA_RUNS = 300_000, 3000, 10, (2, 10)  # GA runs: small, full
 TRUTH = {"Ra": "Rm", "La": "Lm", "kw": "Kb", "B": "Cm", "J": "Jm"}
 SMALL_LONG, SMALL_SHORT = ("pso",), ("lshade", "jso", "pso")
 POPULATION_METHODS = (
-    "lshade", "jso", "dish", "shade", "de", "pso", "cga", "salp_swarm", "binary_ga", "sea", "cmaes", "bipop_cmaes", "ipop_cmaes", "hms",
+    "lshade", "jso", "dish", "shade", "de", "pso", "cga", "salp_swarm", "binary_ga", "sea", "cmaes", "bipop_cmaes",
+    "ipop_cmaes", "hms",
     "nelder_mead", "random", "sobol",
 )  # fmt: skip
 
@@ -37,7 +38,10 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     benched.save(folder)
     file = folder / "motor.toml"
     answer = fit_file(file, progress)
-    begins = stages(("Kalman filters", "odometry", "elite GA, 300 000 loops", "other methods, 300 000 loops", "3000 loops"), progress)
+    begins = stages(
+        ("Kalman filters", "odometry", "elite GA, 300 000 loops", "other methods, 300 000 loops", "3000 loops"),
+        progress,
+    )
     truth = {name: ROBOT_MOTOR[other] for name, other in TRUTH.items()}
     begins("Kalman filters")
     found = filtered(answer, truth)
@@ -62,7 +66,9 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         (filters := kalman_section(found, benched.exact)),
         search_section(ga, long, short),
         gains_section(known, truth, winners(ga, long, short), measured),
-        response_section(known, truth, {f"{best.method}, 3000 loops": best.x * UPPER, "elite GA": elite.x * UPPER}, measured),
+        response_section(
+            known, truth, {f"{best.method}, 3000 loops": best.x * UPPER, "elite GA": elite.x * UPPER}, measured
+        ),
         drive_section(made, drive),
     ]
     figures = [
@@ -73,13 +79,36 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
             0.042438,
             "the paper, on another weighting and set point",
         ),
-        figure("elite GA, seconds a run of 300 000 loops", sum(r.seconds for r in ga) / len(ga), "s", 10_800.0, "the paper, 3 hours"),
-        figure(f"{winner}, best fitness after 3000 loops", min(r.cost for r in short[winner]), None, elite.cost, "elite GA above"),
-        figure(f"{winner}, runs of {RUNS} at or below the GA's fitness after 3000 loops", reached(short[winner], elite.cost), None),
-        figure("best gains on the true motor, fitness", _on(truth, best.x * UPPER), None, best.cost, "on the identified motor"),
+        figure(
+            "elite GA, seconds a run of 300 000 loops",
+            sum(r.seconds for r in ga) / len(ga),
+            "s",
+            10_800.0,
+            "the paper, 3 hours",
+        ),
+        figure(
+            f"{winner}, best fitness after 3000 loops",
+            min(r.cost for r in short[winner]),
+            None,
+            elite.cost,
+            "elite GA above",
+        ),
+        figure(
+            f"{winner}, runs of {RUNS} at or below the GA's fitness after 3000 loops",
+            reached(short[winner], elite.cost),
+            None,
+        ),
+        figure(
+            "best gains on the true motor, fitness",
+            _on(truth, best.x * UPPER),
+            None,
+            best.cost,
+            "on the identified motor",
+        ),
     ]
     sentences = [
-        "Weights, sampling time, set point, supply and box of the gains are ours, because the paper does not print them; its fitness of "
+        "Weights, sampling time, set point, supply and box of the gains are ours, because the paper does not print "
+        "them; its fitness of "
         "0.042438 and ours are therefore no comparison.",
         "The bench is virtual: its motor has the constants that the paper identified.",
     ]
@@ -87,15 +116,22 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     told = [
         _constants(answer, truth),
         _speed(filters),
-        f"The paper's genetic algorithm (elite GA) ends at a fitness of {elite.cost:.3g} with {spent} closed loops, the best of "
-        f"{len(ga)} runs; {winner} is at or below that in {reached(short[winner], elite.cost)} of {RUNS} runs with {FEW}, at best at "
+        f"The paper's genetic algorithm (elite GA) ends at a fitness of {elite.cost:.3g} with {spent} closed loops, "
+        f"the best of "
+        f"{len(ga)} runs; {winner} is at or below that in {reached(short[winner], elite.cost)} of {RUNS} runs with "
+        f"{FEW}, at best at "
         f"{min(r.cost for r in short[winner]):.3g}.",
-        f"Replayed on the true motor, the best gains found so go from {best.cost:.3g} to {_on(truth, best.x * UPPER):.3g}, those of "
+        f"Replayed on the true motor, the best gains found so go from {best.cost:.3g} to "
+        f"{_on(truth, best.x * UPPER):.3g}, those of "
         f"the elite GA from {elite.cost:.3g} to {_on(truth, elite.x * UPPER):.3g}.",
-        "Along 8 m of path odometry strays at most by: " + ", ".join(f"{n} {mm:.0f} mm" for n, mm in lost(made, drive).items()) + ".",
+        "Along 8 m of path odometry strays at most by: "
+        + ", ".join(f"{n} {mm:.0f} mm" for n, mm in lost(made, drive).items())
+        + ".",
     ]
-    return record("robot", "Motor of a mobile robot on a virtual bench", figures, sentences, [answer, drive], [file, drive_file], sections,
-                  "300 000 closed loops of the paper's genetic algorithm, and a hundredth of them", found=told)  # fmt: skip
+    return record("robot", "Motor of a mobile robot on a virtual bench", figures, sentences, [answer, drive],
+                  [file, drive_file], sections,
+                  "300 000 closed loops of the paper's genetic algorithm, and a hundredth of them",
+                  found=told)  # fmt: skip
 
 
 def _constants(answer: Answer, truth: dict[str, float]) -> str:
@@ -103,7 +139,8 @@ def _constants(answer: Answer, truth: dict[str, float]) -> str:
     inside = sum(p["low"] <= truth[p["name"]] <= p["high"] for p in rows)
     worst = max(abs(p["value"] / truth[p["name"]] - 1) for p in rows)
     return (
-        f"From 0.4 s at 3 V {inside} of {len(rows)} constants of the motor lie inside their 95 % intervals; they are at most "
+        f"From 0.4 s at 3 V {inside} of {len(rows)} constants of the motor lie inside their 95 % intervals; they are "
+        f"at most "
         f"{100 * worst:.2g} % off."
     )
 
@@ -112,11 +149,15 @@ def _speed(section: dict[str, Any]) -> str:
     """By the section's table of the states' errors."""
     rows = next(t for t in section["tables"] if t["columns"][1:] == ["measured", "filtered", "smoothed"])["rows"]
     measured, seen = next((row[1], row[2]) for row in rows if row[0].startswith("w"))
-    return f"A Kalman filter with the constants as states knows the speed to {seen} rad/s where the encoder errs by {measured}."
+    return (
+        f"A Kalman filter with the constants as states knows the speed to {seen} rad/s where the encoder errs by "
+        f"{measured}."
+    )
 
 
 def bench(seed: int = 1) -> RigRun:
-    """The paper's record on the virtual bench: 3 V from rest, current and pulse period, 5 kHz; noise and disc from `seed`."""
+    """The paper's record on the virtual bench: 3 V from rest, current and pulse period, 5 kHz; noise and disc from
+    `seed`."""
     return DcMotorRig(period=2e-4, window=2e-4, substeps=10, duration=0.4).record(seed, name="motor")
 
 

@@ -1,4 +1,5 @@
-"""Section of the robot's page on its drive: two such motors along a path, odometry from their counts, wheels fitted to a camera."""
+"""Section of the robot's page on its drive: two such motors along a path, odometry from their counts, wheels fitted
+to a camera."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -39,9 +40,12 @@ def driven(folder: Path, seed: int = 1) -> tuple[RigRecord, Path]:
 
 
 def odometry_of(recording: Recording, wheels: Mapping[str, float]) -> Way:
-    """Equations 4 and 7 with a radius for each wheel, from the origin along x; with one radius it is `recording.odometry`."""
+    """Equations 4 and 7 with a radius for each wheel, from the origin along x; with one radius it is
+    `recording.odometry`."""
     turned = [2 * np.pi / PULSES * recording[f"N_{side}"] for side in ("left", "right")]
-    left, right = (wheels[f"radius_{side}"] * np.diff(angle) for side, angle in zip(("left", "right"), turned, strict=True))
+    left, right = (
+        wheels[f"radius_{side}"] * np.diff(angle) for side, angle in zip(("left", "right"), turned, strict=True)
+    )
     return Way(*pose_along(left, right, wheels["track"], (0.0, 0.0, 0.0)))
 
 
@@ -51,7 +55,10 @@ def drive_section(made: RigRecord, answer: Answer) -> dict[str, Any]:
     true = Way(*(exact[n] for n in Way._fields))
     fitted = {n: answer.values[n] for n in TRUE}
     sets = {"true wheels": TRUE, "wheels by ruler": RULER, "wheels fitted to the camera": fitted}
-    sets |= {f"true wheels, {name}": TRUE | {n: factor * TRUE[n] for n, factor in wrong.items()} for name, wrong in OTHER.items()}
+    sets |= {
+        f"true wheels, {name}": TRUE | {n: factor * TRUE[n] for n, factor in wrong.items()}
+        for name, wrong in OTHER.items()
+    }
     ways = {name: odometry_of(r, wheels) for name, wheels in sets.items()}
     rows = [_row(name, way, true) for name, way in ways.items()]
     found = []
@@ -64,25 +71,33 @@ def drive_section(made: RigRecord, answer: Answer) -> dict[str, Any]:
     return {
         "title": "Odometry: a drive of two such motors (virtual rig)",
         "sentences": [
-            "Both motors have the paper's constants, half of a robot of 1 kg each, a PID in whole counts of PWM, and an encoder of 500 "
-            "pulses on the wheel's axis. The robot goes 1 m straight on, round a circle of 0.5 m radius to the left, 1 m on, and round one "
-            "to the right, at 1 m/s, braked by a negative duty. The paper prints neither wheels nor path; these are ours.",
-            "Equation 4 makes angles of the counts, 5 and 6 speeds of wheel and motor, 7 the paths of the wheels; the pose follows by an "
+            "Both motors have the paper's constants, half of a robot of 1 kg each, a PID in whole counts of PWM, and "
+            "an encoder of 500 "
+            "pulses on the wheel's axis. The robot goes 1 m straight on, round a circle of 0.5 m radius to the left, 1 "
+            "m on, and round one "
+            "to the right, at 1 m/s, braked by a negative duty. The paper prints neither wheels nor path; these are "
+            "ours.",
+            "Equation 4 makes angles of the counts, 5 and 6 speeds of wheel and motor, 7 the paths of the wheels; the "
+            "pose follows by an "
             "arc for each sample.",
-            f"By the true wheels counts alone lose {_lost(ways['true wheels'], true)}. By a ruler, radii wrong by 0.1 mm and the track by "
-            f"2 mm, they lose {_lost(ways['wheels by ruler'], true)}. The same drive seen by a camera (2 mm rms) tells both radii and the "
+            f"By the true wheels counts alone lose {_lost(ways['true wheels'], true)}. By a ruler, radii wrong by 0.1 "
+            f"mm and the track by "
+            f"2 mm, they lose {_lost(ways['wheels by ruler'], true)}. The same drive seen by a camera (2 mm rms) tells "
+            f"both radii and the "
             f"track; odometry by them loses {_lost(ways['wheels fitted to the camera'], true)}.",
             f"Another drive: `{again}`, with `--excitation` for another path, then `plantfit run robot_drive.toml`.",
         ],
         "tables": [
             {"caption": "Pose by odometry against the true one", "rows": rows,
-             "columns": ["odometry with", "error at the end [mm]", "largest error [mm]", "heading, error at the end [deg]", "path [m]"]},
+             "columns": ["odometry with", "error at the end [mm]", "largest error [mm]",
+                         "heading, error at the end [deg]", "path [m]"]},
             {"caption": "Wheels and track fitted to the camera (drive.toml)", "rows": found,
              "columns": ["constant", "unit", "value", "95 % from", "to", "truth of the rig", "inside"]},
         ],
         "figures": [
             {"figure": _paths(true, {n: ways[n] for n in list(sets)[1:3]}), "label": "The path: true, and by odometry"},
-            {"figure": _speeds(r, exact), "label": "Speed of both motors: set point, from counts in 10 ms (eq. 5, 6), true"},
+            {"figure": _speeds(r, exact), "label": "Speed of both motors: set point, from counts in 10 ms (eq. 5, 6), "
+                                                   "true"},
         ],
     }  # fmt: skip
 
@@ -115,10 +130,18 @@ def _row(name: str, way: Way, true: Way) -> list[str]:
 
 def _paths(true: Way, ways: Mapping[str, Way]) -> Figure:
     data = []
-    lines = {"true": (true, style.MEASURED, 5.0), **{n: (w, style.SERIES[k + 1], 1.6) for k, (n, w) in enumerate(ways.items())}}
+    lines = {
+        "true": (true, style.MEASURED, 5.0),
+        **{n: (w, style.SERIES[k + 1], 1.6) for k, (n, w) in enumerate(ways.items())},
+    }
     for name, (way, colour, width) in lines.items():
         at = np.union1d(envelope(way.x, SHOWN), envelope(way.y, SHOWN))
-        line = {"type": "scatter", "mode": "lines", "name": style.plain(name), "line": {"color": colour, "width": width}}
+        line = {
+            "type": "scatter",
+            "mode": "lines",
+            "name": style.plain(name),
+            "line": {"color": colour, "width": width},
+        }
         data.append(line | {"x": style.numbers(way.x[at], 5), "y": style.numbers(way.y[at], 5)})
     layout = style.layout(460, showlegend=True, hovermode="closest")
     layout["xaxis"], layout["yaxis"] = style.axis("x [m]"), style.axis("y [m]", scaleanchor="x")
@@ -129,8 +152,11 @@ def _speeds(r: Recording, exact: Recording) -> Figure:
     panels = []
     for side in ("left", "right"):
         counted = rec.counts_to_speed(r, f"N_{side}", "w", PULSES, RATIO)["w"]
-        lines = {"set point": (exact[f"wanted_{side}"], style.SERIES[2], 1.2), "from counts": (counted, style.MEASURED, 0.8),
+        lines = {"set point": (exact[f"wanted_{side}"], style.SERIES[2], 1.2),
+                 "from counts": (counted, style.MEASURED, 0.8),
                  "true": (exact[f"w_{side}"], style.SIMULATED, 1.6)}  # fmt: skip
         # one legend entry for both panels
-        panels.append((f"{side} motor [rad/s]", lines if side == "left" else {f"{n}, right": v for n, v in lines.items()}))
+        panels.append(
+            (f"{side} motor [rad/s]", lines if side == "left" else {f"{n}, right": v for n, v in lines.items()})
+        )
     return signals_figure(r.t, panels)

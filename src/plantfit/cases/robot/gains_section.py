@@ -1,11 +1,23 @@
-"""Section of the robot's page on the gains: settings of the loop, the winning gains of every method on both motors, the paper's bars."""
+"""Section of the robot's page on the gains: settings of the loop, the winning gains of every method on both motors,
+the paper's bars."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from plantfit.cases.robot.speed_loop import ENCODERS, PERIOD, SAMPLES, SET_POINT, SUPPLY, TIMER, UPPER, constant_duty, fitness, response
+from plantfit.cases.robot.speed_loop import (
+    ENCODERS,
+    PERIOD,
+    SAMPLES,
+    SET_POINT,
+    SUPPLY,
+    TIMER,
+    UPPER,
+    constant_duty,
+    fitness,
+    response,
+)
 from plantfit.control import StepMetrics
 from plantfit.control.steps.step_metrics import step_metrics
 from plantfit.optimize import RunResult
@@ -31,14 +43,18 @@ SETTINGS = (
 )
 
 
-def winners(ga: Sequence[RunResult], long: Mapping[str, RunResult], short: Mapping[str, Sequence[RunResult]]) -> dict[str, RunResult]:
+def winners(
+    ga: Sequence[RunResult], long: Mapping[str, RunResult], short: Mapping[str, Sequence[RunResult]]
+) -> dict[str, RunResult]:
     """The best run of every method and budget, by a label."""
     best = {"elite_ga, 300 000 loops": min(ga, key=lambda r: r.cost)}
     best |= {f"{n}, 300 000 loops": r for n, r in long.items()}
     return best | {f"{n}, 3000 loops": min(rs, key=lambda r: r.cost) for n, rs in short.items()}
 
 
-def gains_section(identified: Motor, truth: Motor, best: Mapping[str, RunResult], measured: Recording) -> dict[str, Any]:
+def gains_section(
+    identified: Motor, truth: Motor, best: Mapping[str, RunResult], measured: Recording
+) -> dict[str, Any]:
     """What the search was told, what it found, what that does on the true motor, and why it differs there."""
     order = sorted(best, key=lambda n: best[n].cost)
     rows = []
@@ -47,8 +63,14 @@ def gains_section(identified: Motor, truth: Motor, best: Mapping[str, RunResult]
         here, there = (response(m, gains)[1] for m in (identified, truth))
         moved = _terms(there) - _terms(here)
         most = int(np.argmax(np.abs(moved)))
-        said = f"{TERMS[most]} {_terms(here)[most]:.4f} to {_terms(there)[most]:.4f}" if abs(moved[most]) > 1e-9 else "nothing"
-        rows.append([name, *(f"{g:.6g}" for g in gains), f"{float(fitness(here)):.4f}", f"{float(fitness(there)):.4f}", said])
+        said = (
+            f"{TERMS[most]} {_terms(here)[most]:.4f} to {_terms(there)[most]:.4f}"
+            if abs(moved[most]) > 1e-9
+            else "nothing"
+        )
+        rows.append(
+            [name, *(f"{g:.6g}" for g in gains), f"{float(fitness(here)):.4f}", f"{float(fitness(there)):.4f}", said]
+        )
     leader = best[order[0]].x * UPPER
     cases = {
         "measured at 3 V": measured_metrics(measured)[1],
@@ -59,27 +81,34 @@ def gains_section(identified: Motor, truth: Motor, best: Mapping[str, RunResult]
     return {
         "title": "The PID: settings, gains of every method, and the true motor",
         "sentences": [
-            "The gains were found on the identified motor, its constants to four digits; the last columns replay them on the bench's true "
-            "one. Where both differ, the term that changes most is named. A peak time is that of the largest value: of a response that is "
+            "The gains were found on the identified motor, its constants to four digits; the last columns replay them "
+            "on the bench's true "
+            "one. Where both differ, the term that changes most is named. A peak time is that of the largest value: of "
+            "a response that is "
             "flat to an encoder's step another sample is the largest once the motor is slightly another.",
-            f"Bars: {order[0]}, a constant duty, and the record at 3 V, filtered at 200 Hz, against the speed that it settles at; the "
-            "encoder's slots keep the record outside of the 2 % band for longer than the motor is. The paper draws these five figures "
+            f"Bars: {order[0]}, a constant duty, and the record at 3 V, filtered at 200 Hz, against the speed that it "
+            f"settles at; the "
+            "encoder's slots keep the record outside of the 2 % band for longer than the motor is. The paper draws "
+            "these five figures "
             "without numbers.",
         ],
         "tables": [
             {"caption": "What the fitness of equation 13 was made of", "columns": ["setting", "here", "the paper"],
              "rows": [list(row) for row in SETTINGS]},
             {"caption": "The best gains of every method",
-             "columns": ["method", "Kp", "Ki [1/s]", "Kd [s]", "identified motor", "true motor", "differs most in"], "rows": rows},
+             "columns": ["method", "Kp", "Ki [1/s]", "Kd [s]", "identified motor", "true motor", "differs most in"],
+             "rows": rows},
             {"caption": "Step metrics of the three cases (the paper's figure 7)", "columns": ["case", *BARS], "rows": [
                 [name, *(f"{v:.4g}" if np.isfinite(v) else "never" for v in _five(m))] for name, m in cases.items()]},
         ],
-        "figures": [{"figure": shown, "label": "Overshoot, rise, settling and peak time, error: record, constant duty, PID"}],
+        "figures": [{"figure": shown, "label": "Overshoot, rise, settling and peak time, error: record, constant duty, "
+                                               "PID"}],
     }  # fmt: skip
 
 
 def measured_metrics(measured: Recording) -> tuple[float, StepMetrics]:
-    """The speed (rad/s) at which a filtered record settles, the mean of its last half, and the metrics of its way there."""
+    """The speed (rad/s) at which a filtered record settles, the mean of its last half, and the metrics of its way
+    there."""
     t, w = measured.t, measured["w_both"]
     there = np.isfinite(w)
     final = float(np.mean(w[there & (t > 0.5 * t[-1])]))
@@ -127,7 +156,12 @@ def _bars(cases: Mapping[str, StepMetrics]) -> Figure:
         layout["xaxis" + axis] = style.axis(title, domain=[low, (k + 1) / len(BARS)], anchor="y" + axis, **quiet)
         layout["yaxis" + axis] = style.axis(anchor="x" + axis, nticks=5, rangemode="tozero")
         for c, name in enumerate(names):
-            bar = {"type": "bar", "x": [name], "y": style.numbers(np.array([_five(cases[name])[k]])), "name": style.plain(name)}
+            bar = {
+                "type": "bar",
+                "x": [name],
+                "y": style.numbers(np.array([_five(cases[name])[k]])),
+                "name": style.plain(name),
+            }
             look = {"marker": {"color": style.SERIES[c]}, "legendgroup": name, "showlegend": k == 0}
             data.append(bar | look | {"xaxis": "x" + axis, "yaxis": "y" + axis, "hovertemplate": "%{y:.4~g}"})
     return {"data": data, "layout": layout}

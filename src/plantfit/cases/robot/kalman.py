@@ -1,4 +1,5 @@
-"""The robot's motor by Kalman filters, as the paper's title has it: constants as states, beside least squares and the bench's truth."""
+"""The robot's motor by Kalman filters, as the paper's title has it: constants as states, beside least squares and
+the bench's truth."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -32,17 +33,22 @@ def kalman_section(found: Estimators, exact: Recording) -> dict[str, Any]:
     return {
         "title": "The constants by Kalman filters (virtual bench)",
         "sentences": [
-            "The paper estimates the motor by a Kalman filter with gamma = 0.93, psi = 0.07 and epsilon = 1e-4, settings of an algorithm "
-            "that it does not print: they are cited here and not used. Here the constants are states of an extended and an unscented "
+            "The paper estimates the motor by a Kalman filter with gamma = 0.93, psi = 0.07 and epsilon = 1e-4, "
+            "settings of an algorithm "
+            "that it does not print: they are cited here and not used. Here the constants are states of an extended "
+            "and an unscented "
             "filter, as logarithms, so that they stay positive.",
-            "They begin at the answer of least squares, five of its standard errors wide: from the middle of boxes this wide, and without "
+            "They begin at the answer of least squares, five of its standard errors wide: from the middle of boxes "
+            "this wide, and without "
             "process noise, an extended filter ends too sure of wrong constants.",
         ],
         "verdict": found.record["verdict"],
         "tables": [
             page["sections"][0]["tables"][0],
-            {"caption": "RMS error of the states", "columns": ["state", "measured", "filtered", "smoothed"], "rows": rows,
-             "note": "Against the bench's exact signals, constants held at the EKF's values; smoothed: Rauch, Tung, Striebel."},
+            {"caption": "RMS error of the states", "columns": ["state", "measured", "filtered", "smoothed"],
+             "rows": rows,
+             "note": "Against the bench's exact signals, constants held at the EKF's values; smoothed: Rauch, Tung, "
+                     "Striebel."},
         ],
         "figures": page["sections"][1]["figures"] if len(page["sections"]) > 1 else [],
     }  # fmt: skip
@@ -59,6 +65,8 @@ def _states(found: Estimators, exact: Recording) -> list[list[str]]:
         k, o = list(run.plant.model.states).index(state), list(run.plant.model.outputs).index(output)
         seen = np.isfinite(own.y[:, o])
         true = np.interp(own.t, exact.t, exact[state])
-        errors = [float(np.sqrt(np.mean((v - true)[seen] ** 2))) for v in (own.y[:, o], own.mean[:, k], smooth.mean[:, k])]
+        errors = [
+            float(np.sqrt(np.mean((v - true)[seen] ** 2))) for v in (own.y[:, o], own.mean[:, k], smooth.mean[:, k])
+        ]
         rows.append([f"{state} [{unit}]", *(f"{e:.3g}" for e in errors)])
     return rows

@@ -37,7 +37,8 @@ def identified_section(answer: Answer, truth: Mapping[str, float]) -> dict[str, 
         "title": "The motor identified (virtual bench)",
         "sentences": [
             "3 V from rest: RMS current and the period of the encoder's pulses, with the faults of both sensors.",
-            "Both look back, the RMS over its window and the period over its pulse: their samples are put at the times that they tell of. "
+            "Both look back, the RMS over its window and the period over its pulse: their samples are put at the times "
+            "that they tell of. "
             "A slot of the disc that is too wide is so in every turn; the intervals allow for it.",
             *outside,
         ],
@@ -45,7 +46,9 @@ def identified_section(answer: Answer, truth: Mapping[str, float]) -> dict[str, 
     }
 
 
-def search_section(ga: Sequence[RunResult], long: Mapping[str, RunResult], short: Mapping[str, list[RunResult]]) -> dict[str, Any]:
+def search_section(
+    ga: Sequence[RunResult], long: Mapping[str, RunResult], short: Mapping[str, list[RunResult]]
+) -> dict[str, Any]:
     """Fitness against evaluations, and who reaches the best GA's end with a hundredth of its closed loops."""
     elite = min(ga, key=lambda r: r.cost)
     whole = {**{f"elite_ga, run {k + 1}": r for k, r in enumerate(ga)}, **long}
@@ -54,13 +57,17 @@ def search_section(ga: Sequence[RunResult], long: Mapping[str, RunResult], short
     few = []
     for n, runs in short.items():
         costs = np.array([r.cost for r in runs])
-        few.append([n, f"{costs.min():.6f}", f"{np.median(costs):.6f}", f"{np.sum(costs <= elite.cost)} of {len(runs)}"])
+        few.append(
+            [n, f"{costs.min():.6f}", f"{np.median(costs):.6f}", f"{np.sum(costs <= elite.cost)} of {len(runs)}"]
+        )
     return {
         "title": "300 000 closed loops, and 3000",
         "sentences": [
-            f"The paper's genetic algorithm (600 generations of 500, elite 10, 10 immigrants) ends at {elite.cost:.6f}, the best of "
+            f"The paper's genetic algorithm (600 generations of 500, elite 10, 10 immigrants) ends at "
+            f"{elite.cost:.6f}, the best of "
             f"{len(ga)} runs. A method that stopped before 300 000 loops met its own rule.",
-            "Good gains fill a small corner of the box; beyond it the duty jumps between its limits and nothing settles, and a method that "
+            "Good gains fill a small corner of the box; beyond it the duty jumps between its limits and nothing "
+            "settles, and a method that "
             "misses the corner ends above 1.6.",
         ],
         "tables": [
@@ -78,7 +85,8 @@ def search_section(ga: Sequence[RunResult], long: Mapping[str, RunResult], short
         "figures": [
             {
                 "figure": _history({f"elite_ga, best of {len(ga)}": elite, **long}, _leading(short)),
-                "label": f"Best fitness so far against closed loops; dashed the best run with 3000 loops of the {DRAWN} leading methods",
+                "label": f"Best fitness so far against closed loops; dashed the best run with 3000 loops of the "
+                f"{DRAWN} leading methods",
             }
         ],
     }
@@ -90,7 +98,10 @@ def response_section(
     """Steps on the true motor with every encoder, before and after, and beside them the record at 3 V."""
     duty = constant_duty(truth)
     first = next(iter(tuned.values()))
-    rows = [["constant duty", "none", *said(response(truth, duty)[1])], *encoders_table(truth, {**tuned, "the paper's gains": PAPER_GAINS})]
+    rows = [
+        ["constant duty", "none", *said(response(truth, duty)[1])],
+        *encoders_table(truth, {**tuned, "the paper's gains": PAPER_GAINS}),
+    ]
     final, _ = measured_metrics(measured)
     open_run, metrics = response(identified, constant_duty(identified))
     shown = {
@@ -99,19 +110,33 @@ def response_section(
         "identified motor, PID": _share(response(identified, first)[0]),
     }
     steps = {"constant duty": _share(response(truth, duty)[0])}
-    steps |= {name: _share(response(truth, gains)[0]) for name, gains in {**tuned, "the paper's gains": PAPER_GAINS}.items()}
-    columns = ["control", "encoder", "overshoot [%]", "rise [s]", "settling [s]", "peak [s]", "error [rad/s]", "fitness"]
+    steps |= {
+        name: _share(response(truth, gains)[0]) for name, gains in {**tuned, "the paper's gains": PAPER_GAINS}.items()
+    }
+    columns = [
+        "control",
+        "encoder",
+        "overshoot [%]",
+        "rise [s]",
+        "settling [s]",
+        "peak [s]",
+        "error [rad/s]",
+        "fitness",
+    ]
     return {
         "title": "Steps to 300 rad/s on the true motor of the bench",
         "sentences": [
-            "Gains were tuned on the identified motor with speed from the pulse period, in steps of 1.5 rad/s at the set point; "
+            "Gains were tuned on the identified motor with speed from the pulse period, in steps of 1.5 rad/s at the "
+            "set point; "
             "counts in 1 ms come in steps of 60 rad/s. Both are rounded here with one step at all speeds.",
-            "The paper's gains stand for its own units and limits, which it does not print; in these they are no judgement of it.",
+            "The paper's gains stand for its own units and limits, which it does not print; in these they are no "
+            "judgement of it.",
         ],
         "tables": [{"caption": "Step metrics, 2 % band, rise from 10 to 90 %", "columns": columns, "rows": rows}],
         "figures": [
             {"figure": marked(_steps(shown), metrics, *_share(open_run)),
-             "label": "Speed over the speed it settles at: the record, the model, the model with the PID (the paper's figure 6); marked on "
+             "label": "Speed over the speed it settles at: the record, the model, the model with the PID (the paper's "
+                      "figure 6); marked on "
                       "the model are the characteristics of the paper's figure 1"},
             {"figure": _steps(steps), "label": "Speed of the true motor over the set point before and after tuning"},
         ],
@@ -141,7 +166,10 @@ def _history(whole: Mapping[str, RunResult], short: Mapping[str, list[RunResult]
             data.append(_line(r.history_evaluations, r.history_cost, label, line))
     layout = style.layout(360 + 10 * len(data), showlegend=True)
     spent, costs = (np.concatenate([np.asarray(trace[axis]) for trace in data]) for axis in "xy")
-    layout["xaxis"], layout["yaxis"] = style.log_axis("closed loops", spent), style.log_axis("best fitness so far", costs)
+    layout["xaxis"], layout["yaxis"] = (
+        style.log_axis("closed loops", spent),
+        style.log_axis("best fitness so far", costs),
+    )
     return {"data": data, "layout": layout}
 
 
@@ -160,20 +188,50 @@ def _steps(shown: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
 
 
 def marked(figure: Figure, m: StepMetrics, t: np.ndarray, share: np.ndarray) -> Figure:
-    """A figure of steps with the five terms of equation 13 at the points of one of its curves: t (n,) in s, share (n,) of the final."""
+    """A figure of steps with the five terms of equation 13 at the points of one of its curves: t (n,) in s, share
+    (n,) of the final."""
     late, high = float(t[np.argmax(share >= 0.9)]), 1 + m.overshoot / 100
     points = (
         (late, 0.9, f"rise {1e3 * m.rise_time:.0f} ms", 45, 20),
         (m.peak_time, high, f"overshoot {m.overshoot:.0f} %, peak at {1e3 * m.peak_time:.0f} ms", 90, -18),
-        (m.settling_time, float(np.interp(m.settling_time, t, share)), f"settled within 2 % at {1e3 * m.settling_time:.0f} ms", 60, 45),
+        (
+            m.settling_time,
+            float(np.interp(m.settling_time, t, share)),
+            f"settled within 2 % at {1e3 * m.settling_time:.0f} ms",
+            60,
+            45,
+        ),
         (EARLY, float(np.interp(EARLY, t, share)), f"steady-state error {m.steady_state_error:.2g} rad/s", -60, 40),
     )
-    base = {"showarrow": True, "arrowhead": 2, "arrowsize": 0.8, "arrowcolor": style.MUTED, "font": style.SMALL, "standoff": 2}
-    notes = [base | {"x": round(float(x), 5), "y": round(y, 4), "text": text, "ax": ax, "ay": ay} for x, y, text, ax, ay in points]
-    band = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "line": {"color": style.MUTED, "width": 1, "dash": "dot"}}
+    base = {
+        "showarrow": True,
+        "arrowhead": 2,
+        "arrowsize": 0.8,
+        "arrowcolor": style.MUTED,
+        "font": style.SMALL,
+        "standoff": 2,
+    }
+    notes = [
+        base | {"x": round(float(x), 5), "y": round(y, 4), "text": text, "ax": ax, "ay": ay}
+        for x, y, text, ax, ay in points
+    ]
+    band = {
+        "type": "line",
+        "xref": "paper",
+        "x0": 0,
+        "x1": 1,
+        "line": {"color": style.MUTED, "width": 1, "dash": "dot"},
+    }
     shapes = [band | {"y0": y, "y1": y} for y in (0.98, 1.02)]
     return figure | {"layout": figure["layout"] | {"annotations": notes, "shapes": shapes}}
 
 
 def _line(x: np.ndarray, y: np.ndarray, name: str, line: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "scatter", "mode": "lines", "name": style.plain(name), "x": style.numbers(x), "y": style.numbers(y), "line": line}
+    return {
+        "type": "scatter",
+        "mode": "lines",
+        "name": style.plain(name),
+        "x": style.numbers(x),
+        "y": style.numbers(y),
+        "line": line,
+    }

@@ -19,22 +19,34 @@ import jax.numpy as jnp
 # the paper does not print these; ours
 PERIOD, SAMPLES, SET_POINT, SUPPLY = 1e-3, 1000, 300.0, 12.0
 UPPER = np.array([50.0, 50.0, 1.0])  # Kp, Ki, Kd from 0
-ENCODERS = {"exact speed": 0.0, "pulse period, 1 us timer": 1.5, "counts in 1 ms": 60.0}  # steps in rad/s at the set point
+ENCODERS = {
+    "exact speed": 0.0,
+    "pulse period, 1 us timer": 1.5,
+    "counts in 1 ms": 60.0,
+}  # steps in rad/s at the set point
 TIMER = ENCODERS["pulse period, 1 us timer"]
 MOTOR = "i' = (V - Ra*i - kw*w)/La\nw' = (kw*i - B*w)/J"
-OPEN = Controller(lambda measurement, duty: (), lambda state, measurement, reference, duty: (state, duty))  # a constant duty
+OPEN = Controller(
+    lambda measurement, duty: (), lambda state, measurement, reference, duty: (state, duty)
+)  # a constant duty
 
 
 @lru_cache(maxsize=8)
 def speed_loop(step: float = TIMER, open_loop: bool = False) -> ClosedLoop:
-    """The loop with a speed measured in steps of `step` rad/s; the paper's PID has no anti-windup and no derivative filter."""
-    motor = equations(MOTOR, inputs=["V"], states=["i", "w"], outputs=["w"], parameters=["Ra", "La", "kw", "B", "J"], name="motor")
+    """The loop with a speed measured in steps of `step` rad/s; the paper's PID has no anti-windup and no derivative
+    filter."""
+    motor = equations(
+        MOTOR, inputs=["V"], states=["i", "w"], outputs=["w"], parameters=["Ra", "La", "kw", "B", "J"], name="motor"
+    )
     controller = OPEN if open_loop else pid(PERIOD, lower=0.0, upper=255.0, anti_windup="none")
-    return closed_loop(motor, controller, period=PERIOD, actuator=Actuator.pwm(SUPPLY), sensor=Sensor(quantum=step), stepper="exact")
+    return closed_loop(
+        motor, controller, period=PERIOD, actuator=Actuator.pwm(SUPPLY), sensor=Sensor(quantum=step), stepper="exact"
+    )
 
 
 def fitness(m: StepMetrics) -> Any:
-    """Eq. 13 with weights 1: overshoot and error as shares of the set point, times in s, at most the second that is simulated."""
+    """Eq. 13 with weights 1: overshoot and error as shares of the set point, times in s, at most the second that is
+    simulated."""
     horizon = PERIOD * SAMPLES
     times = sum(jnp.minimum(t, horizon) for t in (m.rise_time, m.settling_time, m.peak_time))
     return m.overshoot / 100 + times + jnp.abs(m.steady_state_error) / SET_POINT

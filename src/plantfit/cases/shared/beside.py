@@ -13,7 +13,8 @@ T = TypeVar("T")
 
 
 class Beside(Generic[T]):
-    """`function(*arguments)`, both from modules that can be imported, in a process of its own; leaving the context ends it."""
+    """`function(*arguments)`, both from modules that can be imported, in a process of its own; leaving the context
+    ends it."""
 
     def __init__(self, function: Callable[..., T], *arguments: Any):
         # a plain command, because multiprocessing would run the user's script again

@@ -21,6 +21,7 @@ def unpack(name: str, folder: str | Path) -> Path:
                 (folder / entry.name).write_bytes(entry.read_bytes())
     except OSError as error:
         raise StoreError(
-            f"The folder {str(folder)!r} cannot take the files of demo {name!r}: {error.strerror}; choose another folder."
+            f"The folder {str(folder)!r} cannot take the files of demo {name!r}: {error.strerror}; choose another "
+            f"folder."
         ) from None
     return folder

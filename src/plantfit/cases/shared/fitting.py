@@ -11,7 +11,8 @@ from plantfit.spec import load
 
 
 def fit_file(path: Path, progress: Callable[[Any], None] | None = None, method: str | None = None) -> Answer:
-    """The answer of `method`, by default the first that a study file names, which then makes as many runs as the file says."""
+    """The answer of `method`, by default the first that a study file names, which then makes as many runs as the
+    file says."""
     study = load(path)
     plan = study.plan
     runs, method = 1 if method else plan.runs, method or plan.methods[0]

@@ -14,7 +14,8 @@ LONG = 7200.0  # s from which on the axis is in hours
 
 
 def followed_figure(answers: Mapping[str, Answer], recording: str, output: str) -> Figure:
-    """Lines over time for a recording that all `answers` (by their labels) have; what the first did not fit is shaded where part is."""
+    """Lines over time for a recording that all `answers` (by their labels) have; what the first did not fit is
+    shaded where part is."""
     first = next(iter(answers.values()))
     experiment = first.problem.experiments[recording]
     r = experiment.recording
@@ -40,7 +41,8 @@ def followed_figure(answers: Mapping[str, Answer], recording: str, output: str) 
         edges = t[unseen]
         layout["shapes"] = [
             {
-                "type": "rect", "x0": float(edges[0]), "x1": float(edges[-1]), "xref": "x", "y0": 0, "y1": 1, "yref": "paper",
+                "type": "rect", "x0": float(edges[0]), "x1": float(edges[-1]), "xref": "x", "y0": 0, "y1": 1,
+                "yref": "paper",
                 "layer": "below", "line": {"width": 0}, "fillcolor": style.VALIDATION_ZONE,
             }
         ]  # fmt: skip

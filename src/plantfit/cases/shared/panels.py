@@ -22,7 +22,14 @@ def signals_figure(t: np.ndarray, panels: Sequence[tuple[str, Mapping[str, tuple
         layout["yaxis" + number] = style.axis(title, domain=[max(0.0, top - share + 0.05), top], nticks=5)
         for name, (values, colour, width) in lines.items():
             kept = envelope(values, POINTS)
-            look = {"type": "scatter", "mode": "lines", "name": style.plain(name), "line": {"color": colour, "width": width}}
-            data.append(look | {"x": style.numbers(t[kept], 6), "y": style.numbers(values[kept], 5), "yaxis": "y" + number})
+            look = {
+                "type": "scatter",
+                "mode": "lines",
+                "name": style.plain(name),
+                "line": {"color": colour, "width": width},
+            }
+            data.append(
+                look | {"x": style.numbers(t[kept], 6), "y": style.numbers(values[kept], 5), "yaxis": "y" + number}
+            )
     layout["xaxis"] = style.axis("time [s]", anchor="y" + ("" if len(panels) == 1 else str(len(panels))))
     return {"data": data, "layout": layout}

@@ -11,10 +11,15 @@ from plantfit.fitting import Answer
 FOUND = "What was found"
 
 
-def figure(name: str, value: float, unit: str | None, reference: float | None = None, source: str = "") -> dict[str, Any]:
-    """A number reached, with the number that others reached and where that stands. Raises SimulationError unless finite."""
+def figure(
+    name: str, value: float, unit: str | None, reference: float | None = None, source: str = ""
+) -> dict[str, Any]:
+    """A number reached, with the number that others reached and where that stands. Raises SimulationError unless
+    finite."""
     if not math.isfinite(value):
-        raise SimulationError(f"The demo figure {name!r} is {value}; restore the study files and recordings of the demo and run it again.")
+        raise SimulationError(
+            f"The demo figure {name!r} is {value}; restore the study files and recordings of the demo and run it again."
+        )
     return {"name": name, "value": float(value), "unit": unit, "reference": reference, "source": source}
 
 

@@ -18,7 +18,8 @@ EPS = 1e-8  # scipy's step of a forward difference, for numbers between 0 and 1
 
 @dataclass(frozen=True)
 class Step:
-    """The record of one opening: `opening` (%), times `t` (n,) in s, pressures `y` (n,) in bar, both without the sample at t = 0."""
+    """The record of one opening: `opening` (%), times `t` (n,) in s, pressures `y` (n,) in bar, both without the
+    sample at t = 0."""
 
     opening: float
     t: np.ndarray
@@ -58,8 +59,8 @@ def _mean_square(pressures: np.ndarray, step: Step) -> float:
 class Cost:
     """Equation (7) over some openings at a cube point (31 for each); every whole cost counts as one evaluation.
 
-    A coordinate moves the response of its own opening only: a finite difference simulates that one, from where the coordinate begins to
-    matter, and adds the others' costs as they were, which gives the same number as simulating all.
+    A coordinate moves the response of its own opening only: a finite difference simulates that one, from where the
+    coordinate begins to matter, and adds the others' costs as they were, which gives the same number as simulating all.
     """
 
     steps: Sequence[Step]
@@ -67,7 +68,9 @@ class Cost:
     upper: np.ndarray  # (31,)
     solver: Solver
     budget: int
-    slopes: Mapping[bytes, np.ndarray] = field(default_factory=dict)  # differences (d,) that are known, by the bytes of their point
+    slopes: Mapping[bytes, np.ndarray] = field(
+        default_factory=dict
+    )  # differences (d,) that are known, by the bytes of their point
     evaluations: int = 0
 
     def __post_init__(self) -> None:
@@ -80,7 +83,9 @@ class Cost:
         key = z.tobytes()
         if key != self._known[0]:
             self._charge(1)
-            costs, others = zip(*(self.solver.around(self._row(z, i), step) for i, step in enumerate(self.steps)), strict=True)
+            costs, others = zip(
+                *(self.solver.around(self._row(z, i), step) for i, step in enumerate(self.steps)), strict=True
+            )
             found = np.array(costs)
             self._known = (key, found, list(others))
             self._remember(z, float(np.sum(found)))
@@ -124,7 +129,8 @@ class _Spent(Exception):
 
 @dataclass(frozen=True)
 class Descent:
-    """Where L-BFGS-B ended: cube point (d,), cost, evaluations, why, and the evaluations and best cost (k,) on its way."""
+    """Where L-BFGS-B ended: cube point (d,), cost, evaluations, why, and the evaluations and best cost (k,) on its
+    way."""
 
     x: np.ndarray
     cost: float
@@ -137,11 +143,20 @@ class Descent:
 def descend(cost: Cost, start: np.ndarray) -> Descent:
     """scipy's L-BFGS-B with its own settings, its gradient by finite differences."""
     try:
-        why = str(minimize(cost, start, jac=cost.differences, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start)).message)
+        why = str(
+            minimize(cost, start, jac=cost.differences, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start)).message
+        )
     except _Spent:
         why = "budget spent"
     at, costs = np.array(cost.history, dtype=float).T
-    return Descent(cost.best[1], cost.best[0], cost.evaluations, why, np.append(at, cost.evaluations), np.append(costs, cost.best[0]))
+    return Descent(
+        cost.best[1],
+        cost.best[0],
+        cost.evaluations,
+        why,
+        np.append(at, cost.evaluations),
+        np.append(costs, cost.best[0]),
+    )
 
 
 @dataclass(frozen=True)
@@ -154,10 +169,17 @@ class Descents:
     seconds: float
 
 
-def descents(steps: Sequence[Step], lower: np.ndarray, upper: np.ndarray, start: np.ndarray, together: int, alone: int) -> Descents:
-    """From `start` (31 a step) with `together` evaluations for all at once, and `alone` for each opening by itself (0: not so)."""
+def descents(
+    steps: Sequence[Step], lower: np.ndarray, upper: np.ndarray, start: np.ndarray, together: int, alone: int
+) -> Descents:
+    """From `start` (31 a step) with `together` evaluations for all at once, and `alone` for each opening by itself
+    (0: not so)."""
     began, solver = time.process_time(), Solver()
     slopes = Cost(steps, lower, upper, solver, 1 + len(start)).differences(start)
     whole = descend(Cost(steps, lower, upper, solver, together, {start.tobytes(): slopes}), start)
-    each = [descend(Cost([s], lower, upper, solver, alone), start[OWN * i : OWN * (i + 1)]) for i, s in enumerate(steps) if alone]
+    each = [
+        descend(Cost([s], lower, upper, solver, alone), start[OWN * i : OWN * (i + 1)])
+        for i, s in enumerate(steps)
+        if alone
+    ]
     return Descents(slopes, whole, tuple(each), time.process_time() - began)

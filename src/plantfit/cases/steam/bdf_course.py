@@ -1,8 +1,10 @@
-"""One solution by scipy's BDF, kept step by step, and the solutions of other numbers that leave it where these begin to matter.
+"""One solution by scipy's BDF, kept step by step, and the solutions of other numbers that leave it where these begin to
+matter.
 
-A finite difference moves one number of 31, which the solver first reads when the pressure comes near its node. Until then every step is
-the same to the last bit, and where the number is never read, the whole solution is. `Course.moved` takes up the solver as it stood before
-the first step that reads another number; its bits are those of a solution from the beginning.
+A finite difference moves one number of 31, which the solver first reads when the pressure comes near its node. Until
+then every step is the same to the last bit, and where the number is never read, the whole solution is. `Course.moved`
+takes up the solver as it stood before the first step that reads another number; its bits are those of a solution from
+the beginning.
 """
 
 from collections.abc import Sequence
@@ -16,7 +18,8 @@ TOP, SEGMENTS = 20.0, 9  # bar; equal pieces of the tables on [0, TOP]
 
 
 class Rate:
-    """d(x1, x2)/dt of equation (2), the valve opening Td s after t = 0; notes which pieces of the tables it read, and when it was called.
+    """d(x1, x2)/dt of equation (2), the valve opening Td s after t = 0; notes which pieces of the tables it read, and
+    when it was called.
 
     `row` (31,) holds k[10], A1[10], A2[10], Td.
     """
@@ -50,23 +53,32 @@ class Rate:
 def _pieces(table: np.ndarray) -> list[tuple[float, float]]:
     """(value at 0, slope) of each straight piece."""
     slope = np.diff(table) * (SEGMENTS / TOP)
-    return list(zip((table[:-1] - slope * (TOP / SEGMENTS) * np.arange(SEGMENTS)).tolist(), slope.tolist(), strict=True))
+    return list(
+        zip((table[:-1] - slope * (TOP / SEGMENTS) * np.arange(SEGMENTS)).tolist(), slope.tolist(), strict=True)
+    )
 
 
 class Course:
-    """Pressures (n,) in bar at `t` (n,) in s of the chamber with the numbers `row` (31,), from rest; NaN where the solver gave up.
+    """Pressures (n,) in bar at `t` (n,) in s of the chamber with the numbers `row` (31,), from rest; NaN where the
+    solver gave up.
 
     `at_the_edge` begins at the delayed step in place of t = 0; pressures before are 0.
     """
 
-    def __init__(self, row: np.ndarray, opening: float, t: np.ndarray, rtol: float, atol: float, at_the_edge: bool = False):
+    def __init__(
+        self, row: np.ndarray, opening: float, t: np.ndarray, rtol: float, atol: float, at_the_edge: bool = False
+    ):
         self._arguments = opening, t, rtol, atol, at_the_edge
         self._own = Rate(row, opening)
         self._rate = Rate(row, opening)  # takes other numbers for other solutions
         begin = self._own.delay if at_the_edge else 0.0
         self._solver = _solver(self._rate, begin, float(t[-1]), rtol, atol)
         done = int(np.searchsorted(t, begin, side="right")) if at_the_edge else 0
-        self._noted, self._before, self._done = [self._rate.noted()], [dict[str, Any]()], [done]  # of each step; first of the making
+        self._noted, self._before, self._done = (
+            [self._rate.noted()],
+            [dict[str, Any]()],
+            [done],
+        )  # of each step; first of the making
         self.pressures = np.zeros(len(t))
         while self._solver.status == "running":
             self._before.append(_copied(vars(self._solver)))
@@ -110,7 +122,8 @@ def _solver(rate: Rate, begin: float, end: float, rtol: float, atol: float) -> B
 
 
 def _step(solver: BDF, t: np.ndarray, y: np.ndarray, done: int) -> int:
-    """A step as `solve_ivp` takes it, its pressures at `t` (n,) written to `y` (n,) from the sample `done` on; the samples done then."""
+    """A step as `solve_ivp` takes it, its pressures at `t` (n,) written to `y` (n,) from the sample `done` on; the
+    samples done then."""
     solver.step()
     if solver.status == "failed":
         y[:] = np.nan

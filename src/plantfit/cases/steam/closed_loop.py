@@ -1,4 +1,5 @@
-"""Pressure control of the chamber: PID and predictive controllers, each for the best model alone and for a family of models."""
+"""Pressure control of the chamber: PID and predictive controllers, each for the best model alone and for a family of
+models."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -63,13 +64,16 @@ class Chosen:
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The loops of one kind of controller around models of `plants_of` and around the truth on a finer grid of openings."""
+    """The loops of one kind of controller around models of `plants_of` and around the truth on a finer grid of
+    openings."""
 
     of_models: ClosedLoop
     of_truth: ClosedLoop
     noise: np.ndarray = field(repr=False)
 
-    def responses(self, parameters: Any, plants: Plants, truth: bool = False) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def responses(
+        self, parameters: Any, plants: Plants, truth: bool = False
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Times (N,), pressures and openings (plants, N) of one controller."""
         loop = self.of_truth if truth else self.of_models
         y, u = _simulated(loop, parameters, dict(plants), PROFILE.reference(loop.period), self.noise)
@@ -87,27 +91,50 @@ def _simulated(loop: ClosedLoop, parameters: Any, plants: Any, reference: Any, n
 
 def bench(controller: Any, period: float, seed: int) -> Bench:
     """A loop with the rig's sensor and valve: 12 bits of 39 bar, 0.05 bar rms, 0 to 100 %."""
-    shared = {"period": period, "output": "y", "input": "u", "sensor": Sensor(quantum=STEP), "actuator": Actuator(0.0, 100.0)}
+    shared = {
+        "period": period,
+        "output": "y",
+        "input": "u",
+        "sensor": Sensor(quantum=STEP),
+        "actuator": Actuator(0.0, 100.0),
+    }
     substeps = round(period / PID_PERIOD)
-    models, truth = (closed_loop(whole_plant(grid), controller, substeps=substeps, **shared) for grid in (OPENINGS, FINE))
+    models, truth = (
+        closed_loop(whole_plant(grid), controller, substeps=substeps, **shared) for grid in (OPENINGS, FINE)
+    )
     noise = NOISE * np.random.default_rng(seed).standard_normal(PROFILE.samples(period))
     return Bench(models, truth, noise)
 
 
 def tuned_pid(
-    place: Bench, plants: Plants, demand: Demand, made_for: str, budget: int, seed: int, start: Mapping[str, float] | None = None
+    place: Bench,
+    plants: Plants,
+    demand: Demand,
+    made_for: str,
+    budget: int,
+    seed: int,
+    start: Mapping[str, float] | None = None,
 ) -> Chosen:
     """The PID of 0.1 s that serves all `plants` best, searched from `start` on."""
     gains = {n: replace(p, start=(start or {}).get(n, p.start)) for n, p in GAINS.items()}
     found = robust_tuning(
-        place.of_models, plants, PROFILE, gains, make_pid, demand, budget=budget, seed=seed, settings={"population": 16}, noise=place.noise
+        place.of_models,
+        plants,
+        PROFILE,
+        gains,
+        make_pid,
+        demand,
+        budget=budget,
+        seed=seed,
+        settings={"population": 16},
+        noise=place.noise,
     )
     return Chosen("PID", made_for, found.parameters, ", ".join(f"{n} = {v:.3g}" for n, v in found.values.items()))
 
 
 def linear_model(plant: Mapping[str, np.ndarray]) -> tuple[LinearPlant, float] | None:
-    """One model of a family near the first of `MIDDLES` where it rests and more steam means more pressure, without its dead time,
-    and the dead time (s); None where there is no such place."""
+    """One model of a family near the first of `MIDDLES` where it rests and more steam means more pressure, without
+    its dead time, and the dead time (s); None where there is no such place."""
     model, tables = whole_plant(dead_time=False), {n: v for n, v in plant.items() if n != "Td"}
     fine = np.linspace(OPENINGS[0], OPENINGS[-1], 1801)
     for y in MIDDLES:
@@ -129,9 +156,11 @@ def predictive(plant: LinearPlant, dead_time: float, weight: float, load: float)
     )  # fmt: skip
 
 
-def chosen_mpc(place: Bench, nominal: Plants, tuning: Plants, demand: Demand, made_for: tuple[str, str], models: int = 3) -> list[Chosen]:
-    """The best design for `nominal` among those on it, and for all of `tuning` among those on it and on some `models` of tuning;
-    every weight and load is tried."""
+def chosen_mpc(
+    place: Bench, nominal: Plants, tuning: Plants, demand: Demand, made_for: tuple[str, str], models: int = 3
+) -> list[Chosen]:
+    """The best design for `nominal` among those on it, and for all of `tuning` among those on it and on some
+    `models` of tuning; every weight and load is tried."""
     plants = {n: np.concatenate([nominal[n], tuning[n]]) for n in tuning}
     designs, labels = [], []
     for i in range(models + 1):
@@ -159,7 +188,8 @@ def mpc_bench(plants: Plants, seed: int) -> Bench:
         if linear is not None:
             return bench(predictive(*linear, WEIGHTS[0], LOADS[0]).controller, MPC_PERIOD, seed)
     raise SimulationError(
-        f"No model of the family rests at one of {MIDDLES} bar with a gain above {LEAST_GAIN} bar/%; give another family."
+        f"No model of the family rests at one of {MIDDLES} bar with a gain above {LEAST_GAIN} bar/%; give another "
+        f"family."
     )
 
 

@@ -42,7 +42,12 @@ from plantfit.cases.steam.sections.dynamic_section import (
 from plantfit.cases.steam.sections.screening_section import not_screened, screening_section
 from plantfit.cases.steam.sections.static_section import WANTED, static_section
 from plantfit.cases.steam.sections.tables_section import tables_section
-from plantfit.cases.steam.sections.uncertainty_section import constant_uncertainty, table_uncertainty, uncertainty_section, zero_left_in
+from plantfit.cases.steam.sections.uncertainty_section import (
+    constant_uncertainty,
+    table_uncertainty,
+    uncertainty_section,
+    zero_left_in,
+)
 from plantfit.cases.steam.static_task import DelayStudy, delay_study, early_dead_times, joint, two_step, two_step_by
 from plantfit.fitting import Answer
 from plantfit.optimize import minimise
@@ -70,7 +75,8 @@ EXACT = "exact derivatives"
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
-    """See `plantfit.cases.shared.registry.demos`; `full` makes the paper's 10 runs of 10 000 evaluations and tries both of its readings."""
+    """See `plantfit.cases.shared.registry.demos`; `full` makes the paper's 10 runs of 10 000 evaluations and tries
+    both of its readings."""
     folder, rig = unpack("steam", folder), SteamChamberRig()
     file, runs = folder / "chamber.toml", rig.records(SEED)
     for made in runs.values():
@@ -100,7 +106,9 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     found.insert(1, together)
     if each is not None:
         alone[ALONE[0]].append(each)
-    slopes = Slopes(tuple(problem.space.names[i] for i in own), problem.value_and_gradient(static)[1][own], finite.slopes)
+    slopes = Slopes(
+        tuple(problem.space.names[i] for i in own), problem.value_and_gradient(static)[1][own], finite.slopes
+    )
     best = {m.label: m.best.x for m in found if m.start != RANDOM}
     shown = {"static solution": static, **{n: best[n] for n in ("CMA-ES", "DISH", "HMS")}, EXACT: answer.best.x}
     floor = noise_floor(rig, len(runs))
@@ -116,8 +124,13 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         "Steam chamber on a virtual rig",
         [*_figures(found, floor, static_cost, runs, answer), *delays],
         [
-            "Nothing here was measured on a machine: the rig's tables are made up, of the size that the paper's results suggest.",
-            *([] if full else [f"Small demo: {RUNS[0]} runs of {BUDGET} evaluations; the paper's {RUNS[1]} with --full."]),
+            "Nothing here was measured on a machine: the rig's tables are made up, of the size that the paper's "
+            "results suggest.",
+            *(
+                []
+                if full
+                else [f"Small demo: {RUNS[0]} runs of {BUDGET} evaluations; the paper's {RUNS[1]} with --full."]
+            ),
         ],
         [answer],
         [file],
@@ -158,9 +171,15 @@ def _delay_figures(study: Sequence[DelayStudy]) -> list[dict[str, Any]]:
 
 
 def _meaning_sections(
-    problem: Problem, best: Mapping[str, np.ndarray], answer: Answer, runs: Mapping[str, RigRun], full: bool, begins: Callable[[str], None]
+    problem: Problem,
+    best: Mapping[str, np.ndarray],
+    answer: Answer,
+    runs: Mapping[str, RigRun],
+    full: bool,
+    begins: Callable[[str], None],
 ) -> list[dict[str, Any]]:
-    """What the answers are worth: sensitivity around them; in the full demo tables against models with fewer numbers, and closed loops."""
+    """What the answers are worth: sensitivity around them; in the full demo tables against models with fewer
+    numbers, and closed loops."""
     begins("screening")
     sections = [screening_section(problem, best, SEED) if has_salib() else not_screened()]
     if full:
@@ -178,7 +197,8 @@ def noise_floor(rig: SteamChamberRig, openings: int) -> float:
 
 
 def static_point(problem: Problem, recordings: Mapping[str, Recording]) -> tuple[np.ndarray, float]:
-    """The static solution as a cube point (d,) of the dynamic problem, and its cost C: four constants for each opening, fitted jointly."""
+    """The static solution as a cube point (d,) of the dynamic problem, and its cost C: four constants for each
+    opening, fitted jointly."""
     constants = static_problem(recordings, dead_time=(0.1, 1.0))
     [found] = minimise(objective_of(constants), "least_squares", budget=3000, seed=SEED)
     values = dict(zip(constants.space.names, np.asarray(constants.space.physical(found.x)).tolist(), strict=True))
@@ -192,7 +212,9 @@ def _opening_by_opening(
     problems = opening_problems(recordings)
     begin = {n: static[problem.space.local(n)] for n in recordings}
     chosen = [m for m in METHODS if m.start == BOX or m.label == "CMA-ES"]
-    return {n: [opening_runs(recordings, m, begin, RUNS[1], n, SEED, problems, progress) for m in chosen] for n in ALONE}
+    return {
+        n: [opening_runs(recordings, m, begin, RUNS[1], n, SEED, problems, progress) for m in chosen] for n in ALONE
+    }
 
 
 def _intervals(answer: Answer) -> dict[str, tuple[float, float]]:
@@ -202,7 +224,12 @@ def _intervals(answer: Answer) -> dict[str, tuple[float, float]]:
 
 
 def _found(
-    found: list[MethodRuns], floor: float, static_cost: float, slopes: Slopes, runs: Mapping[str, RigRun], answer: Answer
+    found: list[MethodRuns],
+    floor: float,
+    static_cost: float,
+    slopes: Slopes,
+    runs: Mapping[str, RigRun],
+    answer: Answer,
 ) -> list[str]:
     times = {m.label: float(np.median(m.costs)) / floor for m in found}
     paper = sorted((n for n in times if n in PAPERS), key=lambda n: times[n])
@@ -213,26 +240,56 @@ def _found(
     worst = max(abs(rows[n]["value"] - v) for n, v in true.items())
     held = sum(rows[n]["low"] is not None and rows[n]["low"] <= v <= rows[n]["high"] for n, v in true.items())
     return [
-        f"Four constants for each opening, fitted in one step with dead times from 0.1 s, leave a total cost of {static_cost:.4f} bar² "
+        f"Four constants for each opening, fitted in one step with dead times from 0.1 s, leave a total cost of "
+        f"{static_cost:.4f} bar² "
         f"(the paper {PAPER_STATIC} on its own record); noise and rounding alone leave {floor:.4f}.",
         "With 310 numbers the paper's methods end, by their medians, at so many times this floor: "
         + ", ".join(f"{n} {times[n]:.3g}" for n in paper)
         + ".",
-        f"L-BFGS-B stalls on its finite differences, which are exactly 0 for {zero} of {int(np.sum(slopes.delays))} dead times. With exact "
+        f"L-BFGS-B stalls on its finite differences, which are exactly 0 for {zero} of {int(np.sum(slopes.delays))} "
+        f"dead times. With exact "
         f"derivatives the same method ends at {times[NOMINAL]:.3g} times the floor.",
-        f"Least squares with exact derivatives from random points reaches the floor in {hits} of {len(random.costs)} runs.",
-        f"Its dead times are at most {worst:.2g} s off, and {held} of {len(true)} of their 95 % intervals hold the truth.",
+        f"Least squares with exact derivatives from random points reaches the floor in {hits} of {len(random.costs)} "
+        f"runs.",
+        f"Its dead times are at most {worst:.2g} s off, and {held} of {len(true)} of their 95 % intervals hold the "
+        f"truth.",
     ]
 
 
-def _figures(found: list[MethodRuns], floor: float, static_cost: float, runs: Mapping[str, RigRun], answer: Answer) -> list[dict[str, Any]]:
-    told = [figure("static solution, delays from 0.1 s: total cost", static_cost, "bar^2", PAPER_STATIC, "the paper, on its own record")]
+def _figures(
+    found: list[MethodRuns], floor: float, static_cost: float, runs: Mapping[str, RigRun], answer: Answer
+) -> list[dict[str, Any]]:
+    told = [
+        figure(
+            "static solution, delays from 0.1 s: total cost",
+            static_cost,
+            "bar^2",
+            PAPER_STATIC,
+            "the paper, on its own record",
+        )
+    ]
     for m in found:
         source = "the paper, on its own record" if m.label in PAPER else ""
-        told.append(figure(f"{m.label}: median cost", float(np.median(m.costs)), "bar^2", PAPER.get(m.label, (None,) * 5)[2], source))
+        told.append(
+            figure(
+                f"{m.label}: median cost",
+                float(np.median(m.costs)),
+                "bar^2",
+                PAPER.get(m.label, (None,) * 5)[2],
+                source,
+            )
+        )
     exact = next(m for m in found if m.label == RESTARTED)
     hits = int(np.sum(exact.costs <= NEAR * floor))
-    told.append(figure(f"{RESTARTED}: at the noise floor", float(hits), f"of {len(exact.costs)}", float(len(exact.costs)), "asked for"))
+    told.append(
+        figure(
+            f"{RESTARTED}: at the noise floor",
+            float(hits),
+            f"of {len(exact.costs)}",
+            float(len(exact.costs)),
+            "asked for",
+        )
+    )
     delays = {p["recording"]: p["value"] for p in answer.findings["parameters"] if p["parameter"] == "Td"}
     worst = max(abs(delays[n] - r.truth["parameters"]["Td"]) for n, r in runs.items())
     told.append(figure("largest error of a dead time at 0.05 bar noise", worst, "s"))

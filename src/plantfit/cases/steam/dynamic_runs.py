@@ -26,7 +26,8 @@ PAPERS = ("CMA-ES", FINITE, "DISH", "HMS", "SHADE")  # labels of the methods in 
 
 @dataclass(frozen=True)
 class Method:
-    """A method of the registry under the name that the page shows, where it starts, and its settings; `drawless`: one run tells all.
+    """A method of the registry under the name that the page shows, where it starts, and its settings; `drawless`: one
+    run tells all.
 
     With `polish` a tenth of the budget is kept for a last descent at `POLISHED` steps a sample.
     """
@@ -51,8 +52,8 @@ METHODS = (
     Method("L-BFGS-B, exact, random starts", "lbfgsb", RANDOM, {"max_steps": 10_000}),
     Method("least squares, exact, random starts", "least_squares", RANDOM, polish=True),
 )
-"""With `agree` 1 a run of least squares is one descent; else each opening begins anew, until its best end was found five times or the
-budget is spent. `max_steps`: L-BFGS-B ends with the budget."""
+"""With `agree` 1 a run of least squares is one descent; else each opening begins anew, until its best end was found
+five times or the budget is spent. `max_steps`: L-BFGS-B ends with the budget."""
 
 
 @dataclass(frozen=True)
@@ -74,11 +75,18 @@ class MethodRuns:
 
 
 def method_runs(
-    problem: Problem, method: Method, static: np.ndarray, runs: int, budget: int, seed: int, progress: Callable[[Any], None] | None = None
+    problem: Problem,
+    method: Method,
+    static: np.ndarray,
+    runs: int,
+    budget: int,
+    seed: int,
+    progress: Callable[[Any], None] | None = None,
 ) -> MethodRuns:
     """Runs of a method on a `weighted` dynamic problem; `static` (d,) is where the local ones begin.
 
-    Final costs are those at `CHECKED` steps a sample: a search that fits 310 numbers to the noise fits them to errors of its steps too.
+    Final costs are those at `CHECKED` steps a sample: a search that fits 310 numbers to the noise fits them to errors
+    of its steps too.
     """
     objective = objective_of(problem)
     if method.start == STATIC:
@@ -86,11 +94,17 @@ def method_runs(
     count = 1 if method.drawless else runs
     kept = budget // 10 if method.polish else 0
     settings = dict(method.settings)
-    found = minimise(objective, method.name, runs=count, budget=budget - kept, seed=seed, settings=settings, progress=progress)
+    found = minimise(
+        objective, method.name, runs=count, budget=budget - kept, seed=seed, settings=settings, progress=progress
+    )
     if kept:
         found = [_polished(problem, r, kept) for r in found]
     checked = finely(problem).costs(np.array([r.x for r in found]))
-    return MethodRuns(method.label, method.start, tuple(dataclasses.replace(r, cost=float(c)) for r, c in zip(found, checked, strict=True)))
+    return MethodRuns(
+        method.label,
+        method.start,
+        tuple(dataclasses.replace(r, cost=float(c)) for r, c in zip(found, checked, strict=True)),
+    )
 
 
 def finely(problem: Problem, steps: int = CHECKED) -> Problem:
@@ -101,7 +115,9 @@ def finely(problem: Problem, steps: int = CHECKED) -> Problem:
 def _polished(problem: Problem, run: RunResult, budget: int) -> RunResult:
     """A run led on by exact least squares at `POLISHED` steps a sample."""
     fine = finely(problem, POLISHED)
-    [last] = minimise(objective_of(fine, run.x[None]), "least_squares", budget=budget, seed=run.seed, settings={"agree": 1})
+    [last] = minimise(
+        objective_of(fine, run.x[None]), "least_squares", budget=budget, seed=run.seed, settings={"agree": 1}
+    )
     return dataclasses.replace(
         run,
         x=last.x,
@@ -122,7 +138,8 @@ def opening_runs(
     problems: Mapping[str, Problem] | None = None,
     progress: Callable[[Any], None] | None = None,
 ) -> MethodRuns:
-    """The same opening by opening: ten searches of 31 parameters with `budget` each, their costs summed over runs of the same seed.
+    """The same opening by opening: ten searches of 31 parameters with `budget` each, their costs summed over runs of
+    the same seed.
 
     `x` of the summed runs holds the openings one after the other, 31 coordinates each.
     """
@@ -138,7 +155,8 @@ def opening_problems(recordings: Mapping[str, Recording]) -> dict[str, Problem]:
 
 
 def summed(runs: Sequence[RunResult]) -> RunResult:
-    """Runs on separate openings as one: costs, evaluations and seconds added, histories where all had spent the same share."""
+    """Runs on separate openings as one: costs, evaluations and seconds added, histories where all had spent the same
+    share."""
     shares = np.linspace(0.0, 1.0, 201)[1:]
     costs = np.zeros(len(shares))
     for r in runs:
@@ -173,7 +191,8 @@ def steps_of(recordings: Mapping[str, Recording]) -> list[Step]:
 
 
 def order_of(problem: Problem) -> np.ndarray:
-    """Coordinates (d,) of a dynamic problem in the order k[10], A1[10], A2[10], Td of each opening, one opening after the other."""
+    """Coordinates (d,) of a dynamic problem in the order k[10], A1[10], A2[10], Td of each opening, one opening
+    after the other."""
     return np.concatenate([problem.space.local(name) for name in problem.experiments])
 
 
@@ -181,13 +200,15 @@ def as_run(found: Descent, seed: int, seconds: float = 0.0) -> RunResult:
     """A descent as a run of the study; its coordinates stay in the descent's order."""
     status = Status.budget if found.why == "budget spent" else Status.converged
     return RunResult(
-        "lbfgsb", 0, seed, found.x, found.cost, float(found.evaluations), seconds, status, found.history_evaluations, found.history_cost,
+        "lbfgsb", 0, seed, found.x, found.cost, float(found.evaluations), seconds, status, found.history_evaluations,
+        found.history_cost,
         extra={"why": found.why},
     )  # fmt: skip
 
 
 def finite_runs(problem: Problem, found: Descents, seed: int) -> tuple[MethodRuns, MethodRuns | None]:
-    """L-BFGS-B with finite differences on all openings at once, in the coordinates of `problem`, and on each alone, summed."""
+    """L-BFGS-B with finite differences on all openings at once, in the coordinates of `problem`, and on each alone,
+    summed."""
     whole = as_run(found.together, seed, found.seconds)
     x = np.zeros(problem.space.dimension)
     x[order_of(problem)] = found.together.x

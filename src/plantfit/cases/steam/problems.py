@@ -18,7 +18,8 @@ _STATIC = "x1' = x2; x2' = (k*delay(u, Td) - x1 - A1*x2)/A2; y = x1"
 
 
 def static_model() -> Model:
-    """Equation (2) of the paper with four constants and the bounds of its static task; lower limits of A1 and A2 are ours."""
+    """Equation (2) of the paper with four constants and the bounds of its static task; lower limits of A1 and A2 are
+    ours."""
     return equations(
         _STATIC,
         inputs={"u": "%"},
@@ -49,7 +50,9 @@ def static_problem(
     """
     own = {n: Parameter(per_recording=True, start=STATIC_START[n]) for n in ("k", "A1", "A2")}
     held = isinstance(dead_time, float | int)
-    own["Td"] = Parameter(value=dead_time) if held else Parameter(dead_time, "s", per_recording=True, start=STATIC_START["Td"])
+    own["Td"] = (
+        Parameter(value=dead_time) if held else Parameter(dead_time, "s", per_recording=True, start=STATIC_START["Td"])
+    )
     return Problem(static_model(), steps_from_rest(recordings, until), own, substeps=substeps, name="static")
 
 
@@ -62,7 +65,15 @@ def dynamic_problem(recordings: Mapping[str, Recording], *, weighted: bool = Fal
     if not weighted:
         return Problem(steam_chamber(), steps_from_rest(recordings), own, substeps=substeps, name="dynamic")
     scale = {"y": len(recordings) ** -0.5}  # the sum over openings in place of their mean
-    return Problem(steam_chamber(), steps_from_rest(recordings), own, balance="recordings", scales=scale, substeps=substeps, name="dynamic")
+    return Problem(
+        steam_chamber(),
+        steps_from_rest(recordings),
+        own,
+        balance="recordings",
+        scales=scale,
+        substeps=substeps,
+        name="dynamic",
+    )
 
 
 def total_cost(problem: Problem, z: np.ndarray) -> float:
@@ -80,12 +91,18 @@ def opening_costs(problem: Problem, z: np.ndarray) -> dict[str, float]:
 
 
 def tables_from_static(problem: Problem, static: Mapping[str, float]) -> np.ndarray:
-    """The cube point (d,) of a dynamic problem whose tables are the constants `static` ("k[opening10]": ...), inside its box."""
-    values = [static[c.parameter if c.recording is None else f"{c.parameter}[{c.recording}]"] for c in problem.space.coordinates]
+    """The cube point (d,) of a dynamic problem whose tables are the constants `static` ("k[opening10]": ...), inside
+    its box."""
+    values = [
+        static[c.parameter if c.recording is None else f"{c.parameter}[{c.recording}]"]
+        for c in problem.space.coordinates
+    ]
     return np.clip(problem.space.cube(values), 0.0, 1.0)
 
 
 def steps_from_rest(recordings: Mapping[str, Recording], until: float = np.inf) -> dict[str, Experiment]:
     """Steps from rest; the sample at t = 0 is not scored, as in the paper."""
     before = {"u": 0.0}
-    return {n: Experiment(r, fit=(0.5 * float(r.t[1] - r.t[0]), until + 1e-6), before=before) for n, r in recordings.items()}
+    return {
+        n: Experiment(r, fit=(0.5 * float(r.t[1] - r.t[0]), until + 1e-6), before=before) for n, r in recordings.items()
+    }

@@ -1,4 +1,5 @@
-"""The static task: four constants for each opening, in the paper's two steps and jointly, and what its dead times are worth."""
+"""The static task: four constants for each opening, in the paper's two steps and jointly, and what its dead times
+are worth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -21,7 +22,8 @@ STEP = "step"
 
 @dataclass(frozen=True)
 class StaticTask:
-    """`constants` {opening: {name: value}}, `costs` (bar^2) of the openings, and of every run (openings, runs) that of its last step."""
+    """`constants` {opening: {name: value}}, `costs` (bar^2) of the openings, and of every run (openings, runs) that
+    of its last step."""
 
     label: str
     constants: Mapping[str, Mapping[str, float]]
@@ -45,7 +47,8 @@ def joint(recordings: Mapping[str, Recording], seed: int = 0) -> StaticTask:
 
 
 def two_step(recordings: Mapping[str, Recording], seed: int = 0) -> StaticTask:
-    """The paper's two steps, both by bounded least squares: Td >= 0.1 from the first 2 s, then the rest on whole records."""
+    """The paper's two steps, both by bounded least squares: Td >= 0.1 from the first 2 s, then the rest on whole
+    records."""
     early, whole = static_problem(recordings, until=WINDOW, dead_time=(0.1, 1.0)), static_problem(recordings)
     [first] = minimise(objective_of(early), "least_squares", budget=3000, seed=seed)
     late = np.array([c.parameter == "Td" for c in whole.space.coordinates])
@@ -58,8 +61,11 @@ def two_step(recordings: Mapping[str, Recording], seed: int = 0) -> StaticTask:
     return StaticTask("two steps, least squares", _by_opening(*values), costs, _column(costs), first.evaluations)
 
 
-def two_step_by(recordings: Mapping[str, Recording], method: str, runs: int = 10, budget: int = 3000, seed: int = 0) -> StaticTask:
-    """The same by a method of the portfolio, `runs` of it and `budget` evaluations for each step of each opening, as in the paper.
+def two_step_by(
+    recordings: Mapping[str, Recording], method: str, runs: int = 10, budget: int = 3000, seed: int = 0
+) -> StaticTask:
+    """The same by a method of the portfolio, `runs` of it and `budget` evaluations for each step of each opening, as in
+    the paper.
 
     Every run begins at the paper's start; L-BFGS-B then goes on from random points until its budget is spent.
     """
@@ -75,8 +81,13 @@ def two_step_by(recordings: Mapping[str, Recording], method: str, runs: int = 10
         found = minimise(objective_of(whole), method, runs=runs, budget=budget, seed=seed)
         best = min(found, key=lambda r: r.cost)
         values = np.asarray(whole.space.physical(best.x))
-        constants[name] = {n.split("[")[0]: float(v) for n, v in zip(whole.space.names, values, strict=True)} | {"Td": late}
-        costs[name], spent = best.cost, spent + float(np.mean([a.evaluations + b.evaluations for a, b in zip(began, found, strict=True)]))
+        constants[name] = {n.split("[")[0]: float(v) for n, v in zip(whole.space.names, values, strict=True)} | {
+            "Td": late
+        }
+        costs[name], spent = (
+            best.cost,
+            spent + float(np.mean([a.evaluations + b.evaluations for a, b in zip(began, found, strict=True)])),
+        )
         every.append([r.cost for r in found])
     return StaticTask(f"two steps, {method}", constants, costs, np.array(every), spent)
 
@@ -91,8 +102,8 @@ def beginning(recording: Recording, until: float = WINDOW) -> Recording:
 def early_dead_times(recordings: Mapping[str, Recording], until: float = WINDOW) -> dict[str, DeadTime]:
     """The dead time of every opening from its first `until` s, with its interval, Td free in 0 to 1 s.
 
-    So early the pressure has hardly moved and constants stand for the tables; on whole records they do not, and the dead time
-    takes up the error of the model.
+    So early the pressure has hardly moved and constants stand for the tables; on whole records they do not, and the
+    dead time takes up the error of the model.
     """
     found, problem = {}, None
     for name, recording in recordings.items():
@@ -104,8 +115,8 @@ def early_dead_times(recordings: Mapping[str, Recording], until: float = WINDOW)
 
 @dataclass(frozen=True)
 class DelayStudy:
-    """Over records of one opening: how often the interval held the truth, its median half width (s), the mean error and its rms (s),
-    and how often the record told the dead time at all."""
+    """Over records of one opening: how often the interval held the truth, its median half width (s), the mean error
+    and its rms (s), and how often the record told the dead time at all."""
 
     opening: float
     noise: float
@@ -125,7 +136,8 @@ def delay_study(noise: float, bits: int, opening: float, seeds: range, until: fl
     low, high = np.array([d.interval for d in found]).T
     error = np.array([d.value for d in found]) - truth
     return DelayStudy(
-        opening, noise, bits, float(np.mean((low <= truth) & (truth <= high))), float(np.median(0.5 * (high - low))), float(np.mean(error)),
+        opening, noise, bits, float(np.mean((low <= truth) & (truth <= high))), float(np.median(0.5 * (high - low))),
+        float(np.mean(error)),
         float(np.sqrt(np.mean(error**2))), float(np.mean([d.determined for d in found])),
     )  # fmt: skip
 

@@ -28,7 +28,8 @@ def smoothed_problem(recordings: Mapping[str, Recording], smooth: float | str = 
 
 
 def shared_problem(recordings: Mapping[str, Recording], *, surface: bool, smooth: float | str | None = None) -> Problem:
-    """One set of tables for all openings, over the pressure or (`surface`) over pressure and opening; Td of each opening.
+    """One set of tables for all openings, over the pressure or (`surface`) over pressure and opening; Td of each
+    opening.
 
     Searched and smoothed by logarithms: over the openings the gain changes sixfold.
     """
@@ -38,14 +39,18 @@ def shared_problem(recordings: Mapping[str, Recording], *, surface: bool, smooth
 
 
 def answers(recordings: Mapping[str, Recording]) -> dict[str, Answer]:
-    """Every model at its answer, by local searches from the constants of the static task, which start as the paper does."""
+    """Every model at its answer, by local searches from the constants of the static task, which start as the paper
+    does."""
     static = static_problem(recordings)
     assert static.space.start is not None
     z = descend(Rows(static), None, static.space.start)
     constants = dict(zip(static.space.names, np.asarray(static.space.physical(z)).tolist(), strict=True))
     own, smoothed = dynamic_problem(recordings), smoothed_problem(recordings)
     start = tables_from_static(own, constants)
-    found: dict[str, Answer] = {"constants of each opening": (static, z), "tables of each opening": (own, descend(Rows(own), None, start))}
+    found: dict[str, Answer] = {
+        "constants of each opening": (static, z),
+        "tables of each opening": (own, descend(Rows(own), None, start)),
+    }
     chosen = by_reml(smoothed, start)
     found["tables of each opening, smoothed"] = chosen.problem, chosen.z
     shared = shared_problem(recordings, surface=False)
@@ -57,7 +62,8 @@ def answers(recordings: Mapping[str, Recording]) -> dict[str, Answer]:
 
 
 def compared(found: Mapping[str, Answer]) -> tuple[ModelComparison, dict[str, dict[str, float]]]:
-    """The models by their criteria, and the error (bar) on each opening that its fit had not seen, for shared tables."""
+    """The models by their criteria, and the error (bar) on each opening that its fit had not seen, for shared
+    tables."""
     blind = {n: left_out_recordings(p, z, _openings(p)) for n, (p, z) in found.items() if p.separable is None}
     total = {n: float(np.sqrt(np.mean(np.square(list(errors.values()))))) for n, errors in blind.items()}
     return by_criteria(found, total), blind
@@ -73,7 +79,8 @@ def _openings(problem: Problem) -> dict[str, float]:
 
 
 def _shared_start(problem: Problem, constants: Mapping[str, float]) -> np.ndarray:
-    """A cube point (d,) from the constants of the openings: between them over a surface, their median over pressure alone."""
+    """A cube point (d,) from the constants of the openings: between them over a surface, their median over pressure
+    alone."""
     openings, values = _openings(problem), []
     for c in problem.space.coordinates:
         known = [constants[f"{c.parameter}[{n}]"] for n in openings]

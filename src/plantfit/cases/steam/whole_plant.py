@@ -22,12 +22,15 @@ def whole_plant(openings: Sequence[float] = OPENINGS, dead_time: bool = True) ->
     if not dead_time:
         return plain
     late = Table("Td", ("u",), (tuple(grid),), "s")
-    parameters = tuple(Declared("Td", "s", (0.0, 1.0), shape=late.shape) if p.name == "Td" else p for p in plain.parameters)
+    parameters = tuple(
+        Declared("Td", "s", (0.0, 1.0), shape=late.shape) if p.name == "Td" else p for p in plain.parameters
+    )
     return replace(plain, parameters=parameters, tables=(*plain.tables, late))
 
 
 def plants_of(problem: Problem, points: Sequence[Any]) -> dict[str, np.ndarray]:
-    """Parameters of `whole_plant` with a leading axis for cube points (310,) of a dynamic problem of all openings, in their order."""
+    """Parameters of `whole_plant` with a leading axis for cube points (310,) of a dynamic problem of all openings,
+    in their order."""
     members = []
     for z in points:
         values = np.asarray(problem.space.physical(np.asarray(z)))

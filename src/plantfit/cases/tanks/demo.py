@@ -28,12 +28,15 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     baseline = "linear cascade with offset, whole record"
     figures = [
         figure("RMSE on the fitted three quarters", rms(error[part(answer, "fit")]), "V", 0.525, baseline),
-        figure("RMSE on the unseen quarter", rms(error[part(answer, "validation")]), "V", PUBLISHED["SCI"], f"SCI: {THERE}"),
+        figure(
+            "RMSE on the unseen quarter", rms(error[part(answer, "validation")]), "V", PUBLISHED["SCI"], f"SCI: {THERE}"
+        ),
         figure("upper level at the start, never measured", answer.values["h1_start"], "V"),
     ]
     listed = ", ".join(f"{name} {value:.2f} V" for name, value in PUBLISHED.items())
     sentences = [
-        "The benchmark's validation record is held back, so the last quarter of the training record is the unseen part here.",
+        "The benchmark's validation record is held back, so the last quarter of the training record is the unseen part "
+        "here.",
         f"Published RMSE on that other record, for orientation only: {listed}.",
     ]
     return record("tanks", "Cascaded tanks with overflow", figures, sentences, [answer], [file])

@@ -22,7 +22,10 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     slow = place / "drift.toml"
     fast = place / "faster_drift.toml"
     files = [place / "thermal.toml", slow, fast]
-    answers = {label: fit_file(file, progress) for label, file in zip(("constant", "slow drift", "faster drift"), files, strict=True)}
+    answers = {
+        label: fit_file(file, progress)
+        for label, file in zip(("constant", "slow drift", "faster drift"), files, strict=True)
+    }
     late = {n: dead_time(a.problem, a) for n, a in answers.items()}
     gain = {n: profile(a.problem, a, "K") for n, a in answers.items()}
     plain = answers["constant"]
@@ -63,15 +66,26 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
                     "dead time [s], 95 %",
                 ],
                 "rows": rows,
-                "note": "Every interval holds if its model is right. Authors: gain 1.159, time constant 35.5 s, delay 0.52 s.",
+                "note": "Every interval holds if its model is right. Authors: gain 1.159, time constant 35.5 s, delay "
+                "0.52 s.",
             }
         ],
         "figures": [
-            {"figure": followed_figure(answers, "prbs", "y"), "label": "Measured, and simulated with each view of the surroundings."}
+            {
+                "figure": followed_figure(answers, "prbs", "y"),
+                "label": "Measured, and simulated with each view of the surroundings.",
+            }
         ],
     }
     return record(
-        "thermal", "Thermal plant", figures, sentences, list(answers.values()), files, [section], "A dead time that is too small to see"
+        "thermal",
+        "Thermal plant",
+        figures,
+        sentences,
+        list(answers.values()),
+        files,
+        [section],
+        "A dead time that is too small to see",
     )
 
 
@@ -82,15 +96,19 @@ def _sentences(answers: Mapping[str, Answer], late: Mapping[str, DeadTime], gain
     untold = [n for n in late if n not in told]
     top = max(d.interval[1] for d in late.values())
     made = [
-        f"Drift makes {100 * shares[1]:.0f} % of the mean square that a constant offset leaves, {100 * shares[2]:.0f} % if it is faster."
+        f"Drift makes {100 * shares[1]:.0f} % of the mean square that a constant offset leaves, {100 * shares[2]:.0f} "
+        f"% if it is faster."
     ]
     if told and untold:
         made.append(
-            f"Whether there is a dead time depends on how the surroundings are taken (told with: {', '.join(told)}; not with: "
+            f"Whether there is a dead time depends on how the surroundings are taken (told with: {', '.join(told)}; "
+            f"not with: "
             f"{', '.join(untold)}), so this record does not tell it from zero; it is below {top:.2g} s."
         )
     elif untold:
-        made.append(f"However the surroundings are taken, the dead time cannot be told from zero; it is below {top:.2g} s.")
+        made.append(
+            f"However the surroundings are taken, the dead time cannot be told from zero; it is below {top:.2g} s."
+        )
     low, high = min(g.value for g in gain.values()), max(g.value for g in gain.values())
     made.append(f"The gain moves with that choice, too: {low:.3g} to {high:.3g} degC/%.")
     return made

@@ -12,7 +12,8 @@ _RANGE = re.compile(rf"\s*({_NUMBER})?\s*\.\.\s*({_NUMBER})?\s*(.*?)\s*")
 
 
 def quantity(option: str, text: str | None, unit: str, *, difference: bool = False) -> float | None:
-    """The number of a text in `unit`, in which a bare number is taken; by its size alone for a `difference`; None for None.
+    """The number of a text in `unit`, in which a bare number is taken; by its size alone for a `difference`; None for
+    None.
 
     Raises SpecError or UnitError.
     """
@@ -44,7 +45,10 @@ def ranges_by_name(option: str, texts: Sequence[str]) -> dict[str, tuple[str | N
         name, sign, ends = text.partition("=")
         match = _RANGE.fullmatch(ends)
         if not sign or match is None or not (match[1] or match[2]):
-            raise SpecError(f"{option} {text!r} is not a range; write NAME=LOW..HIGH, as in {option} 'T=20..80 degC' or {option} T=..80.")
+            raise SpecError(
+                f"{option} {text!r} is not a range; write NAME=LOW..HIGH, as in {option} 'T=20..80 degC' or {option} "
+                f"T=..80."
+            )
         found[name.strip()] = tuple(f"{end} {match[3]}".strip() if end else None for end in (match[1], match[2]))
     return found
 

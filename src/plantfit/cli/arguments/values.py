@@ -7,8 +7,11 @@ from plantfit.cli.arguments.assignments import numbers_by_name
 from plantfit.errors import SpaceError, StoreError
 
 
-def values_at(names: Sequence[str], texts: Sequence[str], study: str, number: int | None, store: str) -> dict[str, float]:
-    """By coordinate name: NAME=VALUE `texts` of --set; what they leave out from study `number`, else the newest named `study`.
+def values_at(
+    names: Sequence[str], texts: Sequence[str], study: str, number: int | None, store: str
+) -> dict[str, float]:
+    """By coordinate name: NAME=VALUE `texts` of --set; what they leave out from study `number`, else the newest named
+    `study`.
 
     Raises SpaceError for an unknown name, StoreError where values are missing and no study has them.
     """

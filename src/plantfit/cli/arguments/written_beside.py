@@ -20,10 +20,13 @@ def write(target: Path, text: str, otherwise: str) -> None:
 
 
 def written_beside(target: Path, text: str) -> str:
-    """The file, named from here; one that is there is kept if it says the same. Raises SpecError for another file in its place."""
+    """The file, named from here; one that is there is kept if it says the same. Raises SpecError for another file in
+    its place."""
     if not target.exists():
         write(target, text, "make its folder writable, or copy the study file to one that is")
     elif target.read_text(encoding="utf-8", errors="replace") != text:
         run = f"plantfit run {shlex.quote(shown(target))}"
-        raise SpecError(f"{shown(target)!r} exists already and says something else; run it with `{run}`, or move it away.")
+        raise SpecError(
+            f"{shown(target)!r} exists already and says something else; run it with `{run}`, or move it away."
+        )
     return shown(target)

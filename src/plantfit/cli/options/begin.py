@@ -11,7 +11,9 @@ def demo(
     name: Annotated[str, typer.Argument(help="Name of a demo; see `plantfit demo --list`.")] = "gearmotor",
     out: Annotated[str, typer.Option("--out", "-o", help="Folder for the reports.")] = "out",
     list_: Annotated[bool, typer.Option("--list", help="List the demos and stop.")] = False,
-    full: Annotated[bool, typer.Option("--full", help="Run the whole study and not the short one, where a demo has both.")] = False,
+    full: Annotated[
+        bool, typer.Option("--full", help="Run the whole study and not the short one, where a demo has both.")
+    ] = False,
     files: Annotated[
         bool, typer.Option("--files", help="Only copy its recordings and study files, so that you can work with them.")
     ] = False,
@@ -31,16 +33,24 @@ def demo(
 def init(
     file: Annotated[str, typer.Argument(help="A recording: CSV, CSV.gz, Parquet, XLSX, MAT, NPZ.")],
     out: Annotated[
-        str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml beside the recording if left out.")
+        str | None,
+        typer.Option("--out", "-o", help="The study file to write; NAME.toml beside the recording if left out."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing study file.")] = False,
     inputs: Annotated[list[str] | None, typer.Option("--input", help="A column that is an input (repeat).")] = None,
     outputs: Annotated[list[str] | None, typer.Option("--output", help="A column that is an output (repeat).")] = None,
-    candidates: Annotated[bool, typer.Option("--candidates", help="Write three kinds of model, fit and compare them.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", "-y", help="Ask nothing; take the columns for what they seem to be.")] = False,
+    candidates: Annotated[
+        bool, typer.Option("--candidates", help="Write three kinds of model, fit and compare them.")
+    ] = False,
+    yes: Annotated[
+        bool, typer.Option("--yes", "-y", help="Ask nothing; take the columns for what they seem to be.")
+    ] = False,
     model: Annotated[
         str | None,
-        typer.Option("--model", help="dc_motor: all its constants where a current is recorded, else what the speed alone determines."),
+        typer.Option(
+            "--model",
+            help="dc_motor: all its constants where a current is recorded, else what the speed alone determines.",
+        ),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -51,21 +61,28 @@ def init(
 
 
 def new(
-    name: Annotated[str | None, typer.Argument(help="A list of parts, NAME.net; with --from the name of the new study.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="A list of parts, NAME.net; with --from the name of the new study.")
+    ] = None,
     from_: Annotated[str | None, typer.Option("--from", help="A plant to begin with; --list names them.")] = None,
     recording: Annotated[
-        str | None, typer.Option("--recording", help="The file of measurements; its columns are found by name and unit.")
+        str | None,
+        typer.Option("--recording", help="The file of measurements; its columns are found by name and unit."),
     ] = None,
     columns: Annotated[
-        list[str] | None, typer.Option("--column", help="SIGNAL=COLUMN, for a column that is not found that way (repeat).")
+        list[str] | None,
+        typer.Option("--column", help="SIGNAL=COLUMN, for a column that is not found that way (repeat)."),
     ] = None,
-    out: Annotated[str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml if left out.")] = None,
+    out: Annotated[
+        str | None, typer.Option("--out", "-o", help="The study file to write; NAME.toml if left out.")
+    ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
     list_: Annotated[bool, typer.Option("--list", help="List the plants to begin with and stop.")] = False,
     parts: Annotated[bool, typer.Option("--parts", help="List the parts that may be used and stop.")] = False,
     json: Json = False,
 ) -> None:
-    """Write the study file of a plant from its parts (resistors, springs, tanks, motors, ...), or of one from the library."""
+    """Write the study file of a plant from its parts (resistors, springs, tanks, motors, ...), or of one from the
+    library."""
     from plantfit.cli.commands.begin import new as command
 
     if parts or list_:
@@ -76,13 +93,19 @@ def new(
 def look(
     file: Annotated[str, typer.Argument(help="A study file (TOML), or a file of measurements.")],
     input_: Annotated[
-        list[str] | None, typer.Option("--input", help="An input (repeat); if left out, those of the study, else the first column.")
+        list[str] | None,
+        typer.Option("--input", help="An input (repeat); if left out, those of the study, else the first column."),
     ] = None,
     output: Annotated[
-        list[str] | None, typer.Option("--output", help="An output (repeat); if left out, those of the study, else the last column.")
+        list[str] | None,
+        typer.Option("--output", help="An output (repeat); if left out, those of the study, else the last column."),
     ] = None,
-    recording: Annotated[str | None, typer.Option("--recording", help="Which recording of a study file; the first if left out.")] = None,
-    out: Annotated[str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-look.html if left out.")] = None,
+    recording: Annotated[
+        str | None, typer.Option("--recording", help="Which recording of a study file; the first if left out.")
+    ] = None,
+    out: Annotated[
+        str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-look.html if left out.")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Look at a recording without equations: frequency and step response, delay, and how well any linear model does."""
@@ -93,19 +116,30 @@ def look(
 
 def check(
     spec: Spec,
-    verify: Annotated[bool, typer.Option("--verify", help="Also compare the simulation of every recording with a tight solver.")] = False,
+    verify: Annotated[
+        bool, typer.Option("--verify", help="Also compare the simulation of every recording with a tight solver.")
+    ] = False,
     at: Annotated[
-        list[str] | None, typer.Option(help="Parameter values, as name=value (repeat); the others stay in the middle of their bounds.")
+        list[str] | None,
+        typer.Option(help="Parameter values, as name=value (repeat); the others stay in the middle of their bounds."),
     ] = None,
     tolerance: Annotated[
-        float | None, typer.Option(help="With --verify: halve the steps until the largest error is below this (unit of the output).")
+        float | None,
+        typer.Option(help="With --verify: halve the steps until the largest error is below this (unit of the output)."),
     ] = None,
     holds: Annotated[
         bool,
-        typer.Option("--holds", help="Also fit briefly with every input held, and interpolated, between samples; say which fits better."),
+        typer.Option(
+            "--holds",
+            help="Also fit briefly with every input held, and interpolated, between samples; say which fits better.",
+        ),
     ] = False,
     identify: Annotated[
-        bool, typer.Option("--identify", help="Say what the records can determine also for models with events, dry friction or backlash.")
+        bool,
+        typer.Option(
+            "--identify",
+            help="Say what the records can determine also for models with events, dry friction or backlash.",
+        ),
     ] = False,
     json: Json = False,
 ) -> None:

@@ -4,7 +4,16 @@ from typing import Annotated
 
 import typer
 
-from plantfit.cli.options.shared import Json, NoDiagnose, OtherStudy, ReportPlace, Scheduler, StorePlace, StudyId, Workers
+from plantfit.cli.options.shared import (
+    Json,
+    NoDiagnose,
+    OtherStudy,
+    ReportPlace,
+    Scheduler,
+    StorePlace,
+    StudyId,
+    Workers,
+)
 from plantfit.study.store.addresses import STORE
 
 
@@ -17,20 +26,23 @@ def run(
     try_: Annotated[
         list[str] | None,
         typer.Option(
-            "--try", help='Add this to the model, as in --try "dead time of u" (repeat), keep the study file with it, and run that one.'
+            "--try",
+            help='Add this to the model, as in --try "dead time of u" (repeat), keep the study file with it, and run '
+            "that one.",
         ),
     ] = None,
     pieces: Annotated[
         float | None,
         typer.Option(
-            help="Cut recordings into pieces of so many seconds with starts of their own, keep the study file with them, and run that one."
+            help="Cut recordings into pieces of so many seconds with starts of their own, keep the study file with "
+            "them, and run that one."
         ),
     ] = None,
     no_diagnose: NoDiagnose = False,
     json: Json = False,
 ) -> None:
-    """Run a study, keep every run in the store, look for what is missing in its model where the residual is more than noise, and write
-    the report. Ctrl-C saves; `plantfit resume` goes on."""
+    """Run a study, keep every run in the store, look for what is missing in its model where the residual is more
+    than noise, and write the report. Ctrl-C saves; `plantfit resume` goes on."""
     from plantfit.cli.commands.fit import studies
 
     studies.run(specs, store, out, json, workers, scheduler, try_ or [], pieces, not no_diagnose)
@@ -38,7 +50,8 @@ def run(
 
 def resume(
     study: Annotated[
-        list[int] | None, typer.Argument(help="Numbers of studies in `plantfit list`; the newest unfinished if left out.")
+        list[int] | None,
+        typer.Argument(help="Numbers of studies in `plantfit list`; the newest unfinished if left out."),
     ] = None,
     store: StorePlace = STORE,
     out: ReportPlace = None,
@@ -61,7 +74,11 @@ def list_(store: StorePlace = STORE, json: Json = False) -> None:
 
 
 def report(
-    study: StudyId = None, store: StorePlace = STORE, out: ReportPlace = None, no_diagnose: NoDiagnose = False, json: Json = False
+    study: StudyId = None,
+    store: StorePlace = STORE,
+    out: ReportPlace = None,
+    no_diagnose: NoDiagnose = False,
+    json: Json = False,
 ) -> None:
     """Write the report of a study again, or print its figures with --json."""
     from plantfit.cli.commands.fit import studies
@@ -72,11 +89,18 @@ def report(
 def predict(
     spec: Annotated[str, typer.Argument(help="The study file (TOML); its recordings may be new ones.")],
     out: Annotated[str, typer.Option("--out", "-o", help="CSV file to write.")] = "predicted.csv",
-    values: Annotated[list[str] | None, typer.Option("--set", help="A parameter, as NAME=VALUE in its unit; may be repeated.")] = None,
+    values: Annotated[
+        list[str] | None, typer.Option("--set", help="A parameter, as NAME=VALUE in its unit; may be repeated.")
+    ] = None,
     study: OtherStudy = None,
-    recording: Annotated[str | None, typer.Option("--recording", help="Which recording of the study file; the first if left out.")] = None,
+    recording: Annotated[
+        str | None, typer.Option("--recording", help="Which recording of the study file; the first if left out.")
+    ] = None,
     bands: Annotated[
-        bool, typer.Option("--bands", help="Also give bands of the plant and of readings, over all parameters that the data allow.")
+        bool,
+        typer.Option(
+            "--bands", help="Also give bands of the plant and of readings, over all parameters that the data allow."
+        ),
     ] = False,
     level: Annotated[str, typer.Option("--level", help="Confidence level of the bands, as in 95%.")] = "95%",
     store: StorePlace = STORE,

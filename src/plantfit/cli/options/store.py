@@ -10,7 +10,9 @@ from plantfit.study.store.addresses import STORE
 
 def export_study(
     study: StudyId = None,
-    json: Annotated[bool, typer.Option("--json", help="As JSON, NAME.json unless --out says otherwise; the default.")] = False,
+    json: Annotated[
+        bool, typer.Option("--json", help="As JSON, NAME.json unless --out says otherwise; the default.")
+    ] = False,
     parquet: Annotated[bool, typer.Option("--parquet", help="As Parquet, one row per run: NAME.parquet.")] = False,
     out: Annotated[str | None, typer.Option("--out", "-o", help="The file to write.")] = None,
     store: StorePlace = STORE,
@@ -24,7 +26,10 @@ def export_study(
 def import_(
     files: Annotated[list[str], typer.Argument(help="Files that `plantfit export-study` wrote.")],
     spec: Annotated[
-        str | None, typer.Option("--spec", help="Place of the study file on this machine; its recordings are looked for beside it.")
+        str | None,
+        typer.Option(
+            "--spec", help="Place of the study file on this machine; its recordings are looked for beside it."
+        ),
     ] = None,
     store: StorePlace = STORE,
     json: Json = False,
@@ -47,7 +52,9 @@ def merge(
 
 
 def workers(
-    study: Annotated[int | None, typer.Argument(help="Number of a study in `plantfit list`; all unfinished ones if left out.")] = None,
+    study: Annotated[
+        int | None, typer.Argument(help="Number of a study in `plantfit list`; all unfinished ones if left out.")
+    ] = None,
     store: StorePlace = STORE,
     watch: Annotated[bool, typer.Option("--watch", help="Show it again every second until Ctrl-C.")] = False,
     json: Json = False,

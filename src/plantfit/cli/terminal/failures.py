@@ -1,4 +1,5 @@
-"""What a command says when it fails: one sentence; for an error inside plantfit also where the log with its traceback lies."""
+"""What a command says when it fails: one sentence; for an error inside plantfit also where the log with its
+traceback lies."""
 
 import os
 import platform
@@ -28,7 +29,10 @@ def inside(error: BaseException) -> str:
     what = shortened(concealed(f"{type(error).__name__}: {first}" if first else type(error).__name__, *addresses), 300)
     log = _written(concealed(_text(error), *addresses))
     more = f"send {log} with a report of it, please" if log else "no log of it could be written"
-    return f"An error inside plantfit ended this command ({what}); what was finished is kept. It is a fault of plantfit: {more}."
+    return (
+        f"An error inside plantfit ended this command ({what}); what was finished is kept. It is a fault of "
+        f"plantfit: {more}."
+    )
 
 
 def _text(error: BaseException) -> str:

@@ -1,8 +1,8 @@
 """Ctrl-C, seen at once whatever the main thread does.
 
-Python runs its signal handlers between bytecodes of the main thread, so not while XLA compiles or LLVM optimises, and an exception
-that one raises inside a callback of jax is lost. So the C part of the handler writes into a socket, and a thread that reads it
-acknowledges, and ends the process where the main thread does not.
+Python runs its signal handlers between bytecodes of the main thread, so not while XLA compiles or LLVM optimises, and
+an exception that one raises inside a callback of jax is lost. So the C part of the handler writes into a socket, and a
+thread that reads it acknowledges, and ends the process where the main thread does not.
 """
 
 import _thread
@@ -18,13 +18,17 @@ EXIT_CODE = 130
 GRACE = 0.7  # seconds that the main thread gets to end by itself
 COALESCED = 0.2  # seconds after which the main thread is asked whether it saw a second signal
 LAST_GRACE = 5.0  # the same where it has to leave a machine in a safe state
-SENTENCE = "Stopped by {cause}. `plantfit resume` goes on with a study, `plantfit report` shows one that is done; begin anything else anew."
+SENTENCE = (
+    "Stopped by {cause}. `plantfit resume` goes on with a study, `plantfit report` shows one that is done; "
+    "begin anything else anew."
+)
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stopping:
-    """Whether Ctrl-C was pressed in a part of a command that saves before it ends; `before_exit` is done when it ends at once."""
+    """Whether Ctrl-C was pressed in a part of a command that saves before it ends; `before_exit` is done when it
+    ends at once."""
 
     def __init__(self, sentence: str, farewell: Callable[[], str], cleans_up: bool):
         self.sentence, self.farewell, self.cleans_up = sentence, farewell, cleans_up
@@ -73,7 +77,9 @@ class _Watch:
     def hit(self) -> None:
         part = self.stopping
         if part is None:
-            threading.Thread(target=self.end_after, args=(GRACE, lambda: with_cause(self.sentence)), daemon=True).start()
+            threading.Thread(
+                target=self.end_after, args=(GRACE, lambda: with_cause(self.sentence)), daemon=True
+            ).start()
             return
         part.asked = True
         part.told += 1
@@ -145,8 +151,8 @@ def stoppable(
     *,
     cleans_up: bool = False,
 ) -> Iterator[Stopping]:
-    """Inside, the first Ctrl-C says `sentence` and is told by the yielded function. A second one says `farewell` and ends the process
-    at once; where the main thread `cleans_up` it gets KeyboardInterrupt and some seconds to do so."""
+    """Inside, the first Ctrl-C says `sentence` and is told by the yielded function. A second one says `farewell` and
+    ends the process at once; where the main thread `cleans_up` it gets KeyboardInterrupt and some seconds to do so."""
     with watched():
         watch, part = _watch, Stopping(sentence, farewell, cleans_up)
         if watch is None:  # not in the main thread: nobody asks
@@ -192,7 +198,9 @@ def end(sentence: str, before: list[Callable[[], object]] | tuple[()] = ()) -> N
     for step in before:
         with suppress(Exception):
             step()
-    clean = "\r\x1b[K\x1b[?25h" if sys.stderr is not None and os.isatty(2) else ""  # a live line may have hidden the cursor
+    clean = (
+        "\r\x1b[K\x1b[?25h" if sys.stderr is not None and os.isatty(2) else ""
+    )  # a live line may have hidden the cursor
     with suppress(OSError):
         os.write(2, f"{clean}plantfit: {sentence}\n".encode())
     os._exit(EXIT_CODE)

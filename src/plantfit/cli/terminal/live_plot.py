@@ -50,7 +50,10 @@ def headline(p: Any) -> str:
     """Counts of a recording in one line."""
     state = "" if p.connected else "   PORT AWAY, trying again"
     played = f", played {100 * p.played / p.values:.0f} %" if p.values else ""
-    return f"{p.seconds:.1f} s, {p.samples} samples, {p.lost} lost, {p.garbled} garbled, {p.reconnects} reconnects{played}{state}"
+    return (
+        f"{p.seconds:.1f} s, {p.samples} samples, {p.lost} lost, {p.garbled} garbled, {p.reconnects} "
+        f"reconnects{played}{state}"
+    )
 
 
 @contextmanager

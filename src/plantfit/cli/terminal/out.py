@@ -47,7 +47,8 @@ def verdict(findings: dict[str, Any]) -> None:
 
 @contextmanager
 def doing(what: str) -> Iterator[None]:
-    """A line while `what` is done, on standard error: wiped away on a terminal; in a log only where it takes more than 30 s."""
+    """A line while `what` is done, on standard error: wiped away on a terminal; in a log only where it takes more
+    than 30 s."""
     if err.is_terminal:
         with err.status(escape(what)):
             yield
@@ -109,7 +110,8 @@ def duration(seconds: float) -> str:
 
 
 def log_lines(describe: Callable[[Any], tuple[str, str]]) -> Callable[[Any], None]:
-    """A callback that writes a plain line every 30 s, and one where a part begins: a log file tells as much as a screen."""
+    """A callback that writes a plain line every 30 s, and one where a part begins: a log file tells as much as a
+    screen."""
     began = last = time.monotonic()
 
     def tell(p):
@@ -124,7 +126,8 @@ def log_lines(describe: Callable[[Any], tuple[str, str]]) -> Callable[[Any], Non
 
 @contextmanager
 def said_line(quiet: bool = False) -> Iterator[Callable[[str], None] | None]:
-    """What is being done, on standard error: one live line on a terminal, else a plain line every 30 s; yields its callback."""
+    """What is being done, on standard error: one live line on a terminal, else a plain line every 30 s; yields its
+    callback."""
     if quiet:
         yield None
         return
@@ -139,7 +142,8 @@ def said_line(quiet: bool = False) -> Iterator[Callable[[str], None] | None]:
 
 @contextmanager
 def progress_line(quiet: bool = False) -> Iterator[Any]:
-    """Progress on standard error: a live line on a terminal, else a plain line every 30 s; yields the callback of a study or a search."""
+    """Progress on standard error: a live line on a terminal, else a plain line every 30 s; yields the callback of a
+    study or a search."""
     if quiet:
         yield None
         return
@@ -148,12 +152,24 @@ def progress_line(quiet: bool = False) -> Iterator[Any]:
         return
     from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn  # for terminals only
 
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(30), TextColumn("{task.fields[figures]}"), TimeElapsedColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(30),
+        TextColumn("{task.fields[figures]}"),
+        TimeElapsedColumn(),
+    )
     with Progress(*columns, console=err, transient=True) as bar:
         task = bar.add_task("compiling", total=1.0, figures="")
 
         def tell(p):
             method, figures = _describe(p)
-            bar.update(task, description=method, total=p.budget_total, completed=min(p.evaluations, p.budget_total), figures=figures)
+            bar.update(
+                task,
+                description=method,
+                total=p.budget_total,
+                completed=min(p.evaluations, p.budget_total),
+                figures=figures,
+            )
 
         yield tell

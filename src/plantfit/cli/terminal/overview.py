@@ -17,7 +17,8 @@ SECTIONS: Mapping[str, Mapping[str, tuple[Callable[..., None], str]]] = {
 
 
 def sections(commands: Sequence[str]) -> Iterator[tuple[str, list[tuple[str, str]]]]:
-    """Title and (command, line) of each section, names padded to one width; commands that no section names come last."""
+    """Title and (command, line) of each section, names padded to one width; commands that no section names come
+    last."""
     width = max(map(len, commands), default=0)
     named = {name for rows in SECTIONS.values() for name in rows}
     lines = {title: {name: said for name, (_, said) in rows.items()} for title, rows in SECTIONS.items()}

@@ -19,8 +19,8 @@ REFRESH_SECONDS = 1.0
 
 @contextmanager
 def study_progress(quiet: bool, names: Callable[[int], str]) -> Iterator[Any]:
-    """A live line for a study and one for each worker, on standard error (plain lines where that is no terminal); yields a callback
-    for `StudyProgress`, None if not shown."""
+    """A live line for a study and one for each worker, on standard error (plain lines where that is no terminal);
+    yields a callback for `StudyProgress`, None if not shown."""
 
     def name(p: Any) -> str:
         return f"{names(p.study_id)} {p.method}".strip()
@@ -31,7 +31,13 @@ def study_progress(quiet: bool, names: Callable[[int], str]) -> Iterator[Any]:
     if not sys.stderr.isatty():
         yield log_lines(lambda p: (name(p), figures(p)))
         return
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), BarColumn(30), TextColumn("{task.fields[figures]}"), TimeElapsedColumn())
+    columns = (
+        SpinnerColumn(),
+        TextColumn("{task.description}"),
+        BarColumn(30),
+        TextColumn("{task.fields[figures]}"),
+        TimeElapsedColumn(),
+    )
     bar = Progress(*columns, console=err)
     task = bar.add_task("compiling", total=1.0, figures="")
     with Live(bar, console=err, transient=True, refresh_per_second=5) as live:
@@ -44,7 +50,11 @@ def study_progress(quiet: bool, names: Callable[[int], str]) -> Iterator[Any]:
                 completed=min(p.evaluations, p.budget_total),
                 figures=figures(p),
             )
-            lines = [f"    {line}" for line in worker_lines(p.workers, p.budget_total / p.runs)] if len(p.workers) > 1 else []
+            lines = (
+                [f"    {line}" for line in worker_lines(p.workers, p.budget_total / p.runs)]
+                if len(p.workers) > 1
+                else []
+            )
             live.update(Group(bar, Text("\n".join(lines), style="dim")) if lines else bar)
 
         yield tell
@@ -100,12 +110,21 @@ def _row(study: Any, h: Any) -> dict[str, Any]:
     from plantfit.study.running.worker_names import where
 
     task = {"method": h.task.method, "first_run": h.task.first, "runs": h.task.count}
-    return {"study": study.id, "name": study.name, "worker": where(h.worker), **task, "evaluations": h.evaluations, "silent_s": h.silent}
+    return {
+        "study": study.id,
+        "name": study.name,
+        "worker": where(h.worker),
+        **task,
+        "evaluations": h.evaluations,
+        "silent_s": h.silent,
+    }
 
 
 def _task(h: Any) -> str:
     last = h.task.first + h.task.count - 1
-    return f"{h.task.method} run {h.task.first}" if h.task.count == 1 else f"{h.task.method} runs {h.task.first} to {last}"
+    return (
+        f"{h.task.method} run {h.task.first}" if h.task.count == 1 else f"{h.task.method} runs {h.task.first} to {last}"
+    )
 
 
 def _share(h: Any, budget: float) -> str:

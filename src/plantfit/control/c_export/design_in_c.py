@@ -8,7 +8,16 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.c_export.estimator import estimator_steps, sizes, story
-from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, table, write_c
+from plantfit.control.c_export.files import (
+    CFiles,
+    checked_finite,
+    checked_name,
+    checked_number,
+    clipped,
+    literal,
+    table,
+    write_c,
+)
 from plantfit.control.c_export.pids.per_output_in_c import per_output_to_c
 from plantfit.control.linear.design import Design
 from plantfit.control.linear.kalman import Estimator
@@ -94,8 +103,11 @@ BLENDED = Template("""    for (i = 0; i < STATES; i++)
 """)
 
 
-def design_to_c(design: Design, folder: str | os.PathLike[str], *, name: str, number: str = "double", note: str = "") -> CFiles:
-    """Write an `lqr`, `takagi_sugeno` or `pid_per_output` design as C99, NAME.h and NAME.c: struct NAME, NAME_init, NAME_update.
+def design_to_c(
+    design: Design, folder: str | os.PathLike[str], *, name: str, number: str = "double", note: str = ""
+) -> CFiles:
+    """Write an `lqr`, `takagi_sugeno` or `pid_per_output` design as C99, NAME.h and NAME.c: struct NAME, NAME_init,
+    NAME_update.
 
     `number`: "double" or "float"; `note` goes into the header's comment. No memory is allocated, no library called.
     Raises SimulationError for designs of another kind and for what does not fit.
@@ -114,10 +126,15 @@ def design_to_c(design: Design, folder: str | os.PathLike[str], *, name: str, nu
         centres, premise = np.asarray(given.centres), int(np.argmax(given.premise))
         filters: list[Estimator] = [jax.tree.map(lambda a, r=r: a[r], given.estimators) for r in range(len(centres))]
         gains, x0, u0 = np.asarray(given.gains), given.x0, given.u0
-        told.insert(0, f"Takagi-Sugeno: state feedback blended over {plant.outputs[premise]} = {centres.tolist()}, each with its filter.")
+        told.insert(
+            0,
+            f"Takagi-Sugeno: state feedback blended over {plant.outputs[premise]} = {centres.tolist()}, each with its "
+            f"filter.",
+        )
     else:
         raise SimulationError(
-            f"A design with {type(given).__name__} as its parameters has no C; export one made by lqr, takagi_sugeno or pid_per_output, "
+            f"A design with {type(given).__name__} as its parameters has no C; export one made by lqr, takagi_sugeno "
+            f"or pid_per_output, "
             "a PID by pid_to_c, a filter by kalman_to_c."
         )
     lower, upper = np.asarray(given.lower), np.asarray(given.upper)
@@ -134,14 +151,24 @@ def design_to_c(design: Design, folder: str | os.PathLike[str], *, name: str, nu
         if centres is None
         else "\n" + MEMBERSHIPS.substitute(common, centres=table(centres, number), one=literal(1.0, number)),
         gain="gains[0][i][k]" if centres is None else "blended_gain(share, i, k)",
-        clip="".join(clipped(f"command[{k}]", float(a), float(b), number) for k, (a, b) in enumerate(zip(lower, upper, strict=True))),
+        clip="".join(
+            clipped(f"command[{k}]", float(a), float(b), number)
+            for k, (a, b) in enumerate(zip(lower, upper, strict=True))
+        ),
         **_moves(common, "state->u, " if u else "", None if centres is None else premise),
     )
-    return write_c(folder, name, [*told, *note.splitlines()], sizes(name, plant, design.period) + DECLARED.substitute(common), defined)
+    return write_c(
+        folder,
+        name,
+        [*told, *note.splitlines()],
+        sizes(name, plant, design.period) + DECLARED.substitute(common),
+        defined,
+    )
 
 
 def _moves(common: dict, u: str, premise: int | None) -> dict[str, str]:
-    """Statements that begin, correct and predict the states, by one filter or by all of them blended over the output `premise`."""
+    """Statements that begin, correct and predict the states, by one filter or by all of them blended over the output
+    `premise`."""
     calls = {
         "begun": ("measurement, ", "state->x"),
         "corrected": (f"state->x, measurement, {u}", "x"),
@@ -151,5 +178,8 @@ def _moves(common: dict, u: str, premise: int | None) -> dict[str, str]:
         return {call: f"    {call}(&filters[0], {given}{into});\n" for call, (given, into) in calls.items()}
     weigh = f"    memberships(measurement[{premise}], share);\n"
     declare = f"    {common['real']} share[{common['rules']}], part[STATES];\n    int r;\n"
-    texts = {call: BLENDED.substitute(common, into=into, call=f"{call}(&filters[r], {given}part)") for call, (given, into) in calls.items()}
+    texts = {
+        call: BLENDED.substitute(common, into=into, call=f"{call}(&filters[r], {given}part)")
+        for call, (given, into) in calls.items()
+    }
     return texts | {"begun": declare + weigh + texts["begun"], "corrected": declare + weigh + texts["corrected"]}

@@ -81,14 +81,19 @@ def sizes(name: str, plant: LinearPlant, period: float) -> str:
 
 
 def estimator_steps(name: str, filters: list[Estimator], real: str) -> tuple[str, str]:
-    """`begun`, `corrected` and `predicted` with the matrices of all filters, and the argument u of `corrected` ("" or its prefix)."""
+    """`begun`, `corrected` and `predicted` with the matrices of all filters, and the argument u of `corrected` (""
+    or its prefix)."""
     through = any(np.any(np.asarray(f.D)) for f in filters)
     keys = ["A", "B", "C", *(["D"] if through else []), "gain", "begin", "x0", "u0", "y0"]
     rows = ""
     for one in filters:
         arrays = {**one._asdict(), "begin": np.linalg.pinv(np.asarray(one.C))}
         checked_finite(arrays, real)
-        rows += "    {\n" + "".join(f"        /* {key} */\n        {_rows(arrays[key], real)},\n" for key in keys) + "    },\n"
+        rows += (
+            "    {\n"
+            + "".join(f"        /* {key} */\n        {_rows(arrays[key], real)},\n" for key in keys)
+            + "    },\n"
+        )
     text = STEPS.substitute(
         UPPER=name.upper(),
         real=real,
@@ -111,7 +116,10 @@ def story(plant: LinearPlant, period: float) -> list[str]:
 
     def listed(names: tuple[str, ...], at: Any) -> str:
         units: Mapping[str, str | None] = plant.units
-        return ", ".join(f"[{k}] {name} [{units.get(name) or '-'}] = {v:g}" for k, (name, v) in enumerate(zip(names, at, strict=True)))
+        return ", ".join(
+            f"[{k}] {name} [{units.get(name) or '-'}] = {v:g}"
+            for k, (name, v) in enumerate(zip(names, at, strict=True))
+        )
 
     if not plant.inputs:
         raise SimulationError("The plant has no input; C is written for plants with one or more.")

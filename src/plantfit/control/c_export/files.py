@@ -46,17 +46,22 @@ ${declared}
 """)
 
 
-def write_c(folder: str | os.PathLike[str], name: str, told: Iterable[str], declared: str, defined: str, includes: str = "") -> CFiles:
+def write_c(
+    folder: str | os.PathLike[str], name: str, told: Iterable[str], declared: str, defined: str, includes: str = ""
+) -> CFiles:
     """Write NAME.h, which begins with the lines `told` as a comment and holds `declared`, and NAME.c with `defined`.
 
-    Files that are there are replaced only where plantfit wrote them. Raises SimulationError where they cannot be written.
+    Files that are there are replaced only where plantfit wrote them. Raises SimulationError where they cannot be
+    written.
     """
     comment = "\n * ".join(" ".join(line.split()).replace("*/", "* /").replace("/*", "/ *") for line in told)
     header = _HEADER.substitute(UPPER=name.upper(), told=comment, includes=includes, declared=declared)
     files = CFiles(Path(folder) / f"{name}.h", Path(folder) / f"{name}.c")
     foreign = next((f for f in files if not may_be_written(f)), None)
     if foreign is not None:
-        raise SimulationError(f"{str(foreign)!r} exists and was not written by plantfit; move it, or choose another folder or name.")
+        raise SimulationError(
+            f"{str(foreign)!r} exists and was not written by plantfit; move it, or choose another folder or name."
+        )
     try:
         files.header.write_text(header, "utf-8")
         files.source.write_text(f'/* See {name}.h. Made by plantfit. */\n#include "{name}.h"\n\n{defined}', "utf-8")
@@ -70,7 +75,9 @@ def write_c(folder: str | os.PathLike[str], name: str, told: Iterable[str], decl
 def checked_name(name: str) -> str:
     """The name itself; raises SimulationError for one that C or a file cannot have."""
     if not re.fullmatch(r"[a-z][a-z0-9_]*", name) or name in TAKEN.split():
-        raise SimulationError(f"name = {name!r} cannot name things in C; give small letters, digits and _, a letter first, no word of C.")
+        raise SimulationError(
+            f"name = {name!r} cannot name things in C; give small letters, digits and _, a letter first, no word of C."
+        )
     return name
 
 
@@ -87,7 +94,9 @@ def checked_finite(values: Mapping[str, Any], number: str) -> None:
         with np.errstate(over="ignore"):
             held = np.asarray(value, dtype=np.float32 if number == "float" else np.float64)
         if not np.all(np.isfinite(held)):
-            raise SimulationError(f"{name} = {np.asarray(value).tolist()} is not finite in {number!r}; give finite numbers.")
+            raise SimulationError(
+                f"{name} = {np.asarray(value).tolist()} is not finite in {number!r}; give finite numbers."
+            )
 
 
 def literal(value: float, number: str) -> str:

@@ -65,7 +65,8 @@ def kalman_to_c(
     number: str = "double",
     note: str = "",
 ) -> CFiles:
-    """Write the filter that `kalman_observer(plant, period, ..)` gave as C99, NAME.h and NAME.c: NAME_init, NAME_correct, NAME_predict.
+    """Write the filter that `kalman_observer(plant, period, ..)` gave as C99, NAME.h and NAME.c: NAME_init,
+    NAME_correct, NAME_predict.
 
     `number`: "double" or "float"; `note` goes into the header's comment. Raises SimulationError for what does not fit.
     """

@@ -6,7 +6,15 @@ from string import Template
 
 import numpy as np
 
-from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, literal, table, write_c
+from plantfit.control.c_export.files import (
+    CFiles,
+    checked_finite,
+    checked_name,
+    checked_number,
+    literal,
+    table,
+    write_c,
+)
 from plantfit.control.c_export.servo_in_c import plant_in_c
 from plantfit.control.linear.predictive.quadratic import RELAXATION
 from plantfit.control.linear.predictive.servo_mpc import STEPS, Predictive, multiplications
@@ -130,15 +138,18 @@ def servo_mpc_to_c(
     units: Mapping[str, str] | None = None,
     note: str = "",
 ) -> CFiles:
-    """Write the `servo_mpc` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and NAME_update.
+    """Write the `servo_mpc` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and
+    NAME_update.
 
-    `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go into the header's comment. A sample takes the same
-    operations whatever happens. No memory is allocated, no library called. Raises SimulationError for numbers that do not fit.
+    `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go into the header's comment. A
+    sample takes the same operations whatever happens. No memory is allocated, no library called. Raises SimulationError
+    for numbers that do not fit.
     """
     checked_name(name)
     checked_number(number, ("double", "float"))
     s, plan = parameters.servo, parameters.plan
-    arrays = {n: np.asarray(v, dtype=float) for n, v in (*s._asdict().items(), *plan._asdict().items(), *plan.task._asdict().items()) if
+    arrays = {n: np.asarray(v, dtype=float) for n, v in (*s._asdict().items(), *plan._asdict().items(),
+                                                         *plan.task._asdict().items()) if
               n not in ("task", "K", "P", "f")}  # fmt: skip
     low, high, rate = arrays.pop("low"), arrays.pop("high"), arrays.pop("rate")
     checked_finite(arrays, number)
@@ -147,7 +158,8 @@ def servo_mpc_to_c(
         arrays["Q"] = np.zeros((ahead, 1))
     zero = literal(0.0, number)
     common = {
-        "name": name, "UPPER": name.upper(), "real": number, "n": n, "p": p, "room": max(p, 1), "rows": rows, "steps": steps,
+        "name": name, "UPPER": name.upper(), "real": number, "n": n, "p": p, "room": max(p, 1), "rows": rows,
+        "steps": steps,
         "ahead": ahead, "inputs": inputs, "zero": zero,
     }  # fmt: skip
     watched = rows - inputs * (2 if rated else 1)
@@ -168,11 +180,14 @@ def servo_mpc_to_c(
     y, u = (units or {}).get("measurement", "its unit"), (units or {}).get("command", "its unit")
     slow = f", its change in a sample to {float(rate):g}" if rated else ""
     told = [
-        f"Model-predictive control every {period:g} s: an LQ servo with a Kalman filter that estimates the load, and a plan within limits.",
+        f"Model-predictive control every {period:g} s: an LQ servo with a Kalman filter that estimates the load, and a "
+        f"plan within limits.",
         f"Measurement and reference in {y}, command in {u}.",
-        f"{n - 1} states and the load, {p} past inputs for the dead time; linearised at {float(s.y0):g} {y} with {float(s.u0):g} {u}.",
+        f"{n - 1} states and the load, {p} past inputs for the dead time; linearised at {float(s.y0):g} {y} with "
+        f"{float(s.u0):g} {u}.",
         f"Command limited to [{low[0] + float(s.u0):g}, {high[0] + float(s.u0):g}]{slow}; the filter knows it.",
-        f"Every sample takes {steps} steps of a quadratic program of {rows} rows: {multiplications(parameters, steps)} multiplications, "
+        f"Every sample takes {steps} steps of a quadratic program of {rows} rows: {multiplications(parameters, steps)} "
+        f"multiplications, "
         "always the same.",
         *note.splitlines(),
     ]
@@ -180,9 +195,12 @@ def servo_mpc_to_c(
 
 
 def _ends(low: np.ndarray, high: np.ndarray, number: str) -> tuple[str, str]:
-    """Arrays of the limits, and statements that keep a value within those of its row; infinite ones as the largest number."""
+    """Arrays of the limits, and statements that keep a value within those of its row; infinite ones as the largest
+    number."""
     most = float(np.finfo(np.float32 if number == "float" else np.float64).max)
     pairs = (("low", low), ("high", high))
     text = "".join(f"static const {number} {n}[ROWS] = {table(np.clip(v, -most, most), number)};\n" for n, v in pairs)
-    clips = "    if (value < low[row])\n        value = low[row];\n    if (value > high[row])\n        value = high[row];\n"
+    clips = (
+        "    if (value < low[row])\n        value = low[row];\n    if (value > high[row])\n        value = high[row];\n"
+    )
     return text, clips

@@ -6,7 +6,16 @@ from string import Template
 
 import numpy as np
 
-from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, table, write_c
+from plantfit.control.c_export.files import (
+    CFiles,
+    checked_finite,
+    checked_name,
+    checked_number,
+    clipped,
+    literal,
+    table,
+    write_c,
+)
 from plantfit.control.linear.servo import Servo
 from plantfit.control.pid import Settings, checked
 
@@ -121,10 +130,12 @@ def servo_to_c(
     units: Mapping[str, str] | None = None,
     note: str = "",
 ) -> CFiles:
-    """Write the `linear.servo` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and NAME_update.
+    """Write the `linear.servo` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and
+    NAME_update.
 
-    `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go into the header's comment. No memory is allocated,
-    no library called. Raises SimulationError for what `servo` refuses, and for numbers that do not fit.
+    `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go into the header's comment. No
+    memory is allocated, no library called. Raises SimulationError for what `servo` refuses, and for numbers that do not
+    fit.
     """
     checked_name(name)
     checked_number(number, ("double", "float"))
@@ -146,7 +157,8 @@ def servo_to_c(
     told = [
         f"LQ servo with a Kalman filter that estimates the load, every {settings.period:g} s.",
         f"Measurement and reference in {y}, command in {u}.",
-        f"{n - 1} states and the load, {p} past inputs for the dead time; linearised at {float(s.y0):g} {y} with {float(s.u0):g} {u}.",
+        f"{n - 1} states and the load, {p} past inputs for the dead time; linearised at {float(s.y0):g} {y} with "
+        f"{float(s.u0):g} {u}.",
         f"Command limited to [{settings.lower:g}, {settings.upper:g}]; the filter knows it.",
         *note.splitlines(),
     ]

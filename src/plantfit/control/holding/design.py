@@ -23,7 +23,10 @@ from plantfit.simulate.loop.sensors import Actuator, Sensor
 import jax
 import jax.numpy as jnp
 
-INPUTS, SHAKES = np.geomspace(1e-4, 1e4, 17), np.geomspace(1e-3, 10.0, 9)  # weights of the input, noise of it that the filter expects
+INPUTS, SHAKES = (
+    np.geomspace(1e-4, 1e4, 17),
+    np.geomspace(1e-3, 10.0, 9),
+)  # weights of the input, noise of it that the filter expects
 TRIED = 12  # designs that are simulated
 FEW = 16  # plants that a design is simulated on in the search
 DISTANCES = 24  # of a start, up to the largest
@@ -35,8 +38,8 @@ QUICK = 0.2  # of a period times the fastest pole: below it a step of a period f
 
 @dataclass(frozen=True, eq=False)
 class HoldRow:
-    """One regulator: its `design`, weight of the input and noise that its filter expects, and on every plant (n,) whether it is `stable`,
-    its `ms`, and how far below and above the point the plant may begin and return (n, 2)."""
+    """One regulator: its `design`, weight of the input and noise that its filter expects, and on every plant (n,)
+    whether it is `stable`, its `ms`, and how far below and above the point the plant may begin and return (n, 2)."""
 
     name: str
     design: Design
@@ -57,8 +60,8 @@ class HoldRow:
 
 @dataclass(frozen=True, eq=False)
 class HoldDesign:
-    """`rows`, the first searched on all plants and the second on the best fit; `plant` is the linearised best fit, `unstable` its poles in
-    the right half plane (1/s), `plants` parameters (n,) by name that judge."""
+    """`rows`, the first searched on all plants and the second on the best fit; `plant` is the linearised best fit,
+    `unstable` its poles in the right half plane (1/s), `plants` parameters (n,) by name that judge."""
 
     wishes: HoldWishes
     model: Model
@@ -93,21 +96,28 @@ def hold(
     model: Model, train: Mapping[str, np.ndarray], family: Mapping[str, np.ndarray], wishes: HoldWishes,
     progress: Callable[[str], None] | None = None,
 ) -> HoldDesign:  # fmt: skip
-    """The regulator that keeps the `train` plants (first the best fit) stable and catches them from farthest away, judged on `family`.
+    """The regulator that keeps the `train` plants (first the best fit) stable and catches them from farthest away,
+    judged on `family`.
 
-    The weights are those of Bryson's rule, 1 / (size of the output)^2 and a multiple of 1 / (half the input's range)^2; the filter expects
-    noise of the input, a multiple of half its range in a second, and that of the sensors. Of these two multiples 153 pairs are designed on
-    the best fit; those that hold most of the plants with the Ms that was asked for, or the least that there is, are simulated.
-    Raises SimulationError where the best fit has no equilibrium there, no regulator or no filter, and where none holds the best fit.
+    The weights are those of Bryson's rule, 1 / (size of the output)^2 and a multiple of 1 / (half the input's range)^2;
+    the filter expects noise of the input, a multiple of half its range in a second, and that of the sensors. Of these
+    two multiples 153 pairs are designed on the best fit; those that hold most of the plants with the Ms that was asked
+    for, or the least that there is, are simulated. Raises SimulationError where the best fit has no equilibrium there,
+    no regulator or no filter, and where none holds the best fit.
     """
     best = {n: float(v[0]) for n, v in train.items()}
     at, u0 = equilibrium(
-        model, best, wishes.at, {wishes.input: 0.5 * (wishes.lower + wishes.upper)} if model.inputs else None, [*wishes.at]
+        model,
+        best,
+        wishes.at,
+        {wishes.input: 0.5 * (wishes.lower + wishes.upper)} if model.inputs else None,
+        [*wishes.at],
     )
     held = u0[wishes.input]
     if not wishes.lower < held < wishes.upper:
         raise SimulationError(
-            f"Holding the point takes {wishes.input} = {held:.4g}, beyond its limits {wishes.lower:.4g} to {wishes.upper:.4g}; choose "
+            f"Holding the point takes {wishes.input} = {held:.4g}, beyond its limits {wishes.lower:.4g} to "
+            f"{wishes.upper:.4g}; choose "
             "another point, or give the limits of the actuator ([control] lower and upper, or --lower and --upper)."
         )
     plant = linearised(model, best, at, u0)
@@ -146,9 +156,18 @@ def designed(plant: LinearPlant, wishes: HoldWishes, weight: float, shake: float
     q = plant.C.T @ np.diag(1.0 / sizes**2) @ plant.C
     half = 0.5 * (wishes.upper - wishes.lower)
     process = dict(zip(plant.states, np.abs(plant.B[:, 0]) * half * shake, strict=True))
-    noise = {n: max(wishes.noise[n], wishes.quantum[n] / math.sqrt(12.0), 1e-9 * wishes.sizes[n]) for n in plant.outputs}
+    noise = {
+        n: max(wishes.noise[n], wishes.quantum[n] / math.sqrt(12.0), 1e-9 * wishes.sizes[n]) for n in plant.outputs
+    }
     estimator = kalman_observer(plant, wishes.period, process, noise)
-    return lqr(plant, wishes.period, q, {wishes.input: weight / half**2}, estimator=estimator, limits=(wishes.lower, wishes.upper))
+    return lqr(
+        plant,
+        wishes.period,
+        q,
+        {wishes.input: weight / half**2},
+        estimator=estimator,
+        limits=(wishes.lower, wishes.upper),
+    )
 
 
 def _frequencies(wishes: HoldWishes) -> np.ndarray:
@@ -158,7 +177,8 @@ def _frequencies(wishes: HoldWishes) -> np.ndarray:
 def _linear_choice(
     designs: list[Design], model: Model, plant: LinearPlant, plants: Mapping[str, np.ndarray], wishes: HoldWishes
 ) -> list[int]:  # fmt: skip
-    """Numbers of the designs that are worth a simulation: they hold most plants, with the Ms asked for or little more than the least."""
+    """Numbers of the designs that are worth a simulation: they hold most plants, with the Ms asked for or little
+    more than the least."""
     linear, w = near(model, plants, plant.x0, plant.u0, wishes.period), _frequencies(wishes)
     stable, ms = [], []
     for d in designs:
@@ -166,7 +186,9 @@ def _linear_choice(
         stable.append(float(np.mean(poles(linear, c) < 1.0 - 1e-9)))
         ms.append(float(np.quantile(largest_sensitivity(linear, c, w, wishes.period), 0.9)))
     if not max(stable):
-        raise SimulationError("No regulator holds the plant at that point with this period; give a shorter one ([control] period).")
+        raise SimulationError(
+            "No regulator holds the plant at that point with this period; give a shorter one ([control] period)."
+        )
     most = np.flatnonzero(np.array(stable) >= max(stable) - 1e-12)
     least = min(ms[k] for k in most)
     calm = [int(k) for k in most if ms[k] <= max(wishes.ms, ROOM * least)]
@@ -182,9 +204,11 @@ def _closed(design: Design, model: Model, wishes: HoldWishes) -> Any:
 
 
 def _farthest_of(
-    kept: list[int], designs: list[Design], model: Model, plant: LinearPlant, plants: Mapping[str, np.ndarray], wishes: HoldWishes
+    kept: list[int], designs: list[Design], model: Model, plant: LinearPlant, plants: Mapping[str, np.ndarray],
+    wishes: HoldWishes
 ) -> int:  # fmt: skip
-    """Which of the designs `kept` catches the plants from farthest away: the tenth that are caught worst, to their worse side."""
+    """Which of the designs `kept` catches the plants from farthest away: the tenth that are caught worst, to their
+    worse side."""
     some = {n: v[:FEW] for n, v in plants.items()}
     distances = np.linspace(0.0, wishes.largest, DISTANCES + 1)[1:]
     far = _caught([designs[k] for k in kept], model, plant, some, wishes, distances)
@@ -192,9 +216,11 @@ def _farthest_of(
 
 
 def _caught(
-    designs: list[Design], model: Model, plant: LinearPlant, plants: Mapping[str, np.ndarray], wishes: HoldWishes, distances: np.ndarray
+    designs: list[Design], model: Model, plant: LinearPlant, plants: Mapping[str, np.ndarray], wishes: HoldWishes,
+    distances: np.ndarray
 ) -> np.ndarray:  # fmt: skip
-    """How far (designs, n, 2) below and above the point each plant may begin and return: the last of `distances` before one that fails."""
+    """How far (designs, n, 2) below and above the point each plant may begin and return: the last of `distances`
+    before one that fails."""
     loop = _closed(designs[0], model, wishes)
     stacked = jax.tree.map(lambda *v: jnp.stack([jnp.asarray(a) for a in v]), *(d.parameters for d in designs))
     x0 = dict(zip(plant.states, (float(v) for v in plant.x0), strict=True))

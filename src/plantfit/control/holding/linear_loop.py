@@ -17,8 +17,8 @@ import jax.numpy as jnp
 
 @dataclass(frozen=True, eq=False)
 class Near:
-    """n plants near one point, sampled: A (n, s, s), B (n, s, m) with the inputs held over a period, C (n, p, s), D (n, p, m) of the input
-    of the sample before, as the outputs are measured before it changes."""
+    """n plants near one point, sampled: A (n, s, s), B (n, s, m) with the inputs held over a period, C (n, p, s), D
+    (n, p, m) of the input of the sample before, as the outputs are measured before it changes."""
 
     A: np.ndarray
     B: np.ndarray
@@ -50,7 +50,8 @@ def near(model: Model, plants: Mapping[str, np.ndarray], x0: np.ndarray, u0: np.
 
 
 class LinearController(NamedTuple):
-    """s+ = F s + G (y - D u_last),  u = -H s - J (y - D u_last), all deviations; of a regulator on the corrected state of a filter."""
+    """s+ = F s + G (y - D u_last),  u = -H s - J (y - D u_last), all deviations; of a regulator on the corrected
+    state of a filter."""
 
     F: np.ndarray
     G: np.ndarray
@@ -79,7 +80,9 @@ def poles(plants: Near, controller: LinearController) -> np.ndarray:
     missed = plants.D - controller.D  # of what the outputs follow at once, what the filter does not know
     if np.any(missed):
         late = np.concatenate([-plants.B @ controller.J @ missed, controller.G @ missed], axis=1)
-        command = np.concatenate([-controller.J @ plants.C, np.broadcast_to(-controller.H, (n, *controller.H.shape))], axis=2)
+        command = np.concatenate(
+            [-controller.J @ plants.C, np.broadcast_to(-controller.H, (n, *controller.H.shape))], axis=2
+        )
         below = np.concatenate([command, -controller.J @ missed], axis=2)
         whole = np.concatenate([np.concatenate([whole, late], axis=2), below], axis=1)
     return np.max(np.abs(np.linalg.eigvals(whole)), axis=1)

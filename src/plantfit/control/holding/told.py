@@ -26,7 +26,8 @@ def verdict(design: HoldDesign, how: str) -> list[Sentence]:
 
     say(
         "good" if share >= w.share else "bad",
-        f"Of {n} plants {how}, {percent(share)} return to the point from {w.along} {w.lean:.3g} {unit} away to either side; "
+        f"Of {n} plants {how}, {percent(share)} return to the point from {w.along} {w.lean:.3g} {unit} away to either "
+        f"side; "
         f"with the regulator of the best fit alone: {percent(alone.share(w))}.",
     )
     if len(design.unstable):
@@ -46,7 +47,8 @@ def verdict(design: HoldDesign, how: str) -> list[Sentence]:
     if float(best.ms[0]) > w.ms:
         say(
             "warning",
-            f"Ms is {best.ms[0]:.2f}, above the {w.ms:g} that was asked for: it is near the least of the 153 designs that were tried; "
+            f"Ms is {best.ms[0]:.2f}, above the {w.ms:g} that was asked for: it is near the least of the 153 designs "
+            f"that were tried; "
             "a shorter period or a finer sensor serves.",
         )
     return told
@@ -58,14 +60,16 @@ def regulator(design: HoldDesign, row: HoldRow) -> Regulator:
     worst = [float(np.quantile(row.caught[:, k], 0.05, method="lower")) for k in (0, 1)]
     return Regulator(
         name=row.name, weight=row.weight, shake=row.shake, gain=np.asarray(given.gain)[0].tolist(),
-        filter_gain=np.asarray(given.estimator.gain).tolist(), ms=float(row.ms[0]), ms_worst=float(np.quantile(row.ms, 0.9)),
+        filter_gain=np.asarray(given.estimator.gain).tolist(), ms=float(row.ms[0]),
+        ms_worst=float(np.quantile(row.ms, 0.9)),
         below=float(row.caught[0, 0]), above=float(row.caught[0, 1]), below_worst=worst[0], above_worst=worst[1],
         stable_share=float(np.mean(row.stable)), share=row.share(w),
     )  # fmt: skip
 
 
 def curves(design: HoldDesign) -> dict[str, Any]:
-    """Responses from the lean that was asked for, as the figure of loops takes them: bands (5, 50, 95 %), the best fit."""
+    """Responses from the lean that was asked for, as the figure of loops takes them: bands (5, 50, 95 %), the best
+    fit."""
     found = {}
     for row in design.rows:
         seen = design.responses(row)

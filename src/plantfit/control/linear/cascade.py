@@ -26,11 +26,12 @@ class Ends(NamedTuple):
 
 
 def cascade(period: float, anti_windup: str, outer: str, inner: str) -> Controller:
-    """The controller every `period` s; it measures {outer: y, inner: v}; parameters (`Cascade`, input at rest, `Limits` of it, `Ends`).
+    """The controller every `period` s; it measures {outer: y, inner: v}; parameters (`Cascade`, input at rest, `Limits`
+    of it, `Ends`).
 
-    Commands are counted from the input at rest. The integral of the outer PID rests while its command is at an end or the input at a limit
-    and the error drives either further; `anti_windup` is that of the inner one. Source: K. Astrom, T. Hagglund, Advanced PID Control
-    (2006), section 12.4 (cascade control, windup in it).
+    Commands are counted from the input at rest. The integral of the outer PID rests while its command is at an end or
+    the input at a limit and the error drives either further; `anti_windup` is that of the inner one. Source: K. Astrom,
+    T. Hagglund, Advanced PID Control (2006), section 12.4 (cascade control, windup in it).
     """
     init_outer, update_outer = pid_law(period, "clamping")
     init_inner, update_inner = pid_law(period, anti_windup)

@@ -20,8 +20,8 @@ Limits = Any  # (low, high) for all inputs, or by name
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A controller for `plant`'s outputs and inputs every `period` seconds, and the `parameters` that it was designed to; `limits` (m,) of
-    the inputs where the parameters do not hold them.
+    """A controller for `plant`'s outputs and inputs every `period` seconds, and the `parameters` that it was designed
+    to; `limits` (m,) of the inputs where the parameters do not hold them.
 
     In its loop a reference is a mapping, {} to hold the plant's x0, u0: states to follow by name, and inputs to add to.
     """
@@ -56,20 +56,27 @@ class Design:
 
 
 def weight(what: str, given: Any, names: tuple[str, ...], definite: bool) -> np.ndarray:
-    """A symmetric weight (n, n): a matrix as it is, or a diagonal from a number for all or numbers by name (others 0)."""
+    """A symmetric weight (n, n): a matrix as it is, or a diagonal from a number for all or numbers by name (others
+    0)."""
     full = np.asarray(given, dtype=float) if not isinstance(given, Mapping) else None
     matrix = full if full is not None and full.ndim == 2 else np.diag(by_name(what, names, given))
     if matrix.shape != (len(names),) * 2 or not np.allclose(matrix, matrix.T):
-        raise SimulationError(f"{what} has shape {matrix.shape}; give a symmetric matrix over {list(names)}, or weights by name.")
+        raise SimulationError(
+            f"{what} has shape {matrix.shape}; give a symmetric matrix over {list(names)}, or weights by name."
+        )
     least = np.linalg.eigvalsh(matrix)[0]
     if not (least > 0 if definite else least >= -1e-12 * np.abs(matrix).max()):
-        raise SimulationError(f"{what} has the eigenvalue {least:g}; give weights {'above' if definite else 'of at least'} 0.")
+        raise SimulationError(
+            f"{what} has the eigenvalue {least:g}; give weights {'above' if definite else 'of at least'} 0."
+        )
     return matrix
 
 
 def limits_of(limits: Limits, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper (m,); names not given, or limits None, are free."""
-    pairs: dict[str, Any] = {} if limits is None else dict(limits if isinstance(limits, Mapping) else dict.fromkeys(names, limits))
+    pairs: dict[str, Any] = (
+        {} if limits is None else dict(limits if isinstance(limits, Mapping) else dict.fromkeys(names, limits))
+    )
     low = by_name("limits", names, {k: v[0] for k, v in pairs.items()}, -np.inf)
     high = by_name("limits", names, {k: v[1] for k, v in pairs.items()}, np.inf)
     for name, a, b in zip(names, low, high, strict=True):
@@ -80,14 +87,21 @@ def limits_of(limits: Limits, names: tuple[str, ...]) -> tuple[np.ndarray, np.nd
 
 def stacked(values: Any, names: tuple[str, ...]) -> Any:
     """Values by name, or the only one, as an array (n,)."""
-    return jnp.stack([values[name] for name in names]) if isinstance(values, Mapping) else jnp.reshape(values, (len(names),))
+    return (
+        jnp.stack([values[name] for name in names])
+        if isinstance(values, Mapping)
+        else jnp.reshape(values, (len(names),))
+    )
 
 
 def followed(reference: Any, names: tuple[str, ...], rest: Any, others: tuple[str, ...] = ()) -> Any:
-    """The reference (n,) of the named signals; those that it does not name are to stay at `rest`. It may name `others` too."""
+    """The reference (n,) of the named signals; those that it does not name are to stay at `rest`. It may name
+    `others` too."""
     known = [*names, *others]
     if not isinstance(reference, Mapping):
-        raise SimulationError(f"The reference is one number; give a mapping that may name {known}, {{}} to hold the equilibrium.")
+        raise SimulationError(
+            f"The reference is one number; give a mapping that may name {known}, {{}} to hold the equilibrium."
+        )
     for name in reference:
         if name not in known:
             raise SimulationError(f"The reference names {name!r}; this controller follows {known}.")

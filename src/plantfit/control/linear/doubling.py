@@ -13,8 +13,9 @@ DOUBLINGS = 30  # a mode that takes 1e9 samples has settled
 def doubled(a: Any, b: Any, q: Any, r: Any) -> tuple[Any, Any]:
     """Gain K (m, n) and cost-to-go P (n, n) for x+ = a x + b u, u = -K x, least sum of x'q x + u'r u; jax-traceable.
 
-    Structure-preserving doubling: step k has summed the costs of 2^k samples. Source: E. Chu, H. Fan, W. Lin, C. Wang, Int. J. Control 77
-    (2004) 767, algorithm SDA. Where no gain holds the plant the result does not hold it either, or is NaN.
+    Structure-preserving doubling: step k has summed the costs of 2^k samples. Source: E. Chu, H. Fan, W. Lin, C. Wang,
+    Int. J. Control 77 (2004) 767, algorithm SDA. Where no gain holds the plant the result does not hold it either, or
+    is NaN.
     """
     eye = jnp.eye(a.shape[-1])
 

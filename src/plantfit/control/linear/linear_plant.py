@@ -52,13 +52,18 @@ def linearised(
     equilibrium near it with `equilibrium`.
     """
     vector = _smooth(model)
-    p, x, u = _numbers(vector, parameters), by_name("x0", vector.states, x0 or {}), by_name("u0", tuple(model.inputs), u0 or {})
+    p, x, u = (
+        _numbers(vector, parameters),
+        by_name("x0", vector.states, x0 or {}),
+        by_name("u0", tuple(model.inputs), u0 or {}),
+    )
     rates, y, (a, b), (c, d) = jax.tree.map(np.asarray, _local(vector, p)(x, u))
     worst = int(np.argmax(np.abs(rates)))
     if not np.all(np.abs(rates) <= tolerance):
         raise SimulationError(
             f"Plant {model.name!r} does not rest at x0, u0: the rate of {vector.states[worst]!r} is {rates[worst]:g} "
-            f"{model.states[vector.states[worst]] or ''}/s, beyond {tolerance:g}; give an equilibrium, such as equilibrium() finds."
+            f"{model.states[vector.states[worst]] or ''}/s, beyond {tolerance:g}; give an equilibrium, such as "
+            f"equilibrium() finds."
         )
     return LinearPlant(
         a,
@@ -91,7 +96,9 @@ def equilibrium(
     names = (*vector.states, *model.inputs)
     for name in fixed:
         if name not in names:
-            raise SimulationError(f"Plant {model.name!r} has no state or input {name!r} to keep fixed; it has {list(names)}.")
+            raise SimulationError(
+                f"Plant {model.name!r} has no state or input {name!r} to keep fixed; it has {list(names)}."
+            )
     local = _local(vector, _numbers(vector, parameters))
     start = np.concatenate([by_name("x0", vector.states, x0), by_name("u0", tuple(model.inputs), u0 or {})])
     free, n = np.array([name not in fixed for name in names]), len(vector.states)
@@ -118,16 +125,21 @@ def equilibrium(
     worst = int(np.argmax(np.abs(left)))
     if not np.all(np.abs(left) <= 1e-8):
         raise SimulationError(
-            f"Plant {model.name!r} has no equilibrium near x0 with {list(fixed)} fixed: the rate of {vector.states[worst]!r} stays at "
+            f"Plant {model.name!r} has no equilibrium near x0 with {list(fixed)} fixed: the rate of "
+            f"{vector.states[worst]!r} stays at "
             f"{left[worst]:g}; free another state or input, or begin nearer."
         )
-    return dict(zip(vector.states, map(float, start[:n]), strict=True)), dict(zip(model.inputs, map(float, start[n:]), strict=True))
+    return dict(zip(vector.states, map(float, start[:n]), strict=True)), dict(
+        zip(model.inputs, map(float, start[n:]), strict=True)
+    )
 
 
 def discretised(plant: LinearPlant, period: float) -> LinearPlant:
     """The plant sampled every `period` seconds with its inputs held (scipy's cont2discrete, "zoh")."""
     if plant.period is not None:
-        raise SimulationError(f"The plant is discrete already, with a period of {plant.period:g} s; give the continuous one.")
+        raise SimulationError(
+            f"The plant is discrete already, with a period of {plant.period:g} s; give the continuous one."
+        )
     if not (np.isfinite(period) and period > 0):
         raise SimulationError(f"period = {period}; give the sampling period in seconds, above 0.")
     sampled: Any = cont2discrete((plant.A, plant.B, plant.C, plant.D), period, "zoh")
@@ -156,7 +168,9 @@ def _smooth(model: Model) -> VectorModel:
 def _numbers(vector: VectorModel, parameters: Mapping[str, Any]) -> tuple[Any, ...]:
     missing = [name for name in vector.parameters if name not in parameters]
     if missing:
-        raise SimulationError(f"Plant {vector.model.name!r}: no value for parameter {missing[0]!r}; it has {list(vector.parameters)}.")
+        raise SimulationError(
+            f"Plant {vector.model.name!r}: no value for parameter {missing[0]!r}; it has {list(vector.parameters)}."
+        )
     return tuple(jnp.asarray(parameters[name], dtype=float) for name in vector.parameters)
 
 
@@ -169,4 +183,6 @@ def _local(vector: VectorModel, p):
     def outputs(x, u):
         return jnp.stack(vector.output(tuple(x), (*u, 0.0), p))
 
-    return jax.jit(lambda x, u: (rates(x, u), outputs(x, u), jax.jacfwd(rates, (0, 1))(x, u), jax.jacfwd(outputs, (0, 1))(x, u)))
+    return jax.jit(
+        lambda x, u: (rates(x, u), outputs(x, u), jax.jacfwd(rates, (0, 1))(x, u), jax.jacfwd(outputs, (0, 1))(x, u))
+    )

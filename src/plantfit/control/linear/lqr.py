@@ -24,7 +24,9 @@ class StateFeedback(NamedTuple):
     upper: Any
 
 
-def lqr(plant: LinearPlant, period: float, Q: Any, R: Any, *, estimator: Estimator | None = None, limits: Limits = None) -> Design:
+def lqr(
+    plant: LinearPlant, period: float, Q: Any, R: Any, *, estimator: Estimator | None = None, limits: Limits = None
+) -> Design:
     """The regulator that holds a continuous `plant` at its x0, or follows a reference, sampled every `period` seconds.
 
     Least sum over the samples of (x - x0)' Q (x - x0) + (u - u0)' R (u - u0). Q (n, n) and R (m, m), or weights
@@ -35,7 +37,9 @@ def lqr(plant: LinearPlant, period: float, Q: Any, R: Any, *, estimator: Estimat
     Source: Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., sections 9.2 - 9.4.
     Raises SimulationError for weights that do not fit and for a plant that the inputs cannot hold.
     """
-    gain, _ = regulator(discretised(plant, period), weight("Q", Q, plant.states, False), weight("R", R, plant.inputs, True))
+    gain, _ = regulator(
+        discretised(plant, period), weight("Q", Q, plant.states, False), weight("R", R, plant.inputs, True)
+    )
     chosen = fitting(plant, period, estimator)
     low, high = limits_of(limits, plant.inputs)
     parameters = StateFeedback(jnp.asarray(gain), chosen, jnp.asarray(low), jnp.asarray(high))
@@ -47,7 +51,8 @@ def regulator(plant: LinearPlant, q: np.ndarray, r: np.ndarray) -> tuple[np.ndar
     found = regulator_gain(plant.A, plant.B, q, r)
     if found is None:
         raise SimulationError(
-            f"No regulator exists for the inputs {list(plant.inputs)} and these weights: some state grows or lasts, and is not moved by "
+            f"No regulator exists for the inputs {list(plant.inputs)} and these weights: some state grows or lasts, "
+            f"and is not moved by "
             "the inputs or not weighted; weigh it, or drive more inputs."
         )
     return found

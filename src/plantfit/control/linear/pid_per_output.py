@@ -25,22 +25,24 @@ def pid_per_output(
     filter_time: float = 0.0,
     limits: Limits = None,
 ) -> Design:
-    """One `pid` for each output of a plant with one input and states that are the outputs and their rates; commands add up.
+    """One `pid` for each output of a plant with one input and states that are the outputs and their rates; commands add
+    up.
 
-    `poles` (1/s) are those of the continuous loop without filters and sampling: as many as states, and one more where the
-    output `integral` is given an integral part. `filter_time` (s) of all derivatives. The parameters are `Gains` by output,
-    which may be changed or searched; they differentiate the measurement alone (c = 0), so that no step kicks. A reference names
-    outputs; others stay at the equilibrium.
+    `poles` (1/s) are those of the continuous loop without filters and sampling: as many as states, and one more where
+    the output `integral` is given an integral part. `filter_time` (s) of all derivatives. The parameters are `Gains` by
+    output, which may be changed or searched; they differentiate the measurement alone (c = 0), so that no step kicks. A
+    reference names outputs; others stay at the equilibrium.
 
-    With u = -K x the gains are [Kp, Kd] = K [C; C A]^-1, and Ki the gain on the integral of the error, added as a state.
-    Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, sections 7.5 and 7.10 (integral control).
-    Raises SimulationError for a plant of another form, or poles that it cannot be given.
+    With u = -K x the gains are [Kp, Kd] = K [C; C A]^-1, and Ki the gain on the integral of the error, added as a
+    state. Source: Franklin, Powell, Emami-Naeini, Feedback Control of Dynamic Systems, sections 7.5 and 7.10 (integral
+    control). Raises SimulationError for a plant of another form, or poles that it cannot be given.
     """
     a, b, c = plant.A, plant.B, plant.C
     n, p = len(plant.states), len(plant.outputs)
     if len(plant.inputs) != 1 or n != 2 * p or np.any(plant.D) or np.any(np.abs(c @ b) > 1e-9 * np.abs(b).max()):
         raise SimulationError(
-            f"The plant has inputs {list(plant.inputs)}, outputs {list(plant.outputs)} and states {list(plant.states)}; "
+            f"The plant has inputs {list(plant.inputs)}, outputs {list(plant.outputs)} and states "
+            f"{list(plant.states)}; "
             "a PID for each output needs one input, and the outputs and their rates as states."
         )
     if integral is not None and integral not in plant.outputs:
@@ -55,11 +57,15 @@ def pid_per_output(
         placed: Any = place_poles(a, b, wanted)
         k = placed.gain_matrix[0]
     except ValueError as why:
-        raise SimulationError(f"The poles {list(poles)} cannot be placed: {why}; give different ones, complex ones in pairs.") from why
+        raise SimulationError(
+            f"The poles {list(poles)} cannot be placed: {why}; give different ones, complex ones in pairs."
+        ) from why
     both = np.linalg.solve(np.concatenate([c, c @ plant.A]).T, k[:n])
     tail = float(k[n]) if integral is not None else 0.0
     gains = {
-        name: Gains(float(both[j]), tail if name == integral else 0.0, float(both[p + j]), c=0.0, filter_time=filter_time)
+        name: Gains(
+            float(both[j]), tail if name == integral else 0.0, float(both[p + j]), c=0.0, filter_time=filter_time
+        )
         for j, name in enumerate(plant.outputs)
     }
     low, high = limits_of(limits, plant.inputs)

@@ -1,11 +1,13 @@
-"""Gains of the discrete Riccati equation: the regulator of least quadratic cost, and its dual, the steady-state Kalman filter."""
+"""Gains of the discrete Riccati equation: the regulator of least quadratic cost, and its dual, the steady-state
+Kalman filter."""
 
 import numpy as np
 from scipy.linalg import LinAlgError, solve_discrete_are
 
 
 def regulator_gain(a: np.ndarray, b: np.ndarray, q: np.ndarray, r: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Gain K (m, n) and cost-to-go P (n, n) for x+ = a x + b u, u = -K x, least sum of x'q x + u'r u; None where none holds the plant.
+    """Gain K (m, n) and cost-to-go P (n, n) for x+ = a x + b u, u = -K x, least sum of x'q x + u'r u; None where none
+    holds the plant.
 
     Source: Franklin, Powell, Workman, Digital Control of Dynamic Systems, 3rd ed., section 9.3.
     """
@@ -20,7 +22,8 @@ def regulator_gain(a: np.ndarray, b: np.ndarray, q: np.ndarray, r: np.ndarray) -
 
 
 def filter_gain(a: np.ndarray, c: np.ndarray, q: np.ndarray, r: np.ndarray) -> np.ndarray | None:
-    """Gain L (n, p) of the corrected estimate x + L (y - c x), process noise q (n, n), measurement noise r (p, p); None where none exists.
+    """Gain L (n, p) of the corrected estimate x + L (y - c x), process noise q (n, n), measurement noise r (p, p); None
+    where none exists.
 
     Source: Anderson, Moore, Optimal Filtering, section 4.4 (eq. 4.4 - 4.6).
     """

@@ -1,4 +1,5 @@
-"""LQ servo: feedback of states that a Kalman filter estimates, inputs on their way through dead time and a load at the input among them."""
+"""LQ servo: feedback of states that a Kalman filter estimates, inputs on their way through dead time and a load at
+the input among them."""
 
 import math
 from typing import Any, NamedTuple
@@ -13,13 +14,14 @@ import jax.numpy as jnp
 
 
 class Servo(NamedTuple):
-    """Parameters of `servo`, deviations from (x0, u0, y0); the plant has n - 1 states, x[n - 1] is the load, and p past inputs still act.
+    """Parameters of `servo`, deviations from (x0, u0, y0); the plant has n - 1 states, x[n - 1] is the load, and p past
+    inputs still act.
 
         x[k+1] = A x[k] + B (u[k], u[k-1], .., u[k-p]),  y = C x + D u[k-1]
         s grows by share (r - y0 - s) a sample,  u = f s - K x - P (u[k-1], .., u[k-p])
 
-    A (n, n), B (n, p + 1), C (n,), D (), gain (n,) of the filter, K (n,), P (p,), f () and share () of the set point; `rest` (n,) states
-    and input that rest where the output is 1 higher; u0, y0.
+    A (n, n), B (n, p + 1), C (n,), D (), gain (n,) of the filter, K (n,), P (p,), f () and share () of the set point;
+    `rest` (n,) states and input that rest where the output is 1 higher; u0, y0.
     """
 
     A: Any
@@ -37,11 +39,13 @@ class Servo(NamedTuple):
 
 
 def servo(period: float, *, lower: float = -math.inf, upper: float = math.inf) -> Controller:
-    """The controller every `period` s whose parameters are (`Servo`, the input at which the loop rests before the first sample).
+    """The controller every `period` s whose parameters are (`Servo`, the input at which the loop rests before the first
+    sample).
 
-    Its integral action is the estimated load, which the input takes back: at rest the output is at the set point whatever the gain of the
-    true plant. The filter knows the limited command, so that nothing winds up. Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd
-    ed., sections 4.5 (integral action by an estimated disturbance) and 11.3 - 11.4.
+    Its integral action is the estimated load, which the input takes back: at rest the output is at the set point
+    whatever the gain of the true plant. The filter knows the limited command, so that nothing winds up. Source: Astrom,
+    Wittenmark, Computer-Controlled Systems, 3rd ed., sections 4.5 (integral action by an estimated disturbance) and
+    11.3 - 11.4.
     """
     checked(Settings(period, lower, upper, "none", None))
 

@@ -1,4 +1,5 @@
-"""Smith predictor: a PID that sees the output as it will be after the dead time, and what the prediction missed through a filter."""
+"""Smith predictor: a PID that sees the output as it will be after the dead time, and what the prediction missed
+through a filter."""
 
 import math
 from typing import Any, NamedTuple
@@ -19,7 +20,8 @@ class Smith(NamedTuple):
 
         x[k+1] = A x[k] + B (u[k] - u0),   y[k + ahead] = y0 + C x[k]
 
-    A (m, m), B (m,), C (m,); `steady` (m,) states at rest per unit of input; the filter takes `taken` () of what is missed in a sample.
+    A (m, m), B (m,), C (m,); `steady` (m,) states at rest per unit of input; the filter takes `taken` () of what is
+    missed in a sample.
     """
 
     gains: Gains
@@ -42,11 +44,13 @@ class SmithState(NamedTuple):
 
 
 def smith(period: float, ahead: int, anti_windup: str) -> Controller:
-    """The controller every `period` s for a dead time of `ahead` samples; parameters (`Smith`, input at rest, `Limits` of the PID).
+    """The controller every `period` s for a dead time of `ahead` samples; parameters (`Smith`, input at rest, `Limits`
+    of the PID).
 
-    Commands are counted from the input at rest. The PID acts on y0 + C x + filtered (y - y0 - C x[k - ahead]), so that its loop has no
-    dead time where the model is right; the model knows the limited command. Source: O. Smith, Chem. Eng. Progress 53 (1957) 217; filter of
-    the miss: J. Normey-Rico, E. Camacho, Control of Dead-time Processes (2007), section 5.5.
+    Commands are counted from the input at rest. The PID acts on y0 + C x + filtered (y - y0 - C x[k - ahead]), so that
+    its loop has no dead time where the model is right; the model knows the limited command. Source: O. Smith, Chem.
+    Eng. Progress 53 (1957) 217; filter of the miss: J. Normey-Rico, E. Camacho, Control of Dead-time Processes (2007),
+    section 5.5.
     """
     init_pid, update_pid = pid_law(period, anti_windup)
 
@@ -69,10 +73,13 @@ def smith(period: float, ahead: int, anti_windup: str) -> Controller:
 
 
 def smith_response(s: Smith, c: Any, ahead: int, period: float, w: Any, xp: Any = np) -> Any:
-    """C(e^(jwh)) (F,) of the whole controller from the error to the input, `c` (F,) that of its PID, at w (F,) in rad/s."""
+    """C(e^(jwh)) (F,) of the whole controller from the error to the input, `c` (F,) that of its PID, at w (F,) in
+    rad/s."""
     z = xp.exp(1j * w * period)
     m = s.A.shape[0]
-    moved = xp.linalg.solve(z[:, None, None] * xp.eye(m) - s.A, xp.broadcast_to(s.B, (len(w), m))[..., None].astype(z.dtype))[..., 0]
+    moved = xp.linalg.solve(
+        z[:, None, None] * xp.eye(m) - s.A, xp.broadcast_to(s.B, (len(w), m))[..., None].astype(z.dtype)
+    )[..., 0]
     kept = s.taken / (1.0 - (1.0 - s.taken) / z)
     return c * kept / (1.0 + c * (moved @ s.C) * (1.0 - kept * z**-ahead))
 
@@ -80,7 +87,9 @@ def smith_response(s: Smith, c: Any, ahead: int, period: float, w: Any, xp: Any 
 def poles_outside(controller: Controller, parameters: Any) -> int:
     """How many poles a controller itself has outside the unit circle, where no limit acts."""
     flat, back = ravel_pytree(controller.init(jnp.zeros(()), parameters))
-    moved = jacfwd(lambda v: ravel_pytree(controller.update(back(v), jnp.zeros(()), jnp.zeros(()), parameters)[0])[0])(flat)
+    moved = jacfwd(lambda v: ravel_pytree(controller.update(back(v), jnp.zeros(()), jnp.zeros(()), parameters)[0])[0])(
+        flat
+    )
     return int(np.sum(np.abs(np.linalg.eigvals(np.asarray(moved))) > 1.0 + 1e-6))
 
 

@@ -25,12 +25,13 @@ class TorqueDrive(NamedTuple):
 
 
 def through_motor(design: Design, motor: Mapping[str, float], speed: str, limit: float, gear: float = 1.0) -> Design:
-    """An `lqr` of one torque, which drives a motor of the constants Rm (ohm), Kt (N m/A), Kb (V s/rad) by its voltage V:
+    """An `lqr` of one torque, which drives a motor of the constants Rm (ohm), Kt (N m/A), Kb (V s/rad) by its voltage
+    V:
 
         V = Rm / (gear Kt) tau + gear Kb w,  within +-limit
 
-    w is the state `speed` as the estimator sees it, which is told the torque that the motor gives under the voltage that is left after
-    clipping. The winding's inductance is left out. References still name states and the torque.
+    w is the state `speed` as the estimator sees it, which is told the torque that the motor gives under the voltage
+    that is left after clipping. The winding's inductance is left out. References still name states and the torque.
 
     Source: Tran et al., A Survey of Identification Experimental System Parameters Using Genetic Algorithm, eq. (1).
     Raises SimulationError for a design of another kind, a missing constant or an unknown state.

@@ -1,4 +1,5 @@
-"""Gains for several levels of the output: a PID searched at each, all of them as one schedule, judged at every level."""
+"""Gains for several levels of the output: a PID searched at each, all of them as one schedule, judged at every
+level."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -29,8 +30,8 @@ THERE = "PID of this level alone"
 
 @dataclass(frozen=True, eq=False)
 class LevelReport:
-    """At one level: the `gains` there, the shares of plants that keep the wishes with the `scheduled` controller and with each single PID
-    `alone` (levels,), and the IAE of the step on the best fit with the schedule."""
+    """At one level: the `gains` there, the shares of plants that keep the wishes with the `scheduled` controller and
+    with each single PID `alone` (levels,), and the IAE of the step on the best fit with the schedule."""
 
     level: float
     step: float
@@ -42,8 +43,8 @@ class LevelReport:
 
 @dataclass(frozen=True, eq=False)
 class ScheduleReport:
-    """`levels`, the share of plants that keeps the wishes at `every` level, that share for each `single` PID of one level (levels,), and
-    `across` what one step from the first level to the last does: scores (plants,)."""
+    """`levels`, the share of plants that keeps the wishes at `every` level, that share for each `single` PID of one
+    level (levels,), and `across` what one step from the first level to the last does: scores (plants,)."""
 
     levels: tuple[LevelReport, ...]
     every: float
@@ -60,14 +61,18 @@ def scheduled_loops(
     train: OneLoop, family: OneLoop, wishes: Wishes, levels: Sequence[float], *, budget: int = 500, seed: int = 1,
     progress: Callable[[Any], None] | None = None,
 ) -> tuple[LoopDesign, ScheduleReport]:  # fmt: skip
-    """A schedule over `levels`, two or more, the last samples of which the step of the wishes ends at; the design is that of the level
-    nearest to the set point, the scheduled controller first in it, its share that of plants which keep the wishes at every level.
+    """A schedule over `levels`, two or more, the last samples of which the step of the wishes ends at; the design is
+    that of the level nearest to the set point, the scheduled controller first in it, its share that of plants which
+    keep the wishes at every level.
 
-    Each level's PID is searched on all plants as `tuned_loop` does, with the same horizon. Raises SimulationError as that does.
+    Each level's PID is searched on all plants as `tuned_loop` does, with the same horizon. Raises SimulationError as
+    that does.
     """
     chosen = np.unique(np.asarray(levels, dtype=float))
     if len(chosen) < 2:
-        raise SimulationError(f"A schedule needs two levels or more, and {len(chosen)} is given; give [control] levels.")
+        raise SimulationError(
+            f"A schedule needs two levels or more, and {len(chosen)} is given; give [control] levels."
+        )
     plain = replace(wishes, controller="pid", horizon=wishes.horizon or _longest(family, wishes, chosen))
     asked = [replace(plain, set_point=float(v), step=_step_at(family, plain, float(v))) for v in chosen]
     for there in asked:
@@ -79,25 +84,43 @@ def scheduled_loops(
     begins(progress, "judging the schedule")
     schedule = Schedule(chosen, Gains._make(np.array(v) for v in zip(*(d.best.gains for d in designs), strict=True)))
     main = int(np.argmin(np.abs(chosen - wishes.set_point)))
-    everywhere, singles, reports, first = np.ones(family.count, bool), np.ones((len(chosen), family.count), bool), [], None
+    everywhere, singles, reports, first = (
+        np.ones(family.count, bool),
+        np.ones((len(chosen), family.count), bool),
+        [],
+        None,
+    )
     for k, design in enumerate(designs):
         form = _form(design, schedule)
         judge = Judge.of(design.family, design.judge.start, design.course, wishes.quantum, form)
         w = frequencies(wishes.period, slowest(design.reduced), FINE)
-        h, (own, outside) = responses_of(design.family, design.rest, form, wishes.period, w), open_poles(design.rest, w[0])
+        h, (own, outside) = (
+            responses_of(design.family, design.rest, form, wishes.period, w),
+            open_poles(design.rest, w[0]),
+        )
         found = judged_on(judge, form, [schedule], h, w, design.wishes, 1 + own, outside)
-        alone = judged_on(design.judge, design.best.form, [d.best.gains for d in designs], h, w, design.wishes, 1 + own, outside)
+        alone = judged_on(
+            design.judge, design.best.form, [d.best.gains for d in designs], h, w, design.wishes, 1 + own, outside
+        )
         kept = np.zeros((1 + len(chosen), family.count), bool)
         kept[:, design.rows_used] = np.concatenate([found.kept, alone.kept])
         everywhere &= kept[0]
         singles &= kept[1:]
         share = [float(np.mean(v)) for v in kept]
-        reports.append(LevelReport(float(chosen[k]), design.wishes.step, design.best.gains, share[0], np.array(share[1:]),
+        reports.append(LevelReport(float(chosen[k]), design.wishes.step, design.best.gains, share[0],
+                                   np.array(share[1:]),
                                    float(found.scores.iae[0, 0])))  # fmt: skip
         if k == main:
-            first = form, judge, found, row_of(0, (ROBUST, form, schedule, "this search, at every level"), found, w, h[:1], 1 + int(own[0]))
+            first = (
+                form,
+                judge,
+                found,
+                row_of(0, (ROBUST, form, schedule, "this search, at every level"), found, w, h[:1], 1 + int(own[0])),
+            )
     assert first is not None
-    report = ScheduleReport(tuple(reports), float(np.mean(everywhere)), np.mean(singles, axis=1), _across(designs, schedule, wishes))
+    report = ScheduleReport(
+        tuple(reports), float(np.mean(everywhere)), np.mean(singles, axis=1), _across(designs, schedule, wishes)
+    )
     return _with_schedule(designs[main], first, everywhere), report
 
 
@@ -117,7 +140,9 @@ def _longest(family: OneLoop, wishes: Wishes, levels: np.ndarray) -> float:
         if np.all(np.isfinite(rest.A)):
             found.append(course_seconds(reduced(rest, 0.5 * wishes.period)))
     if not found:
-        raise SimulationError(f"The model rests at none of the levels {', '.join(f'{v:.4g}' for v in levels)}; give others.")
+        raise SimulationError(
+            f"The model rests at none of the levels {', '.join(f'{v:.4g}' for v in levels)}; give others."
+        )
     return max(found)
 
 
@@ -140,7 +165,8 @@ def _form(design: LoopDesign, schedule: Schedule) -> Form:
     own = design.best.form
     loop = slewed(scheduled_pid(w.period, w.anti_windup), change(w))
     return Form(
-        NAME, own.space, lambda z, _: schedule, response, loop, lambda _: 0, own.starts, given=(Limits(w.lower, w.upper, follow),)
+        NAME, own.space, lambda z, _: schedule, response, loop, lambda _: 0, own.starts,
+        given=(Limits(w.lower, w.upper, follow),)
     )  # fmt: skip
 
 
@@ -148,12 +174,16 @@ def _across(designs: Sequence[LoopDesign], schedule: Schedule, wishes: Wishes) -
     """One step from the first level to the last."""
     first, last = designs[0], designs[-1]
     form = _form(last, schedule)
-    start = first.family.at_rest(first.wishes.set_point, (wishes.lower, 0.5 * (wishes.lower + wishes.upper), wishes.upper))
+    start = first.family.at_rest(
+        first.wishes.set_point, (wishes.lower, 0.5 * (wishes.lower + wishes.upper), wishes.upper)
+    )
     whole = np.isfinite(start.u)
     family = first.family.part(whole)
     start = type(start)(*(getattr(start, n)[whole] for n in ("x", "u", "A", "B", "C", "D", "late")))
     course = replace(last.course, start=first.wishes.set_point, level=last.wishes.set_point)
-    scores = Judge.of(family, start, course, wishes.quantum, form).scores(jax.tree.map(lambda v: np.asarray(v)[None], schedule))
+    scores = Judge.of(family, start, course, wishes.quantum, form).scores(
+        jax.tree.map(lambda v: np.asarray(v)[None], schedule)
+    )
     return LoopScores._make(np.asarray(v)[0] for v in scores)
 
 

@@ -32,12 +32,14 @@ class ScheduledState(NamedTuple):
 
 
 def scheduled_pid(period: float, anti_windup: str) -> Controller:
-    """The controller every `period` s; parameters (`Schedule`, input at rest, `Limits` of the input), commands counted from that input.
+    """The controller every `period` s; parameters (`Schedule`, input at rest, `Limits` of the input), commands counted
+    from that input.
 
         held += Kp (b (r - r_last) - (y - y_last)) + Ki period / 2 (e + e_last),  gains at the level y
 
-    With gains that do not change it is `control.pid`. Gains multiply changes alone, so that none of them moves the input at rest, and near
-    every level the loop is the linear one of the gains there (velocity form: D. Leith, W. Leithead, Int. J. Control 73 (2000) 1001).
+    With gains that do not change it is `control.pid`. Gains multiply changes alone, so that none of them moves the
+    input at rest, and near every level the loop is the linear one of the gains there (velocity form: D. Leith, W.
+    Leithead, Int. J. Control 73 (2000) 1001).
     """
 
     def init(measurement, parameters):
@@ -51,7 +53,9 @@ def scheduled_pid(period: float, anti_windup: str) -> Controller:
         error, moved, asked = reference - measurement, measurement - state.measurement, reference - state.reference
         added = (0.5 * period) * g.Ki * (error + state.error)
         before = state.held + g.Kp * (g.b * asked - moved)
-        derivative = (g.filter_time * state.derivative + g.Kd * (g.c * asked - moved)) * (1.0 / (g.filter_time + period))
+        derivative = (g.filter_time * state.derivative + g.Kd * (g.c * asked - moved)) * (
+            1.0 / (g.filter_time + period)
+        )
         held = before + added
         wanted = held + derivative
         command = jnp.clip(wanted, limits.lower, limits.upper)

@@ -60,14 +60,18 @@ def step_observer(band: float = 0.02, rise: tuple[float, float] = (0.1, 0.9)) ->
     return _observer(float(band), float(rise[0]), float(rise[1]))
 
 
-def step_metrics(t: Any, y: Any, reference: Any, band: float = 0.02, rise: tuple[float, float] = (0.1, 0.9)) -> StepMetrics:
+def step_metrics(
+    t: Any, y: Any, reference: Any, band: float = 0.02, rise: tuple[float, float] = (0.1, 0.9)
+) -> StepMetrics:
     """`StepMetrics` of a stored response y (N,) at times t (N,) in seconds towards `reference`, a scalar.
 
     Raises SimulationError for shapes that differ, an empty response, or a reference equal to y[0].
     """
     t, y = np.asarray(t, dtype=float), np.asarray(y, dtype=float)
     if t.ndim != 1 or t.shape != y.shape or not len(t):
-        raise SimulationError(f"The step response has times {t.shape} and values {y.shape}; give two arrays of one length.")
+        raise SimulationError(
+            f"The step response has times {t.shape} and values {y.shape}; give two arrays of one length."
+        )
     if np.ndim(reference) != 0:
         raise SimulationError(f"The reference has shape {np.shape(reference)}; a step has one final value.")
     if float(reference) == y[0]:
@@ -113,6 +117,8 @@ def _observer(band: float, low: float, high: float) -> Observer:
         beyond = jnp.maximum(0.0, seen.peak - seen.sign * seen.reference)
         overshoot = jnp.where(seen.size > 0, 100.0 * beyond / jnp.where(seen.size > 0, seen.size, 1.0), jnp.nan)
         rise = jnp.where(jnp.isfinite(seen.at_high), seen.at_high - seen.at_low, jnp.inf)
-        return StepMetrics(overshoot, rise, seen.settled - seen.begin, seen.at_peak - seen.begin, seen.reference - seen.last)
+        return StepMetrics(
+            overshoot, rise, seen.settled - seen.begin, seen.at_peak - seen.begin, seen.reference - seen.last
+        )
 
     return Observer(init, update, result)

@@ -17,7 +17,8 @@ from jax import lax
 
 @dataclass(frozen=True)
 class StepProfile:
-    """Levels of the reference and the times (s) from which they hold, the first 0, until `seconds`; `band`: see `StepScores`."""
+    """Levels of the reference and the times (s) from which they hold, the first 0, until `seconds`; `band`: see
+    `StepScores`."""
 
     times: tuple[float, ...]
     levels: tuple[float, ...]
@@ -53,8 +54,9 @@ class StepProfile:
 class StepScores(NamedTuple):
     """Judgement of each step (S,), from the output at its beginning to its level; times in seconds after its beginning.
 
-    `iae`: integral of |level - y| over the size of the step (s); `overshoot` beyond the level in percent of the step; `settling` of
-    the first sample from which y stays within `band` of the step (inf if never); `travel`: sum of the moves of the input.
+    `iae`: integral of |level - y| over the size of the step (s); `overshoot` beyond the level in percent of the step;
+    `settling` of the first sample from which y stays within `band` of the step (inf if never); `travel`: sum of the
+    moves of the input.
     """
 
     iae: Any
@@ -64,10 +66,14 @@ class StepScores(NamedTuple):
 
 
 def profile_scores(profile: StepProfile, t: Any, y: Any, u: Any) -> StepScores:
-    """`StepScores` of stored responses y and inputs u (..., N) at times t (N,) in seconds, by the code of the loop's observer."""
+    """`StepScores` of stored responses y and inputs u (..., N) at times t (N,) in seconds, by the code of the loop's
+    observer."""
     t, y, u = (np.asarray(v, dtype=float) for v in (t, y, u))
     if t.ndim != 1 or y.shape != u.shape or y.shape[-1:] != t.shape or not len(t):
-        raise SimulationError(f"The responses have times {t.shape}, outputs {y.shape} and inputs {u.shape}; give (N,), (..., N), (..., N).")
+        raise SimulationError(
+            f"The responses have times {t.shape}, outputs {y.shape} and inputs {u.shape}; give (N,), (..., N), (..., "
+            f"N)."
+        )
     found = _fold(profile, t, y.reshape(-1, len(t)), u.reshape(-1, len(t)))
     return StepScores(*(np.asarray(v).reshape(*y.shape[:-1], len(profile.times)) for v in found))
 
@@ -110,7 +116,9 @@ def _observer(profile: StepProfile) -> Observer:
         begin = jnp.where(first, y, seen.begin)
         size, off = jnp.abs(levels - begin), jnp.abs(levels - y)
         since = jnp.where(very_first, 0.0, t - seen.last_t)
-        settled = jnp.where(off <= profile.band * size, jnp.minimum(seen.settled, t - times), jnp.inf)  # nan is not inside
+        settled = jnp.where(
+            off <= profile.band * size, jnp.minimum(seen.settled, t - times), jnp.inf
+        )  # nan is not inside
         return _Seen(
             begin,
             seen.area + jnp.where(now & ~first, since * off, 0.0),

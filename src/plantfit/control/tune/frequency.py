@@ -15,8 +15,9 @@ NOTHING = 1e-9  # size of an open loop that counts as 0
 
 
 class Margins(NamedTuple):
-    """Of each of n loops: `ms` the largest |1/(1 + L)|, `mt` the largest |L/(1 + L)|, `gain` margin (a factor; inf without a phase
-    crossing), `phase` margin (deg; inf without a gain crossing), `stable`, by the encirclements of -1."""
+    """Of each of n loops: `ms` the largest |1/(1 + L)|, `mt` the largest |L/(1 + L)|, `gain` margin (a factor; inf
+    without a phase crossing), `phase` margin (deg; inf without a gain crossing), `stable`, by the encirclements of
+    -1."""
 
     ms: np.ndarray
     mt: np.ndarray
@@ -58,7 +59,8 @@ def sampled_response(rest: Rest, period: float, w: np.ndarray) -> np.ndarray:
 
 
 def input_matrices(rest: Rest, period: float) -> tuple[np.ndarray, np.ndarray]:
-    """A (s, s) and B (p + 1, s) of the first plant sampled: x[k+1] = A x[k] + sum of B[j] u[k-j], all ways of the input together."""
+    """A (s, s) and B (p + 1, s) of the first plant sampled: x[k+1] = A x[k] + sum of B[j] u[k-j], all ways of the
+    input together."""
     whole, phi, first, over = _moves(rest, period)
     counts = whole[0].astype(int)
     b = np.zeros((int(counts.max()) + 2, phi.shape[-1]))
@@ -70,8 +72,8 @@ def input_matrices(rest: Rest, period: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _moves(rest: Rest, period: float) -> tuple[np.ndarray, ...]:
-    """Of every plant and way of the input: whole samples of dead time (n, c); e^(A h) (n, s, s); what an input moves the states in the
-    rest of the sample in which it arrives (n, c, s) and in the next one."""
+    """Of every plant and way of the input: whole samples of dead time (n, c); e^(A h) (n, s, s); what an input moves
+    the states in the rest of the sample in which it arrives (n, c, s) and in the next one."""
     n = len(rest.B)
     counts = rest.late / period
     whole = np.floor(counts + ROUNDING)
@@ -100,13 +102,15 @@ def pid_response(gains: Any, period: float, w: Any, xp: Any = np) -> Any:
 
 
 def margins_in_search(loop: Any) -> tuple[Any, Any]:
-    """Gain margin (a factor) and phase margin (deg) of open loops (..., F) up to half the sampling frequency, large without a crossing;
-    jax-traceable, on the grid alone."""
+    """Gain margin (a factor) and phase margin (deg) of open loops (..., F) up to half the sampling frequency, large
+    without a crossing; jax-traceable, on the grid alone."""
     a, b = loop[..., :-1], loop[..., 1:]
     part = a.imag / jnp.where(a.imag == b.imag, 1.0, a.imag - b.imag)
     real = a.real + part * (b.real - a.real)
     crossed = (a.imag * b.imag <= 0) & (a.imag != b.imag) & (real < 0) & (real > -1)
-    last = -loop[..., -1].real  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
+    last = -loop[
+        ..., -1
+    ].real  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
     at_last = jnp.where((last > 0) & (last < 1), last, NOTHING)
     gain = 1.0 / jnp.maximum(jnp.max(jnp.where(crossed, -real, NOTHING), axis=-1), at_last)
     low, high = jnp.log(jnp.abs(a)), jnp.log(jnp.abs(b))
@@ -118,7 +122,8 @@ def margins_in_search(loop: Any) -> tuple[Any, Any]:
 
 
 def open_loop(c: Any, h: Any, xp: Any = np) -> Any:
-    """L (n, F) at the plants' input: of a controller c (F,) and h (n, F), or of a cascade's c (2, F) and h (n, 2, F)."""
+    """L (n, F) at the plants' input: of a controller c (F,) and h (n, F), or of a cascade's c (2, F) and h (n, 2,
+    F)."""
     return c[None, :] * h if c.ndim == 1 else xp.sum(c[None] * h, axis=1)
 
 
@@ -128,8 +133,8 @@ def outer_loop(c: Any, h: Any) -> Any:
 
 
 def noise_at_input(c: Any, s: Any, weights: Any, noise: Any, xp: Any = np) -> Any:
-    """Standard deviation (n,) that measurement noise gives the input: s (n, F) sensitivities, `weights` (F,) of the spectrum's frequencies,
-    `noise` standard deviations, one or two."""
+    """Standard deviation (n,) that measurement noise gives the input: s (n, F) sensitivities, `weights` (F,) of the
+    spectrum's frequencies, `noise` standard deviations, one or two."""
     if c.ndim == 1:
         return noise * xp.sqrt(xp.sum(xp.abs(c * s) ** 2 * weights, axis=-1))
     return xp.sqrt(xp.sum(xp.sum(xp.abs(c * noise[:, None]) ** 2, axis=0) * xp.abs(s) ** 2 * weights, axis=-1))
@@ -140,18 +145,26 @@ def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: Any, 
     found = margins(open_loop(c, h), w, integrators, unstable)
     if c.ndim == 1:
         return found
-    outside = margins(outer_loop(c, h), w, 0, held=found.stable)  # its encirclements say nothing: poles of the inner loop are not known
-    smaller = [np.where(found.stable, np.minimum(a, np.abs(b)), a) for a, b in ((found.gain, outside.gain), (found.phase, outside.phase))]
+    outside = margins(
+        outer_loop(c, h), w, 0, held=found.stable
+    )  # its encirclements say nothing: poles of the inner loop are not known
+    smaller = [
+        np.where(found.stable, np.minimum(a, np.abs(b)), a)
+        for a, b in ((found.gain, outside.gain), (found.phase, outside.phase))
+    ]
     return Margins._make([np.maximum(found.ms, outside.ms), np.maximum(found.mt, outside.mt), *smaller, found.stable])
 
 
-def margins(loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0, held: np.ndarray | None = None) -> Margins:
-    """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit circle but for
-    `integrators` at 1 and `unstable` ones outside, numbers for all loops or (n,).
+def margins(
+    loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0, held: np.ndarray | None = None
+) -> Margins:
+    """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit
+    circle but for `integrators` at 1 and `unstable` ones outside, numbers for all loops or (n,).
 
-    On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for each unstable pole
-    if the closed loop is stable, and by pi less for each pole outside (the argument principle: closed over open characteristic
-    polynomial). `held` (n,) says which closed loops are stable where that is known otherwise.
+    On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for
+    each unstable pole if the closed loop is stable, and by pi less for each pole outside (the argument principle:
+    closed over open characteristic polynomial). `held` (n,) says which closed loops are stable where that is known
+    otherwise.
     """
     integrators = np.broadcast_to(integrators, len(loop))
     distance = np.abs(1.0 + loop)
@@ -167,7 +180,9 @@ def margins(loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0
     outside = outside if held is None else np.where(held, 0, 1)
     gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
     angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
-    last = np.real(loop[:, -1])  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
+    last = np.real(
+        loop[:, -1]
+    )  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
     for i in range(len(loop)):
         factors = -1.0 / last[i : i + 1][last[i : i + 1] < -NOTHING]
         turns = np.floor((angle[i] + np.pi) / (2 * np.pi))  # changes where the angle passes an odd multiple of pi

@@ -1,4 +1,5 @@
-"""A controller searched on all plants that the data allow, beside classical rules and beside the same search on the best fit alone."""
+"""A controller searched on all plants that the data allow, beside classical rules and beside the same search on the
+best fit alone."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +17,15 @@ from plantfit.control.tune.forms.smith_form import smith_form
 from plantfit.control.tune.frequency import frequencies, sampled_response
 from plantfit.control.tune.loop_scores import Judge, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
-from plantfit.control.tune.plant_checks import check_dead_time, check_holds, check_inner, check_reached, held_by_limits, sign_of, with_rest
+from plantfit.control.tune.plant_checks import (
+    check_dead_time,
+    check_holds,
+    check_inner,
+    check_reached,
+    held_by_limits,
+    sign_of,
+    with_rest,
+)
 from plantfit.control.tune.reduction import Reduced, open_poles, reduced, slowest
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.figures import figure, known_figures, sizes_of, weights_of
@@ -39,8 +48,8 @@ BESIDE = ", all plants"  # after the names of other forms that are searched on t
 
 @dataclass(frozen=True, eq=False)
 class JudgedFront:
-    """A front of controllers: the `names` of its figures, their values (k, m) on the best fit, in units, the share of plants (k,) that
-    keep the wishes, and which was `picked`, from 1 on."""
+    """A front of controllers: the `names` of its figures, their values (k, m) on the best fit, in units, the share
+    of plants (k,) that keep the wishes, and which was `picked`, from 1 on."""
 
     names: tuple[str, ...]
     controllers: tuple[Any, ...]
@@ -51,12 +60,12 @@ class JudgedFront:
 
 @dataclass(frozen=True, eq=False)
 class LoopDesign:
-    """The tuned controller: `rows` of the table, the first tuned on all plants, the second on the best fit alone, then on all plants
-    the forms that are simpler, then the rules.
+    """The tuned controller: `rows` of the table, the first tuned on all plants, the second on the best fit alone, then
+    on all plants the forms that are simpler, then the rules.
 
-    `reduced` is what the rules saw, `sign` that of the plant's gain, `judged` all controllers on the fresh plants of `family` (its first is
-    the best fit), `course` what they were judged by, `rest` the plants at the set point; `judges` by the name of a form. `held` is the
-    share of plants that the input's limits can hold at both levels.
+    `reduced` is what the rules saw, `sign` that of the plant's gain, `judged` all controllers on the fresh plants of
+    `family` (its first is the best fit), `course` what they were judged by, `rest` the plants at the set point;
+    `judges` by the name of a form. `held` is the share of plants that the input's limits can hold at both levels.
     """
 
     wishes: Wishes
@@ -109,13 +118,15 @@ def tuned_loop(
     points: int = 9,
     pick: int | None = None,
 ) -> LoopDesign:
-    """Search the controller of `wishes` on the `train` plants; judge it on those of `family`. Both begin with the best fit.
+    """Search the controller of `wishes` on the `train` plants; judge it on those of `family`. Both begin with the best
+    fit.
 
-    The cost on a plant is the mean of the IAE of set-point step and load, each over that of SIMC on the best fit (C. Grimholt, S.
-    Skogestad, IFAC PID 2012, eq. 3), times 1 + 10 times every excess over a limit as a share of it; over plants `Demand.over_plants`:
-    the mean of all and of the worst 1 - `share`. `Wishes.minimise` may weigh other figures in place of both IAE. With `front`, two or three
-    figures, `points` controllers none of which is better in all of them are searched besides; number `pick` of them is the one tuned.
-    Raises SimulationError for a plant that is unstable, that has no gain, or that the limits cannot hold at the set point.
+    The cost on a plant is the mean of the IAE of set-point step and load, each over that of SIMC on the best fit (C.
+    Grimholt, S. Skogestad, IFAC PID 2012, eq. 3), times 1 + 10 times every excess over a limit as a share of it; over
+    plants `Demand.over_plants`: the mean of all and of the worst 1 - `share`. `Wishes.minimise` may weigh other figures
+    in place of both IAE. With `front`, two or three figures, `points` controllers none of which is better in all of
+    them are searched besides; number `pick` of them is the one tuned. Raises SimulationError for a plant that is
+    unstable, that has no gain, or that the limits cannot hold at the set point.
     """
     _check_asked(wishes, front, points, pick)
     begins(progress, "bringing the plants to rest")
@@ -135,11 +146,13 @@ def tuned_loop(
     begins(progress, "judging the controllers on fresh plants")
     rows, found = _rows(plants, wishes, forms, judges, named, fine)
     drawn = None if line is None else _judged_front(
-        line, judges[forms[0].name], forms[0], responses_of(plants.family, plants.rest, forms[0], wishes.period, fine), fine, wishes,
+        line, judges[forms[0].name], forms[0], responses_of(plants.family, plants.rest, forms[0], wishes.period, fine),
+        fine, wishes,
         open_poles(plants.rest, fine[0]), pick,
     )  # fmt: skip
     return LoopDesign(
-        wishes, plants.family, plants.rest, plants.course, small, plants.sign, rows, found, judges, plants.held, plants.right_sign,
+        wishes, plants.family, plants.rest, plants.course, small, plants.sign, rows, found, judges, plants.held,
+        plants.right_sign,
         plants.used, plants.tracking, drawn,
     )  # fmt: skip
 
@@ -174,7 +187,8 @@ def _check_asked(wishes: Wishes, front: tuple[str, ...], points: int, pick: int 
 
 @dataclass(frozen=True, eq=False)
 class _Plants:
-    """Plants that rest at the set point and come from `starts` below it: those of the search first, then the fresh ones.
+    """Plants that rest at the set point and come from `starts` below it: those of the search first, then the fresh
+    ones.
 
     `used` are the rows of the fresh ones that rest at both levels, `held` and `right_sign` shares of all fresh ones.
     """
@@ -204,7 +218,8 @@ class _Plants:
 
 
 def _plants(train: OneLoop, family: OneLoop, wishes: Wishes) -> _Plants:
-    """The plants at rest at both levels. Raises SimulationError for plants that no controller of a loop can be searched for."""
+    """The plants at rest at both levels. Raises SimulationError for plants that no controller of a loop can be
+    searched for."""
     levels = (wishes.set_point - wishes.step, wishes.set_point)
     middle = (wishes.lower + 0.1 * (wishes.upper - wishes.lower), 0.5 * (wishes.lower + wishes.upper), wishes.upper)
     both = [(plant.at_rest(levels[0], middle), plant.at_rest(levels[1], middle)) for plant in (train, family)]
@@ -217,7 +232,8 @@ def _plants(train: OneLoop, family: OneLoop, wishes: Wishes) -> _Plants:
     check_dead_time(small, wishes)
     return _Plants(
         (train.part(whole[0]), family.part(whole[1])), starts, rests, np.flatnonzero(whole[1]),
-        float(np.mean(held_by_limits(both[1], wishes))), float(1.0 - np.mean(wrong)), sign, small, _course(small, wishes),
+        float(np.mean(held_by_limits(both[1], wishes))), float(1.0 - np.mean(wrong)), sign, small,
+        _course(small, wishes),
         _tracking(small, wishes),
     )  # fmt: skip
 
@@ -226,17 +242,22 @@ def _searched(
     plants: _Plants, wishes: Wishes, forms: Sequence[Form], sizes: Any, w: np.ndarray, budget: int, seed: int,
     progress: Callable[[Any], None] | None, asked: _Asked,
 ) -> tuple[list[_Named], Front | None]:  # fmt: skip
-    """Controllers of every form on all plants and on the best fit alone, the form that was asked for first; and the front, if asked for."""
+    """Controllers of every form on all plants and on the best fit alone, the form that was asked for first; and the
+    front, if asked for."""
     named: list[_Named] = []
     line: Front | None = None
-    at_last: np.ndarray | None = None  # points of the form before, which an MPC begins at: its weights are those of an LQI
+    at_last: np.ndarray | None = (
+        None  # points of the form before, which an MPC begins at: its weights are those of an LQI
+    )
     drawn = len(asked.figures) + len(directions(len(asked.figures), asked.points)) if asked.figures else 0
     searches = Searches(progress, 2 * len(forms) + drawn)
     for form in reversed(forms):
         h = responses_of(plants.loops[0], plants.rests[0], form, wishes.period, w)
         search = Search(plants.judge(form, wishes, 0), h, w, wishes, form, sizes, weights_of(wishes.minimise))
         starts = form.starts if form.plan is None or at_last is None else at_last
-        nominal = search.on_best_fit().found(starts, max(200, budget // 2), seed, searches.next(f"{form.name}, {BEST_FIT}"))
+        nominal = search.on_best_fit().found(
+            starts, max(200, budget // 2), seed, searches.next(f"{form.name}, {BEST_FIT}")
+        )
         robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, searches.next(f"{form.name}, {ROBUST}"))
         at_last = np.stack([robust, nominal])
         source = "this search"
@@ -247,14 +268,26 @@ def _searched(
             robust, source = _picked(line, asked.pick, robust)
         best, alone = (_numbers(form.made(z)) for z in (robust, nominal))
         if form is forms[0]:
-            named = [_Named(ROBUST, form, best, source), _Named(BEST_FIT, form, alone, "the same search on one plant"), *named]
+            named = [
+                _Named(ROBUST, form, best, source),
+                _Named(BEST_FIT, form, alone, "the same search on one plant"),
+                *named,
+            ]
         else:
-            named = [_Named(form.name + BESIDE, form, best, f"the same search for {article(form.name)} {form.name}"), *named]
+            named = [
+                _Named(form.name + BESIDE, form, best, f"the same search for {article(form.name)} {form.name}"),
+                *named,
+            ]
     return named, line
 
 
 def _rows(
-    plants: _Plants, wishes: Wishes, forms: Sequence[Form], judges: Mapping[str, Judge], named: Sequence[_Named], w: np.ndarray
+    plants: _Plants,
+    wishes: Wishes,
+    forms: Sequence[Form],
+    judges: Mapping[str, Judge],
+    named: Sequence[_Named],
+    w: np.ndarray,
 ) -> tuple[tuple[Row, ...], Judged]:
     """The table of all controllers on the fresh plants."""
     parts, (count, outside) = [], open_poles(plants.rest, w[0])
@@ -273,20 +306,24 @@ def _rows(
 
 
 def _picked(line: Front, pick: int | None, robust: np.ndarray) -> tuple[np.ndarray, str]:
-    """The point of the front that was chosen, from 1 on, and where it is from. Raises SpecError for a number that there is not."""
+    """The point of the front that was chosen, from 1 on, and where it is from. Raises SpecError for a number that
+    there is not."""
     if pick is None:
         return robust, "this search"
     if not 1 <= pick <= len(line.points):
-        raise SpecError(f"The front has {len(line.points)} points, and pick = {pick} is none of them; give 1 to {len(line.points)}.")
+        raise SpecError(
+            f"The front has {len(line.points)} points, and pick = {pick} is none of them; give 1 to {len(line.points)}."
+        )
     return line.points[pick - 1], f"point {pick} of {len(line.points)} of the front"
 
 
 def _judged_front(
-    line: Front, judge: Judge, form: Form, h: np.ndarray, w: np.ndarray, wishes: Wishes, own: tuple[np.ndarray, np.ndarray],
+    line: Front, judge: Judge, form: Form, h: np.ndarray, w: np.ndarray, wishes: Wishes,
+    own: tuple[np.ndarray, np.ndarray],
     pick: int | None,
 ) -> JudgedFront:  # fmt: skip
-    """The points of a front on the fresh plants, which have poles of their `own`: their figures on the best fit, in units, and the share of
-    plants that keep the wishes."""
+    """The points of a front on the fresh plants, which have poles of their `own`: their figures on the best fit, in
+    units, and the share of plants that keep the wishes."""
     controllers = [_numbers(form.made(z)) for z in line.points]
     found = judged_on(judge, form, controllers, h, w, wishes, own[0] + form.integrators, own[1])
     half = 0.5 * judge.course.seconds
@@ -294,8 +331,11 @@ def _judged_front(
     return JudgedFront(line.names, tuple(controllers), np.stack(first, axis=1), np.mean(found.kept, axis=1), pick)
 
 
-def _ahead_of_pid(family: OneLoop, rest: Rest, small: Reduced, sign: int, wishes: Wishes, tracking: float | None) -> list[Form]:
-    """The form that was asked for, then simpler ones of its kind; none where that is a PID, which stands beside all of them."""
+def _ahead_of_pid(
+    family: OneLoop, rest: Rest, small: Reduced, sign: int, wishes: Wishes, tracking: float | None
+) -> list[Form]:
+    """The form that was asked for, then simpler ones of its kind; none where that is a PID, which stands beside all
+    of them."""
     if wishes.controller in ("pid", "pi"):
         return []
     if wishes.controller == "cascade":
@@ -347,7 +387,8 @@ def _course(small: Reduced, wishes: Wishes) -> StepAndLoad:
     seconds = wishes.horizon if wishes.horizon is not None else course_seconds(small)
     if seconds / wishes.period > 20 * MOST_SAMPLES:
         raise SimulationError(
-            f"The loop takes {seconds:.4g} s to settle twice, {seconds / wishes.period:.0f} samples of {wishes.period:g} s; "
+            f"The loop takes {seconds:.4g} s to settle twice, {seconds / wishes.period:.0f} samples of "
+            f"{wishes.period:g} s; "
             f"give a longer period "
             f"([control] period, or --period), such as {seconds / MOST_SAMPLES:.2g} s, or a shorter horizon."
         )

@@ -17,12 +17,11 @@ import jax.numpy as jnp
 
 
 class LoopScores(NamedTuple):
-    """Of one loop: `iae` integral of |set point - y| over the size of the step (s), `overshoot` beyond it in percent of the step,
-    `settling` (s) of the first sample from which y stays within 2 % (inf if never), `left` the largest |set point - y| of the last fifth of
-    the step as a share of it, `load_iae` integral of |set point - y| after the load (unit of y, s), `load_peak` its largest,
-    `travel` sum of
-    the moves of the input, `outside` how far y was beyond its limits at most (unit of y), `itae` integral of t |set point - y| of the step
-    over its size (s^2)."""
+    """Of one loop: `iae` integral of |set point - y| over the size of the step (s), `overshoot` beyond it in percent
+    of the step, `settling` (s) of the first sample from which y stays within 2 % (inf if never), `left` the largest
+    |set point - y| of the last fifth of the step as a share of it, `load_iae` integral of |set point - y| after the
+    load (unit of y, s), `load_peak` its largest, `travel` sum of the moves of the input, `outside` how far y was
+    beyond its limits at most (unit of y), `itae` integral of t |set point - y| of the step over its size (s^2)."""
 
     iae: Any
     overshoot: Any
@@ -37,8 +36,8 @@ class LoopScores(NamedTuple):
 
 @dataclass(frozen=True)
 class StepAndLoad:
-    """From rest at `start` to `level`, at `seconds` / 2 a step of `load` at the plant's input, until `seconds`; y is to stay between
-    `lowest` and `highest`."""
+    """From rest at `start` to `level`, at `seconds` / 2 a step of `load` at the plant's input, until `seconds`; y is
+    to stay between `lowest` and `highest`."""
 
     start: float
     level: float
@@ -67,7 +66,8 @@ class StepAndLoad:
 
 
 def from_rest(controller: Controller) -> Controller:
-    """A controller whose parameters are (its own, the input at rest), with commands counted from that input, as loops here take them."""
+    """A controller whose parameters are (its own, the input at rest), with commands counted from that input, as
+    loops here take them."""
 
     def update(state, measurement, reference, parameters):
         state, command = controller.update(state, measurement, reference, parameters)
@@ -78,7 +78,8 @@ def from_rest(controller: Controller) -> Controller:
 
 @lru_cache(maxsize=32)
 def slewed(controller: Controller, most: float) -> Controller:
-    """A controller whose commands, counted from rest, reach the plant through an actuator that moves by `most` a sample at most."""
+    """A controller whose commands, counted from rest, reach the plant through an actuator that moves by `most` a
+    sample at most."""
     if math.isinf(most):
         return controller
 
@@ -95,7 +96,8 @@ def slewed(controller: Controller, most: float) -> Controller:
 
 
 def limited_pid(period: float, lower: float, upper: float, anti_windup: str, tracking_time: float | None) -> Controller:
-    """`control.pid` that begins at rest at any input; parameters (gains, input at rest), commands counted from that input."""
+    """`control.pid` that begins at rest at any input; parameters (gains, input at rest), commands counted from that
+    input."""
     follow = checked(Settings(period, lower, upper, anti_windup, tracking_time)).follow
     base, limits = pid_of_limits(period, anti_windup), Limits(lower, upper, follow)
 
@@ -135,8 +137,8 @@ def pid_of_limits(period: float, anti_windup: str) -> Controller:
 
 @lru_cache(maxsize=32)  # one identity for a choice, so that loops compile once
 def observer(begin: int, period: float, output: str | None = None) -> Observer:
-    """Folds a loop whose input is counted from rest, with the load from sample `begin` on, into `LoopScores`; its reference is that of
-    `StepAndLoad.reference`. `output` names the one that is judged where several are measured."""
+    """Folds a loop whose input is counted from rest, with the load from sample `begin` on, into `LoopScores`; its
+    reference is that of `StepAndLoad.reference`. `output` names the one that is judged where several are measured."""
     half = begin * period
     late = 0.8 * half
 
@@ -145,7 +147,8 @@ def observer(begin: int, period: float, output: str | None = None) -> Observer:
         zero = 0.0 * y
         return {
             "size": zero + jnp.abs(reference["step"]),
-            "iae": zero, "beyond": zero, "settled": zero, "left": zero, "load_iae": zero, "peak": zero, "travel": zero, "u": zero,
+            "iae": zero, "beyond": zero, "settled": zero, "left": zero, "load_iae": zero, "peak": zero, "travel": zero,
+            "u": zero,
             "outside": zero, "itae": zero,
         }  # fmt: skip
 
@@ -175,7 +178,8 @@ def observer(begin: int, period: float, output: str | None = None) -> Observer:
         settled = jnp.where(seen["settled"] < half - 0.5 * period, seen["settled"], jnp.inf)
         size = seen["size"]
         return LoopScores(
-            seen["iae"] / size + gone, 100.0 * seen["beyond"] / size + gone, settled + gone, seen["left"] / size + gone, seen["load_iae"],
+            seen["iae"] / size + gone, 100.0 * seen["beyond"] / size + gone, settled + gone, seen["left"] / size + gone,
+            seen["load_iae"],
             seen["peak"] + gone, seen["travel"] + gone, seen["outside"] + gone, seen["itae"] / size + gone,
         )  # fmt: skip
 
@@ -186,8 +190,8 @@ def observer(begin: int, period: float, output: str | None = None) -> Observer:
 class Judge:
     """The loop of a `OneLoop` with one form of controller; `start` where its plants rest before the step.
 
-    Every number but the period and the counts of samples is data of one compiled program: loops of other plants of the same model, with
-    other limits and another step, do not compile it again.
+    Every number but the period and the counts of samples is data of one compiled program: loops of other plants of the
+    same model, with other limits and another step, do not compile it again.
     """
 
     plant: OneLoop
@@ -197,8 +201,17 @@ class Judge:
     given: tuple[Any, ...] = ()
 
     @classmethod
-    def of(cls, plant: OneLoop, start: Rest, course: StepAndLoad, quantum: float, form: "Looped", inner_quantum: float = 0.0) -> "Judge":
-        """With sensors of steps `quantum`, and a form's controller, whose parameters are (its own, the input at rest, *`form.given`)."""
+    def of(
+        cls,
+        plant: OneLoop,
+        start: Rest,
+        course: StepAndLoad,
+        quantum: float,
+        form: "Looped",
+        inner_quantum: float = 0.0,
+    ) -> "Judge":
+        """With sensors of steps `quantum`, and a form's controller, whose parameters are (its own, the input at
+        rest, *`form.given`)."""
         inner = inner_quantum if form.inner else None
         return cls(plant, start, course, plant.closed(form.loop, course.period, quantum, inner), form.given)
 
@@ -217,7 +230,12 @@ class Judge:
         """What it is compiled for: numbers."""
         reference = {k: jnp.asarray(v, dtype=float) for k, v in self.course.reference().items()}
         inputs = {n: jnp.asarray(v, dtype=float) for n, v in self.plant.others.items()}
-        return LoopData(self.rows(), reference, {**inputs, LOAD: jnp.asarray(self.course.loads())}, jax.tree.map(jnp.asarray, self.given))
+        return LoopData(
+            self.rows(),
+            reference,
+            {**inputs, LOAD: jnp.asarray(self.course.loads())},
+            jax.tree.map(jnp.asarray, self.given),
+        )
 
     def rows(self) -> tuple[Any, Any, Any]:
         """Parameters, states and input at rest of every plant, with a leading axis."""
@@ -225,7 +243,8 @@ class Judge:
         return p, jnp.asarray(self.start.x), jnp.asarray(self.start.u)
 
     def scores(self, controllers: Any) -> LoopScores:
-        """Every controller (a pytree of parameters with a leading axis) on every plant: arrays (controllers, plants); jax-traceable."""
+        """Every controller (a pytree of parameters with a leading axis) on every plant: arrays (controllers,
+        plants); jax-traceable."""
         return scores_of(self.program, controllers, self.data())
 
     def responses(self, gains: Any) -> dict[str, np.ndarray]:
@@ -258,8 +277,8 @@ class LoopData(NamedTuple):
 
 @dataclass(frozen=True)
 class Program:
-    """A loop, the sample of the load and the count of samples, the states of the plant, the output that is judged where several are
-    measured: equal ones share compiled functions."""
+    """A loop, the sample of the load and the count of samples, the states of the plant, the output that is judged
+    where several are measured: equal ones share compiled functions."""
 
     loop: ClosedLoop
     begin: int

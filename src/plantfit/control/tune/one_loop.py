@@ -1,4 +1,5 @@
-"""One output of a model and one input that drives it: where it rests, its matrices there with dead time kept apart, its loop."""
+"""One output of a model and one input that drives it: where it rests, its matrices there with dead time kept apart,
+its loop."""
 
 import math
 from collections.abc import Mapping
@@ -28,8 +29,8 @@ ROUNDS, FACTORS = 60, (1.0, 0.5, 0.2, 0.05)
 class Rest:
     """Where each of n plants rests at one level of the output, and its matrices there.
 
-    x (n, S) states; u (n,) input, NaN where none holds the level. A (n, s, s), C (n, s), D (n,) of the s states that reach the output;
-    B (n, c, s) one row for each of the c ways that the input takes, at once or `late` (n, c) seconds.
+    x (n, S) states; u (n,) input, NaN where none holds the level. A (n, s, s), C (n, s), D (n,) of the s states that
+    reach the output; B (n, c, s) one row for each of the c ways that the input takes, at once or `late` (n, c) seconds.
     """
 
     x: np.ndarray
@@ -43,8 +44,9 @@ class Rest:
 
 @dataclass(frozen=True)
 class Equations:
-    """A model's rates and one output, of states and of the value that each way of the input has; `held` are all other channels. States
-    other than the `kept` reach no output that is measured; they stay where they are in a search for a rest."""
+    """A model's rates and one output, of states and of the value that each way of the input has; `held` are all
+    other channels. States other than the `kept` reach no output that is measured; they stay where they are in a
+    search for a rest."""
 
     vector: VectorModel
     ways: tuple[int, ...]
@@ -67,7 +69,8 @@ class Equations:
 
 @partial(jax.jit, static_argnums=0)
 def _solved(key: Equations, begin: Any, level: Any, rows: Any) -> Any:
-    """States and input (starts, n, s + 1) at rest where the output is `level`, and what is left of the equations (starts, n)."""
+    """States and input (starts, n, s + 1) at rest where the output is `level`, and what is left of the equations
+    (starts, n)."""
     ways, n = len(key.ways), len(key.vector.states)
 
     kept = np.isin(np.arange(n), key.kept)
@@ -129,8 +132,8 @@ def _vector(key: _Same) -> VectorModel:
 
 @dataclass(frozen=True, eq=False)
 class OneLoop:
-    """`output` of a model, driven by `input`, the other inputs held at `others`; parameters of n plants by name, the first the best fit;
-    `inner` is the output that the inner loop of a cascade measures.
+    """`output` of a model, driven by `input`, the other inputs held at `others`; parameters of n plants by name, the
+    first the best fit; `inner` is the output that the inner loop of a cascade measures.
 
     Raises SimulationError for a model without states or one that is not smooth.
     """
@@ -144,16 +147,20 @@ class OneLoop:
 
     def __post_init__(self) -> None:
         if not self.model.states:
-            raise SimulationError(f"The model {self.model.name!r} is static: nothing in it takes time, so there is no loop to tune.")
+            raise SimulationError(
+                f"The model {self.model.name!r} is static: nothing in it takes time, so there is no loop to tune."
+            )
         if not self.model.smooth:
             raise SimulationError(
-                f"The model {self.model.name!r} has events, dry friction, backlash or late states, which a tuned loop does not follow; "
+                f"The model {self.model.name!r} has events, dry friction, backlash or late states, which a tuned loop "
+                f"does not follow; "
                 "identify it with smooth equations, such as smooth_sign(w, w0) for friction."
             )
         late = [d.input for d in self.model.delays if d.input != self.input]
         if late:
             raise SimulationError(
-                f"The model {self.model.name!r} delays {late[0]!r}, which this loop holds; choose {late[0]!r} as the input, or identify a "
+                f"The model {self.model.name!r} delays {late[0]!r}, which this loop holds; choose {late[0]!r} as the "
+                f"input, or identify a "
                 "model without that delay."
             )
 
@@ -181,7 +188,9 @@ class OneLoop:
         n, rng = len(self.vector.states), np.random.default_rng(0)
         x, u = 1.0 + rng.random((POINTS, n)), 1.0 + rng.random(POINTS)
         p = tuple(jnp.broadcast_to(v[:1], (POINTS, *v.shape[1:])) for v in self._p(self.plants))
-        a, _, c, _ = (np.any(np.asarray(v) != 0, axis=0) for v in _local(key, x, u, p))  # not a number counts as something
+        a, _, c, _ = (
+            np.any(np.asarray(v) != 0, axis=0) for v in _local(key, x, u, p)
+        )  # not a number counts as something
         seen = c
         for _ in range(n):
             seen = seen | np.any(a & seen[:, None], axis=0)
@@ -202,8 +211,8 @@ class OneLoop:
         return tuple(jnp.asarray(plants[n], dtype=float) for n in self.vector.parameters)
 
     def at_rest(self, level: float, inputs: tuple[float, ...]) -> Rest:
-        """Every plant at rest where its output is `level`, by Newton's method begun at each of the `inputs`; of several the one nearest
-        to the middle of them."""
+        """Every plant at rest where its output is `level`, by Newton's method begun at each of the `inputs`; of
+        several the one nearest to the middle of them."""
         n = len(self.vector.states)
         begin = np.stack([np.append(self._start(level, u), u) for u in inputs])
         found, error = _solved(self.key, begin, float(level), self._p(self.plants))
@@ -235,11 +244,14 @@ class OneLoop:
         for delay in self.model.delays:
             values = np.asarray(self.plants[delay.parameter], dtype=float)
             table = next((t for t in self.model.tables if t.name == delay.parameter), None)
-            columns.append(values if table is None else np.asarray(jax.vmap(table)(jnp.asarray(values), jnp.asarray(u))))
+            columns.append(
+                values if table is None else np.asarray(jax.vmap(table)(jnp.asarray(values), jnp.asarray(u)))
+            )
         return np.stack(columns, axis=1)
 
     def through(self, rest: Rest) -> np.ndarray:
-        """How the output follows every way of the input at once (n, c), in its own time; `Rest.D` is the first of them."""
+        """How the output follows every way of the input at once (n, c), in its own time; `Rest.D` is the first of
+        them."""
 
         def one(x: Any, u: Any, p: Any) -> Any:
             return jax.jacfwd(self.key.out, 1)(x, jnp.full(len(self.key.ways), u), p)
@@ -272,12 +284,15 @@ class OneLoop:
         times = [float(np.max(self.plants[d.parameter])) for d in self.model.delays]
         return max([0.0, *times])
 
-    def closed(self, controller: Controller, period: float, quantum: float = 0.0, inner_quantum: float | None = None) -> ClosedLoop:
-        """The loop with the input counted from `REST`, a parameter, and `LOAD`, a further input that acts behind the dead time.
+    def closed(
+        self, controller: Controller, period: float, quantum: float = 0.0, inner_quantum: float | None = None
+    ) -> ClosedLoop:
+        """The loop with the input counted from `REST`, a parameter, and `LOAD`, a further input that acts behind the
+        dead time.
 
-        Its reference is a mapping, whose `LEVEL` the controller follows. The same loop for plants of one model, so that what is compiled
-        for it is used again; it keeps inputs for a power of two of samples, 16 at least, that is as long as the dead time.
-        With an `inner_quantum` the controller measures {output: y, inner: v}.
+        Its reference is a mapping, whose `LEVEL` the controller follows. The same loop for plants of one model, so that
+        what is compiled for it is used again; it keeps inputs for a power of two of samples, 16 at least, that is as
+        long as the dead time. With an `inner_quantum` the controller measures {output: y, inner: v}.
         """
         longest = None
         if self.model.delays:
@@ -291,7 +306,12 @@ class OneLoop:
 
 @lru_cache(maxsize=32)
 def _closed(
-    vector: VectorModel, sensors: tuple[tuple[str, Sensor], ...], input_: str, longest: float | None, controller: Controller, period: float
+    vector: VectorModel,
+    sensors: tuple[tuple[str, Sensor], ...],
+    input_: str,
+    longest: float | None,
+    controller: Controller,
+    period: float,
 ) -> ClosedLoop:
     model = vector.model
     places = [input_, *(d.channel for d in model.delays)]
@@ -311,12 +331,14 @@ def _closed(
 
     unit = model.inputs[input_]
     driven = replace(
-        model, derivative=derivative, output=outputs, inputs={**model.inputs, LOAD: unit}, parameters=(*model.parameters,
+        model, derivative=derivative, output=outputs, inputs={**model.inputs, LOAD: unit},
+        parameters=(*model.parameters,
         Declared(REST, unit)), initial_state=None, text=None,
     )  # fmt: skip
     names = tuple(name for name, _ in sensors)
     return closed_loop(
-        driven, Controller(controller.init, update), period=period, output=names[0] if len(names) == 1 else names, input=input_,
+        driven, Controller(controller.init, update), period=period, output=names[0] if len(names) == 1 else names,
+        input=input_,
         sensor=sensors[0][1] if len(names) == 1 else dict(sensors),
         longest_delay=longest, substeps=SUBSTEPS,
     )  # fmt: skip

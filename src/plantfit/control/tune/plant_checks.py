@@ -1,4 +1,5 @@
-"""What a family of plants has to be for a loop to be tuned: it rests at both levels within limits, is stable, and its input moves it."""
+"""What a family of plants has to be for a loop to be tuned: it rests at both levels within limits, is stable, and
+its input moves it."""
 
 import math
 from collections.abc import Sequence
@@ -27,12 +28,13 @@ def with_rest(rests: Sequence[Rest]) -> np.ndarray:
 
 
 def sign_of(rest: Rest) -> tuple[int, np.ndarray]:
-    """Of the best fit's gain, and whether the others (n,) have another; an unstable pole turns the sign of a gain at rest, which does not
-    count, as a controller of the same sign holds the plant."""
+    """Of the best fit's gain, and whether the others (n,) have another; an unstable pole turns the sign of a gain at
+    rest, which does not count, as a controller of the same sign holds the plant."""
     gains = np.array([_gain(rest, i) for i in range(len(rest.u))])
     if not np.isfinite(gains[0]) or gains[0] == 0:
         raise SimulationError(
-            "The input does not move the output at the set point (its gain is 0); choose another input, output or set point, or measure "
+            "The input does not move the output at the set point (its gain is 0); choose another input, output or set "
+            "point, or measure "
             "with an input that moves it."
         )
     return int(np.sign(gains[0])), ~(np.sign(gains) == np.sign(gains[0]))
@@ -53,14 +55,17 @@ def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None
         u = float(where.u[0])
         if not np.isfinite(u):
             raise SimulationError(
-                f"No constant {plant.input} holds {plant.output} at {level:.4g} {unit_y}: the model has no rest there. Choose "
+                f"No constant {plant.input} holds {plant.output} at {level:.4g} {unit_y}: the model has no rest there. "
+                f"Choose "
                 f"another set point "
                 "or step."
             )
         if not wishes.lower <= u <= wishes.upper:
             raise SimulationError(
-                f"{plant.output} at {level:.4g} {unit_y} takes {plant.input} = {u:.4g} {unit_u}, beyond its limits {wishes.lower:.4g} to "
-                f"{wishes.upper:.4g} {unit_u}: they cannot hold that set point. {_reach(plant, wishes)}Choose another set point "
+                f"{plant.output} at {level:.4g} {unit_y} takes {plant.input} = {u:.4g} {unit_u}, beyond its limits "
+                f"{wishes.lower:.4g} to "
+                f"{wishes.upper:.4g} {unit_u}: they cannot hold that set point. {_reach(plant, wishes)}Choose another "
+                f"set point "
                 f"or step, or "
                 "give the limits of the actuator ([control] lower and upper, or --lower and --upper)."
             )
@@ -69,13 +74,15 @@ def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None
         raise SimulationError(
             f"Against a load of {wishes.load:.4g} {unit_u} {plant.output} at {wishes.set_point:.4g} {unit_y} takes "
             f"{plant.input} = {u:.4g} {unit_u}, "
-            f"beyond its limits {wishes.lower:.4g} to {wishes.upper:.4g} {unit_u}; give a smaller load ([control] load, or --load)."
+            f"beyond its limits {wishes.lower:.4g} to {wishes.upper:.4g} {unit_u}; give a smaller load ([control] "
+            f"load, or --load)."
         )
     found = poles(rest)
     fastest = float(np.max(np.real(found)))
     if fastest > 1e-6 * max(float(np.max(np.abs(found))), 1e-9):
         raise SimulationError(
-            f"The plant is unstable at {plant.output} = {wishes.set_point:.4g} {unit_y}: a pole at +{fastest:.4g} 1/s doubles a "
+            f"The plant is unstable at {plant.output} = {wishes.set_point:.4g} {unit_y}: a pole at +{fastest:.4g} 1/s "
+            f"doubles a "
             f"deviation every "
             f"{math.log(2) / fastest:.3g} s. The rules and the search here are for stable and integrating plants; a "
             "regulator holds it: name its states in --hold ([control] hold)."
@@ -83,7 +90,8 @@ def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None
 
 
 def check_reached(plant: OneLoop, rest: Rest) -> None:
-    """Of the best fit: the input moves every state that does not come to rest by itself (Hautus: [A, B] has full rank at a pole of 0)."""
+    """Of the best fit: the input moves every state that does not come to rest by itself (Hautus: [A, B] has full
+    rank at a pole of 0)."""
     n = rest.A.shape[-1]
     if not np.all(np.isfinite(rest.A[0])) or not integrators(rest):
         return
@@ -97,7 +105,8 @@ def check_reached(plant: OneLoop, rest: Rest) -> None:
     names = plant.followed
     state = names[int(np.argmax(np.abs(left[:, n - 1] / size[:, 0])))]
     raise SimulationError(
-        f"{plant.input} does not reach {state!r}, which keeps any value that it has (a pole at 0), so that no controller brings it to "
+        f"{plant.input} does not reach {state!r}, which keeps any value that it has (a pole at 0), so that no "
+        f"controller brings it to "
         f"rest; drive it by another input, or make it a parameter of the model."
     )
 
@@ -107,7 +116,8 @@ def check_inner(plant: OneLoop, inner: Rest) -> None:
     gain = _gain(inner, 0)
     if not np.isfinite(gain) or gain == 0:
         raise SimulationError(
-            f"{plant.input} does not move the inner output {plant.inner} at the set point (its gain is 0); choose another one "
+            f"{plant.input} does not move the inner output {plant.inner} at the set point (its gain is 0); choose "
+            f"another one "
             "([control] inner, or --inner), or a controller of one output."
         )
 
@@ -129,7 +139,8 @@ def check_dead_time(small: Reduced, wishes: Wishes) -> None:
     dead = small.first_order[2]
     if wishes.horizon is not None and wishes.horizon < 4.0 * dead:
         raise SimulationError(
-            f"The horizon of {wishes.horizon:.4g} s is shorter than four times the dead time of {dead:.4g} s, so that nothing "
+            f"The horizon of {wishes.horizon:.4g} s is shorter than four times the dead time of {dead:.4g} s, so that "
+            f"nothing "
             f"can be judged in it; "
             f"give at least {8 * dead:.3g} s, or leave horizon out."
         )

@@ -1,4 +1,5 @@
-"""What a study's own recordings propose for a loop: levels, limits, sample time, what the sensor resolves and its noise."""
+"""What a study's own recordings propose for a loop: levels, limits, sample time, what the sensor resolves and its
+noise."""
 
 from collections.abc import Sequence
 
@@ -8,7 +9,8 @@ ROUND = 1e-6  # of a step of a sensor
 
 
 def quantum_of(values: np.ndarray) -> float:
-    """The step of a sensor that rounds: all differences of its values are multiples of it; 0 where there is none to see."""
+    """The step of a sensor that rounds: all differences of its values are multiples of it; 0 where there is none to
+    see."""
     seen = np.unique(values[np.isfinite(values)])
     gaps = np.diff(seen)
     gaps = gaps[gaps > 1e-9 * max(float(np.ptp(seen)) if len(seen) else 0.0, 1e-300)]
@@ -20,7 +22,8 @@ def quantum_of(values: np.ndarray) -> float:
 
 
 def noise_of(values: np.ndarray) -> float:
-    """Standard deviation of the noise from sample to sample, by the median of second differences, which a slow signal hardly enters."""
+    """Standard deviation of the noise from sample to sample, by the median of second differences, which a slow
+    signal hardly enters."""
     second = np.diff(values[np.isfinite(values)], 2)
     if len(second) < 3:
         return 0.0

@@ -15,8 +15,8 @@ LONGEST = 1e9  # s: no time constant is longer
 
 @dataclass(frozen=True)
 class Reduced:
-    """`first_order` (k, tau, theta) and `second_order` (k, tau1, tau2, theta); seconds, k in output per input, or per second of it where
-    `integrating` (tau and tau1 then inf). `how` says by which method."""
+    """`first_order` (k, tau, theta) and `second_order` (k, tau1, tau2, theta); seconds, k in output per input, or
+    per second of it where `integrating` (tau and tau1 then inf). `how` says by which method."""
 
     first_order: tuple[float, float, float]
     second_order: tuple[float, float, float, float]
@@ -42,8 +42,8 @@ def integrators(rest: Rest, at: int = 0) -> int:
 
 
 def open_poles(rest: Rest, least: float) -> tuple[np.ndarray, np.ndarray]:
-    """Of every plant (n,): how many poles frequencies from `least` (rad/s) on cannot tell from an integrator, and how many others are
-    unstable."""
+    """Of every plant (n,): how many poles frequencies from `least` (rad/s) on cannot tell from an integrator, and
+    how many others are unstable."""
     a = np.where(np.isfinite(rest.A), rest.A, 0.0)
     found = np.linalg.eigvals(a)
     size = np.abs(found)
@@ -52,18 +52,23 @@ def open_poles(rest: Rest, least: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def reduced(rest: Rest, extra: float = 0.0, at: int = 0) -> Reduced:
-    """Plant number `at` as one and two lags with dead time, `extra` seconds of dead time added (half a sample for the hold).
+    """Plant number `at` as one and two lags with dead time, `extra` seconds of dead time added (half a sample for the
+    hold).
 
-    Real poles, no zero and one dead time: the half rule (S. Skogestad, J. Process Control 13 (2003) 291, section 2). Else least squares
-    on the plant's exact step response. Raises SimulationError for a gain of 0 and for more than one integrator.
+    Real poles, no zero and one dead time: the half rule (S. Skogestad, J. Process Control 13 (2003) 291, section 2).
+    Else least squares on the plant's exact step response. Raises SimulationError for a gain of 0 and for more than one
+    integrator.
     """
     count, own = integrators(rest, at), poles(rest, at)
     if count > 1:
         raise SimulationError(
-            f"The plant has {count} integrators between input and output; the rules of a PID know one at most. Close an inner loop first, "
+            f"The plant has {count} integrators between input and output; the rules of a PID know one at most. Close "
+            f"an inner loop first, "
             "or use lqr (docs/control.md)."
         )
-    used = np.flatnonzero(np.max(np.abs(rest.B[at]), axis=1) + (np.arange(rest.B.shape[1]) == 0) * np.abs(rest.D[at]) > 0)
+    used = np.flatnonzero(
+        np.max(np.abs(rest.B[at]), axis=1) + (np.arange(rest.B.shape[1]) == 0) * np.abs(rest.D[at]) > 0
+    )
     moving = own[np.abs(own) > STILL * max(float(np.max(np.abs(own))), 1.0 / LONGEST)]
     real = np.all(np.abs(np.imag(moving)) <= 1e-9 * np.abs(moving))
     if len(used) == 1 and real and not len(_zeros(rest, at, int(used[0]))) and len(moving) + count == rest.A.shape[-1]:
@@ -87,7 +92,9 @@ def gain_of(rest: Rest, at: int = 0) -> float:
 def _zeros(rest: Rest, at: int, way: int) -> np.ndarray:
     """Finite zeros from one way of the input to the output, those that cancel poles too."""
     n = rest.A.shape[-1]
-    big = np.block([[rest.A[at], rest.B[at, way][:, None]], [rest.C[at][None, :], np.array([[rest.D[at] if way == 0 else 0.0]])]])
+    big = np.block(
+        [[rest.A[at], rest.B[at, way][:, None]], [rest.C[at][None, :], np.array([[rest.D[at] if way == 0 else 0.0]])]]
+    )
     unit = np.zeros((n + 1, n + 1))
     unit[:n, :n] = np.eye(n)
     scale = max(float(np.max(np.abs(poles(rest, at)))), 1e-12)
@@ -99,7 +106,12 @@ def _half_rule(k: float, lags: np.ndarray, dead: float, integrating: bool) -> Re
     how = "half rule (Skogestad 2003)" if len(lags) > 1 - integrating else "as it is"
     if integrating:
         first = (k, np.inf, dead + float(np.sum(lags[:1]) * 0.5 + np.sum(lags[1:])))
-        second = (k, np.inf, float(np.sum(lags[:1]) + 0.5 * np.sum(lags[1:2])), dead + float(0.5 * np.sum(lags[1:2]) + np.sum(lags[2:])))
+        second = (
+            k,
+            np.inf,
+            float(np.sum(lags[:1]) + 0.5 * np.sum(lags[1:2])),
+            dead + float(0.5 * np.sum(lags[1:2]) + np.sum(lags[2:])),
+        )
         return Reduced(first, second, True, how)
     one = (k, float(lags[0] + 0.5 * np.sum(lags[1:2])), dead + float(0.5 * np.sum(lags[1:2]) + np.sum(lags[2:])))
     two = (

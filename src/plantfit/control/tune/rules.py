@@ -33,9 +33,12 @@ RULES = {
 def rule_gains(rule: str, plant: Reduced, derivative: bool = True) -> Isa | None:
     """The PID (or PI, without `derivative`) of a rule of `RULES`; None where it has no answer for an integrating plant.
 
-    A plant that is reduced to first order gets SIMC's PI where it has no second lag; the other rules take first order with dead time.
+    A plant that is reduced to first order gets SIMC's PI where it has no second lag; the other rules take first order
+    with dead time.
     """
-    return {"SIMC": _simc, "AMIGO": _amigo, "lambda": _lambda, "Ziegler-Nichols": _ziegler, "Cohen-Coon": _cohen}[rule](plant, derivative)
+    return {"SIMC": _simc, "AMIGO": _amigo, "lambda": _lambda, "Ziegler-Nichols": _ziegler, "Cohen-Coon": _cohen}[rule](
+        plant, derivative
+    )
 
 
 def _simc(plant: Reduced, derivative: bool) -> Isa | None:
@@ -52,7 +55,11 @@ def _simc(plant: Reduced, derivative: bool) -> Isa | None:
 def _amigo(plant: Reduced, derivative: bool) -> Isa | None:
     k, t, dead = plant.first_order
     if plant.integrating:
-        return Isa(0.45 / (k * dead), 8.0 * dead, 0.5 * dead, 0.0) if derivative else Isa(0.35 / (k * dead), 13.4 * dead, 0.0, 0.0)
+        return (
+            Isa(0.45 / (k * dead), 8.0 * dead, 0.5 * dead, 0.0)
+            if derivative
+            else Isa(0.35 / (k * dead), 13.4 * dead, 0.0, 0.0)
+        )
     b = 0.0 if dead / (dead + t) <= 0.5 else 1.0
     if derivative:
         ti = dead * (0.4 * dead + 0.8 * t) / (dead + 0.1 * t)

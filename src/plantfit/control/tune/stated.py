@@ -12,24 +12,32 @@ JUDGES = 1000  # plants that a share is promised on: its standard deviation is u
 
 
 def half_width(name: str, given: float | str, value: float, unit: str | None) -> float:
-    """Half the width of a tolerance: a number or a text with a unit, or percent of the value; raises SpecError and UnitError."""
+    """Half the width of a tolerance: a number or a text with a unit, or percent of the value; raises SpecError and
+    UnitError."""
     text = str(given).strip().removeprefix("+-").strip()
     if text.endswith("%"):
         try:
             width = abs(value) * float(text[:-1]) / 100.0
         except ValueError:
-            raise SpecError(f"tolerances.{name} = {given!r} is no number before the %; write for example '10 %'.") from None
+            raise SpecError(
+                f"tolerances.{name} = {given!r} is no number before the %; write for example '10 %'."
+            ) from None
     else:
         width = units.in_unit(f"[control] tolerances.{name}", text, unit, difference=True)
     if not (np.isfinite(width) and width > 0):
-        raise SpecError(f"tolerances.{name} = {given!r} leaves no room; give half the width of the tolerance, above 0, such as '10 %'.")
+        raise SpecError(
+            f"tolerances.{name} = {given!r} leaves no room; give half the width of the tolerance, above 0, such as '10 "
+            f"%'."
+        )
     return width
 
 
 def toleranced(
-    values: Mapping[str, Any], tolerances: Mapping[str, float | str], unit: Mapping[str, str | None], count: int, seed: int
+    values: Mapping[str, Any], tolerances: Mapping[str, float | str], unit: Mapping[str, str | None], count: int,
+    seed: int
 ) -> dict[str, np.ndarray]:  # fmt: skip
-    """Parameters of `count` + 1 plants by name, the first as `values`: those with a tolerance evenly within it, all others held.
+    """Parameters of `count` + 1 plants by name, the first as `values`: those with a tolerance evenly within it, all
+    others held.
 
     Raises SpecError for a name that the model lacks, one that is not a single number, and a tolerance across 0.
     """
@@ -39,17 +47,22 @@ def toleranced(
         if name not in found:
             raise SpecError(f"[control] tolerances names {name!r}; the model has the parameters {', '.join(found)}.")
         if found[name].ndim > 1:
-            raise SpecError(f"[control] tolerances.{name}: a table has no one tolerance; state those of single parameters.")
+            raise SpecError(
+                f"[control] tolerances.{name}: a table has no one tolerance; state those of single parameters."
+            )
         value = float(found[name][0])
         width = half_width(name, given, value, unit.get(name))
         if width >= abs(value) > 0:
-            raise SpecError(f"tolerances.{name} = {given!r} takes {name} = {value:.4g} to the other side of 0; give a smaller one.")
+            raise SpecError(
+                f"tolerances.{name} = {given!r} takes {name} = {value:.4g} to the other side of 0; give a smaller one."
+            )
         found[name][1:] = value + width * rng.uniform(-1.0, 1.0, count)
     return found
 
 
 def given_draws(values: Mapping[str, Any], draws: Mapping[str, Any], least: int) -> dict[str, np.ndarray]:
-    """Parameters of all plants by name, the first as `values`, then the `draws`, arrays (n,) by name; others held. Raises SpecError."""
+    """Parameters of all plants by name, the first as `values`, then the `draws`, arrays (n,) by name; others held.
+    Raises SpecError."""
     arrays = {n: np.asarray(v, dtype=float) for n, v in draws.items()}
     unknown = [n for n in arrays if n not in values]
     if unknown:

@@ -16,7 +16,15 @@ from plantfit.control.tune.reduction import slowest
 from plantfit.control.tune.rules import RULES
 from plantfit.control.tune.searching.judged import Row, specifications
 from plantfit.findings.record import Level
-from plantfit.findings.results.tuned_controller import CascadeLoop, Loop, PidLoop, PredictiveLoop, ScheduledLoop, ServoLoop, SmithLoop
+from plantfit.findings.results.tuned_controller import (
+    CascadeLoop,
+    Loop,
+    PidLoop,
+    PredictiveLoop,
+    ScheduledLoop,
+    ServoLoop,
+    SmithLoop,
+)
 from plantfit.findings.verdict import Sentence
 
 FEW = 40  # plants drawn as lines
@@ -48,12 +56,14 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     if design.right_sign < 1:
         say(
             "bad",
-            f"{percent(1 - design.right_sign)} of the plants have a gain of the other sign, which no controller of one sign can hold.",
+            f"{percent(1 - design.right_sign)} of the plants have a gain of the other sign, which no controller of one "
+            f"sign can hold.",
         )
     if design.held < 1:
         say(
             "warning",
-            f"On {percent(1 - design.held)} of the plants the input's limits {wishes.lower:.4g} to {wishes.upper:.4g} do not "
+            f"On {percent(1 - design.held)} of the plants the input's limits {wishes.lower:.4g} to {wishes.upper:.4g} "
+            f"do not "
             f"hold the set point "
             "under the load: widen them, or choose a lower one.",
         )
@@ -61,16 +71,27 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
         parts = [] if np.all(over) else [f"overshoot holds on {percent(float(np.mean(over)))}"]
         parts += [] if np.all(ms) else [f"Ms on {percent(float(np.mean(ms)))}"]
         near = design.judged.scores.left[0] <= wishes.settled
-        parts += [] if np.all(near) else [f"{percent(float(np.mean(near)))} are within {100 * wishes.settled:.0f} % at the end of the step"]
+        parts += (
+            []
+            if np.all(near)
+            else [f"{percent(float(np.mean(near)))} are within {100 * wishes.settled:.0f} % at the end of the step"]
+        )
         for name, most in (("settling", wishes.settling), ("travel", wishes.travel)):
             if np.isfinite(most):
-                parts.append(f"{name} holds on {percent(float(np.mean(getattr(design.judged.scores, name)[0] <= most)))}")
+                parts.append(
+                    f"{name} holds on {percent(float(np.mean(getattr(design.judged.scores, name)[0] <= most)))}"
+                )
         why = f" ({', '.join(parts)})" if parts else ""
-        say("bad", f"{percent(wishes.share)} were asked for{why}: measure this first, or ask for less.{_first(design, names, ~kept[0])}")
+        say(
+            "bad",
+            f"{percent(wishes.share)} were asked for{why}: measure this first, or ask for "
+            f"less.{_first(design, names, ~kept[0])}",
+        )
     elif alone is not None and design.alike and best.scores.iae > SLOWER * alone.scores.iae:
         say(
             "info",
-            f"Not knowing the plant better makes the step {best.scores.iae / alone.scores.iae:.1f} times slower on the best fit "
+            f"Not knowing the plant better makes the step {best.scores.iae / alone.scores.iae:.1f} times slower on the "
+            f"best fit "
             f"than tuning on it "
             f"alone would.{_first(design, names, None)}",
         )
@@ -83,7 +104,11 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     if rules and design.promised and not isinstance(best.parameters, Schedule):  # their shares are those of one level
         first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
         ratio = first.scores.iae / best.scores.iae
-        larger = f"; the IAE of its step is {ratio:.2f} times as large ({first.scores.iae:.4g} s)" if np.isfinite(ratio) else ""
+        larger = (
+            f"; the IAE of its step is {ratio:.2f} times as large ({first.scores.iae:.4g} s)"
+            if np.isfinite(ratio)
+            else ""
+        )
         say("info", f"The rule {first.name} keeps these limits too{larger}.")
     return told
 
@@ -93,7 +118,9 @@ def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[Lev
     wishes, inside = design.wishes, np.mean(design.judged.scores.outside <= design.wishes.tolerated, axis=1)
     beside = "".join(f"; {r.form.name}: {percent(float(inside[i]))}" for i, r in others)
     limits = f"{wishes.output_lower:.5g} to {wishes.output_upper:.5g}"
-    told = f"{percent(float(inside[0]))} of the plants keep the output within {limits}, to {wishes.tolerated:.2g}{beside}."
+    told = (
+        f"{percent(float(inside[0]))} of the plants keep the output within {limits}, to {wishes.tolerated:.2g}{beside}."
+    )
     return "good" if inside[0] >= wishes.share else "bad", told
 
 
@@ -103,7 +130,8 @@ def _compared(best: Row, pid: Row) -> str:
     step, load = (other / own if own > 0 else np.inf for other, own in pairs)
     form, kept = pid.form.name, percent(pid.share)
     told = (
-        f"{article(form).capitalize()} {form} tuned on the same plants: {kept} keep the wishes, with {step:.2f} times the IAE of the step "
+        f"{article(form).capitalize()} {form} tuned on the same plants: {kept} keep the wishes, with {step:.2f} times "
+        f"the IAE of the step "
         f"and {load:.2f} times that of the load"
     )
     if pid.share >= best.share - 0.01 and 0.5 * (step + load) <= 1.05:
@@ -129,7 +157,10 @@ def _first(design: LoopDesign, names: Mapping[str, np.ndarray], failed: np.ndarr
     if not shares[name] > CLEAR:
         return " No single parameter is to blame; a longer recording with a livelier input serves (plantfit design)."
     aimed = "" if "[" in name else f" --for {name}"  # an entry of a table has no experiment of its own
-    return f" {percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit design{aimed}), or state it."
+    return (
+        f" {percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit "
+        f"design{aimed}), or state it."
+    )
 
 
 def table(design: LoopDesign) -> list[Loop]:
@@ -149,7 +180,8 @@ def _row(design: LoopDesign, i: int, row: Row) -> Loop:
         iae=s.iae, overshoot=s.overshoot, settling=s.settling, load_iae=s.load_iae, load_peak=s.load_peak,
         travel=s.travel, outside=s.outside, itae=s.itae,
         ms=float(m.ms), mt=float(m.mt), gain_margin=float(m.gain), phase_margin=float(m.phase), stable=bool(m.stable),
-        input_noise=float(design.judged.input_noise[i, 0]), share=row.share, stable_share=float(np.mean(design.judged.stable[i])),
+        input_noise=float(design.judged.input_noise[i, 0]), share=row.share,
+        stable_share=float(np.mean(design.judged.stable[i])),
         worst=dict(row.worst),
         meets={name: float(np.mean(design.judged.meets[i, :, k])) for name, k in specifications(design.wishes).items()},
     )  # fmt: skip
@@ -159,7 +191,9 @@ def settings(parameters: Any) -> dict[str, Any]:
     """The gains of a PID in both forms; the arrays of a predictor, an LQ servo, and its plan, as lists."""
     if isinstance(parameters, Schedule):
         names = ("Kp", "Ki", "Kd", "b", "filter_time")
-        return {"levels": np.asarray(parameters.levels).tolist()} | {n: np.asarray(getattr(parameters.gains, n)).tolist() for n in names}
+        return {"levels": np.asarray(parameters.levels).tolist()} | {
+            n: np.asarray(getattr(parameters.gains, n)).tolist() for n in names
+        }
     if isinstance(parameters, Cascade):
         inner = settings(parameters.inner)
         return settings(parameters.outer) | {"inner_Kp": inner["Kp"], "inner_Ki": inner["Ki"], "inner_Ti": inner["Ti"]}
@@ -171,7 +205,8 @@ def settings(parameters: Any) -> dict[str, Any]:
         return found
     g, isa = parameters, isa_of(parameters)
     return {
-        "Kp": float(g.Kp), "Ki": float(g.Ki), "Kd": float(g.Kd), "K": float(isa.K), "Ti": float(isa.Ti), "Td": float(isa.Td),
+        "Kp": float(g.Kp), "Ki": float(g.Ki), "Kd": float(g.Kd), "K": float(isa.K), "Ti": float(isa.Ti),
+        "Td": float(isa.Td),
         "b": float(g.b), "filter_time": float(g.filter_time),
     }  # fmt: skip
 
@@ -181,13 +216,14 @@ def figure_units(output: str | None, input_: str | None) -> dict[str, str]:
     y, u = ("" if unit in (None, "1") else unit for unit in (output, input_))
     load = f"{y}*s" if y else "s"
     return {
-        "iae": "s", "itae": "s^2", "load_iae": load, "load_peak": y, "settling": "s", "overshoot": "%", "travel": u, "input_noise": "",
+        "iae": "s", "itae": "s^2", "load_iae": load, "load_peak": y, "settling": "s", "overshoot": "%", "travel": u,
+        "input_noise": "",
     }  # fmt: skip
 
 
 def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
-    """Step responses and sensitivities of the family: bands (5, 50, 95 %), some lines, the best fit, and the tuning on the best fit
-    alone."""
+    """Step responses and sensitivities of the family: bands (5, 50, 95 %), some lines, the best fit, and the tuning
+    on the best fit alone."""
     wishes, found = design.wishes, {}
     slow = slowest(design.reduced)
     w = frequencies(wishes.period, slow, FINE)
@@ -199,11 +235,14 @@ def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
         assert row is not None
         seen = design.judges[row.form.name].responses(row.parameters)
         at = np.unique(np.linspace(0, len(seen["t"]) - 1, POINTS).round().astype(int))
-        loop = open_loop(row.form.response(row.parameters, w), responses_of(design.family, design.rest, row.form, wishes.period, w))
+        loop = open_loop(
+            row.form.response(row.parameters, w), responses_of(design.family, design.rest, row.form, wishes.period, w)
+        )
         s = np.abs(1.0 / (1.0 + loop))
         few = np.unique(np.linspace(0, len(w) - 1, POINTS // 2).round().astype(int))
         found[name] = {
-            "t": seen["t"][at], "y": _bands(seen["y"][:, at]), "u": _bands(seen["u"][:, at]), "y_lines": seen["y"][some][:, at],
+            "t": seen["t"][at], "y": _bands(seen["y"][:, at]), "u": _bands(seen["u"][:, at]),
+            "y_lines": seen["y"][some][:, at],
             "w": w[few], "sensitivity": _bands(s[:, few]), "nyquist": loop[some][:, few],
             "gain": _bands(np.abs(loop[:, few])), "phase": _bands(_phase(loop, w, late)[:, few]),
             "locus": loop_poles(design.family, design.rest, row.form, row.parameters, wishes.set_point, wishes.period),
@@ -214,7 +253,8 @@ def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
 def _phase(loop: np.ndarray, w: np.ndarray, late: np.ndarray) -> np.ndarray:
     """Phases (n, F) in degrees without jumps at w (F,) in rad/s, the first between -270 and 90.
 
-    A dead time of `late` (n,) s that turns a loop by more than a quarter between two frequencies is taken out while jumps are sought.
+    A dead time of `late` (n,) s that turns a loop by more than a quarter between two frequencies is taken out while
+    jumps are sought.
     """
     known = np.where(np.isfinite(late) & (np.max(np.diff(w)) * late > 0.5 * np.pi), late, 0.0)
     turned = np.multiply.outer(known, w)

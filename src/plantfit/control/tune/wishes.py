@@ -17,7 +17,8 @@ class Wishes(LoopWishes):
 
     @property
     def settled(self) -> float:
-        """How far off the set point, as a share of the step, a loop may be at the end of the step: 5 %, or a step of the sensor."""
+        """How far off the set point, as a share of the step, a loop may be at the end of the step: 5 %, or a step of
+        the sensor."""
         return max(SETTLED, self.quantum / abs(self.step))
 
     @property
@@ -27,7 +28,14 @@ class Wishes(LoopWishes):
 
 
 def check_wishes(wishes: Wishes) -> None:
-    for name, low in (("period", 0.0), ("overshoot", 0.0), ("ms", 1.0), ("input_noise", 0.0), ("settling", 0.0), ("travel", 0.0)):
+    for name, low in (
+        ("period", 0.0),
+        ("overshoot", 0.0),
+        ("ms", 1.0),
+        ("input_noise", 0.0),
+        ("settling", 0.0),
+        ("travel", 0.0),
+    ):
         value = getattr(wishes, name)
         if not ((math.isfinite(value) or name in ("settling", "travel")) and value > low):
             raise SimulationError(f"{name} = {value:g} cannot be asked for; give a number above {low:g}.")
@@ -35,23 +43,39 @@ def check_wishes(wishes: Wishes) -> None:
         if not low <= getattr(wishes, name) < high:
             most = f"up to {high:g}" if math.isfinite(high) else "or more"
             raise SimulationError(f"{name} = {getattr(wishes, name):g} cannot be asked for; give {low:g} {most}.")
-    if not wishes.minimise or not all(math.isfinite(v) and v >= 0 for v in wishes.minimise.values()) or not sum(wishes.minimise.values()):
-        raise SimulationError(f"minimise = {wishes.minimise} weighs nothing; give figures with weights above 0, as in {{iae = 1}}.")
+    if (
+        not wishes.minimise
+        or not all(math.isfinite(v) and v >= 0 for v in wishes.minimise.values())
+        or not sum(wishes.minimise.values())
+    ):
+        raise SimulationError(
+            f"minimise = {wishes.minimise} weighs nothing; give figures with weights above 0, as in {{iae = 1}}."
+        )
     if not 0 < wishes.share < 1:
-        raise SimulationError(f"share = {wishes.share:g} cannot be promised; give a share of the plants between 0 and 1, such as 0.95.")
+        raise SimulationError(
+            f"share = {wishes.share:g} cannot be promised; give a share of the plants between 0 and 1, such as 0.95."
+        )
     if not wishes.lower < wishes.upper:
         raise SimulationError(f"The input's limits are {wishes.lower:g} and {wishes.upper:g}; give lower below upper.")
     if not wishes.step or not math.isfinite(wishes.step):
         raise SimulationError(f"A step of {wishes.step:g} moves nothing; give the change of the set point.")
     if wishes.controller not in CONTROLLERS:
-        raise SimulationError(f"Controller {wishes.controller!r} is not known; give {', '.join(map(repr, CONTROLLERS))}.")
+        raise SimulationError(
+            f"Controller {wishes.controller!r} is not known; give {', '.join(map(repr, CONTROLLERS))}."
+        )
     if not wishes.rate > 0:
-        raise SimulationError(f"rate = {wishes.rate:g} lets the input never move; give its fastest change in a second, above 0.")
+        raise SimulationError(
+            f"rate = {wishes.rate:g} lets the input never move; give its fastest change in a second, above 0."
+        )
     for level in (wishes.set_point - wishes.step, wishes.set_point):
         if not wishes.output_lower <= level <= wishes.output_upper:
             raise SimulationError(
-                f"The output is to stay within {wishes.output_lower:.5g} and {wishes.output_upper:.5g}, and the step goes from "
-                f"{wishes.set_point - wishes.step:.5g} to {wishes.set_point:.5g}; choose another set point or step, or wider limits."
+                f"The output is to stay within {wishes.output_lower:.5g} and {wishes.output_upper:.5g}, and the step "
+                f"goes from "
+                f"{wishes.set_point - wishes.step:.5g} to {wishes.set_point:.5g}; choose another set point or step, or "
+                f"wider limits."
             )
     if wishes.prediction is not None and wishes.controller != "mpc":
-        raise SimulationError("A prediction is what an MPC plans for; give controller = 'mpc', or leave prediction out.")
+        raise SimulationError(
+            "A prediction is what an MPC plans for; give controller = 'mpc', or leave prediction out."
+        )

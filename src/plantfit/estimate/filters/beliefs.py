@@ -47,7 +47,8 @@ class Beliefs:
         return tuple(self.plant.space.names[i] for i in self.plant.joint)
 
     def track(self, name: str) -> Track:
-        """A state or joint parameter with its band of two standard deviations, that of a parameter mapped from its coordinate."""
+        """A state or joint parameter with its band of two standard deviations, that of a parameter mapped from its
+        coordinate."""
         n, states = self.plant.states, tuple(self.plant.model.states)
         spread = np.sqrt(np.sum(self.root**2, axis=2))
         if name in states:
@@ -56,10 +57,13 @@ class Beliefs:
             return Track(name, self.plant.model.states[name], self.t, value, value - 2 * sd, value + 2 * sd)
         if name not in self.parameters:
             raise SpaceError(
-                f"There is no {name!r} to show; there are the states {list(states)} and the parameters {list(self.parameters)}."
+                f"There is no {name!r} to show; there are the states {list(states)} and the parameters "
+                f"{list(self.parameters)}."
             )
         j = self.parameters.index(name)
-        value, low, high = (np.asarray(self.plant.physical(self.mean[:, n:] + k * spread[:, n:]))[:, j] for k in (0, -2, 2))
+        value, low, high = (
+            np.asarray(self.plant.physical(self.mean[:, n:] + k * spread[:, n:]))[:, j] for k in (0, -2, 2)
+        )
         return Track(name, self.plant.space.coordinates[self.plant.joint[j]].unit, self.t, value, low, high)
 
     @property
@@ -68,7 +72,9 @@ class Beliefs:
         n = self.plant.states
         s, step = self.mean[-1, n:], 1e-6
         slope = (np.asarray(self.plant.physical(s + step)) - np.asarray(self.plant.physical(s - step))) / (2 * step)
-        return Estimate(self.parameters, np.asarray(self.plant.physical(s)), self.covariance[-1, n:, n:] * np.outer(slope, slope))
+        return Estimate(
+            self.parameters, np.asarray(self.plant.physical(s)), self.covariance[-1, n:, n:] * np.outer(slope, slope)
+        )
 
     @property
     def interval(self) -> dict[str, tuple[float, float]]:
@@ -99,7 +105,8 @@ class FilterRun(Beliefs):
 
     @cached_property
     def nis(self) -> np.ndarray:
-        """Normalised innovation squared (N,): chi-squared with as many degrees as outputs were measured, if all is well."""
+        """Normalised innovation squared (N,): chi-squared with as many degrees as outputs were measured, if all is
+        well."""
         return np.sum(self.told["white"][self.rank] ** 2, axis=1)
 
     @cached_property
@@ -114,14 +121,18 @@ class FilterRun(Beliefs):
 
 
 def smoothed(run: FilterRun) -> Beliefs:
-    """Beliefs given the whole record: Rauch, Tung, Striebel, AIAA J. 3 (1965) 1445, eqs. (3.30), (3.31), on square roots.
+    """Beliefs given the whole record: Rauch, Tung, Striebel, AIAA J. 3 (1965) 1445, eqs. (3.30), (3.31), on square
+    roots.
 
     For an unscented run with the gain from its sigma points (Sarkka, IEEE Trans. Automatic Control 53 (2008) 845).
     """
     mean, covariance = run.row_mean.copy(), run.row_root @ np.swapaxes(run.row_root, 1, 2)
     ahead, n = run.told["ahead"], run.row_mean.shape[1]
-    # square root of the covariance of (next state, state): gain and what the next state leaves open are its lower blocks
-    own = np.concatenate([run.told["own"], np.zeros((*mean.shape, run.told["deviations"].shape[2] - run.told["own"].shape[2]))], axis=2)
+    # square root of the covariance of (next state, state): gain and what the next state leaves open are its lower
+    # blocks
+    own = np.concatenate(
+        [run.told["own"], np.zeros((*mean.shape, run.told["deviations"].shape[2] - run.told["own"].shape[2]))], axis=2
+    )
     joint = np.concatenate([run.told["deviations"], own], axis=1)
     lower = np.swapaxes(np.linalg.qr(np.swapaxes(joint, 1, 2), mode="r"), 1, 2)
     gain = lower[:, n:, :n] @ _inverse(lower[:, :n, :n])

@@ -1,4 +1,5 @@
-"""Is a filter as sure as it should be: chi-squared tests of its innovations (NIS) and, where the truth is known, its errors (NEES).
+"""Is a filter as sure as it should be: chi-squared tests of its innovations (NIS) and, where the truth is known, its
+errors (NEES).
 
 Bar-Shalom, Li, Kirubarajan, Estimation with Applications to Tracking and Navigation (2001), section 5.4.2.
 """
@@ -29,7 +30,8 @@ class Consistency:
 
 
 def nis_test(run: FilterRun, start: float = -np.inf) -> Consistency:
-    """Whether the innovations from time `start` (s) on are as large as the filter expects; they are independent if it is right.
+    """Whether the innovations from time `start` (s) on are as large as the filter expects; they are independent if it
+    is right.
 
     Raises RecordingError where nothing was measured.
     """
@@ -40,7 +42,8 @@ def nis_test(run: FilterRun, start: float = -np.inf) -> Consistency:
 
 
 def nees(beliefs: Beliefs, truth: Mapping[str, Any]) -> np.ndarray:
-    """Normalised estimation error squared (N,) of the states and parameters named in `truth`, arrays (N,) or numbers in their units.
+    """Normalised estimation error squared (N,) of the states and parameters named in `truth`, arrays (N,) or numbers in
+    their units.
 
     Chi-squared with len(truth) degrees at each time over many runs; along one run its values depend on each other.
     """
@@ -65,7 +68,8 @@ def nees(beliefs: Beliefs, truth: Mapping[str, Any]) -> np.ndarray:
 def nees_test(runs: Sequence[np.ndarray], degrees: int) -> Consistency:
     """Whether errors of independent runs, each NEES at one time or (N,), are as large as the filter says.
 
-    Values at different times of a run are not independent: each run counts once, by its mean, whose spread is that between runs.
+    Values at different times of a run are not independent: each run counts once, by its mean, whose spread is that
+    between runs.
     """
     means = np.array([float(np.mean(r)) for r in runs])
     if len(means) < 5:
@@ -79,7 +83,8 @@ def nees_test(runs: Sequence[np.ndarray], degrees: int) -> Consistency:
 
 
 def chi_squared_test(values: np.ndarray, degrees: np.ndarray, what: str = "innovations") -> Consistency:
-    """Independent chi-squared values (N,) with `degrees` (N,) of freedom: does their sum lie where 95 % of such sums do."""
+    """Independent chi-squared values (N,) with `degrees` (N,) of freedom: does their sum lie where 95 % of such sums
+    do."""
     total, n = float(np.sum(values)), int(np.sum(degrees))
     low, high = stats.chi2.ppf([0.5 * (1 - LEVEL), 0.5 * (1 + LEVEL)], n) / len(values)
     p = float(2 * min(stats.chi2.cdf(total, n), stats.chi2.sf(total, n)))
@@ -92,8 +97,15 @@ def _judged(mean: float, low: float, high: float, p: float, expected: float, wha
         sentence = f"The {what} are as large as the filter expects ({bounds})."
     elif mean > high:
         factor = np.sqrt(mean / expected)
-        sentence = f"The filter is too sure: its {what} are {factor:.2g} times as large as it expects ({bounds}); give it more noise."
+        sentence = (
+            f"The filter is too sure: its {what} are {factor:.2g} times as large as it expects ({bounds}); "
+            f"give "
+            f"it more noise."
+        )
     else:
         factor = np.sqrt(expected / max(mean, 1e-300))
-        sentence = f"The filter is too careful: it expects {what} {factor:.2g} times as large as they are ({bounds}); give it less noise."
+        sentence = (
+            f"The filter is too careful: it expects {what} {factor:.2g} times as large as they are ({bounds}); "
+            f"give it less noise."
+        )
     return Consistency(mean, low, high, p, low <= mean <= high, sentence)

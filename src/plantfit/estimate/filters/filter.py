@@ -25,7 +25,14 @@ class Filter:
     """A filter made ready: compiled once, run over whole records or step by step (`online`)."""
 
     def __init__(
-        self, problem: Problem, plant: StateSpace, noise: Noise, spread: Spread, at: Any = None, prior: Any = None, drift: Any = None
+        self,
+        problem: Problem,
+        plant: StateSpace,
+        noise: Noise,
+        spread: Spread,
+        at: Any = None,
+        prior: Any = None,
+        drift: Any = None,
     ):
         _refuse_free(noise)
         names = [plant.space.names[i] for i in plant.joint]
@@ -61,17 +68,20 @@ class Filter:
         return mean, root, told, rank
 
     def run(self, recording: Recording | None = None, *, fitted: bool = False) -> FilterRun:
-        """Over the recording it was made for, or another one with the same signals; with `fitted` over the measurements of the part
-        that is fitted, up to the last of them."""
+        """Over the recording it was made for, or another one with the same signals; with `fitted` over the
+        measurements of the part that is fitted, up to the last of them."""
         experiment = self.problem.experiments[str(self.plant.recording)]
         if recording is not None:
             experiment = Experiment(in_units(recording, self.problem.needs), before=experiment.before)
         record = self.plant.record(self.problem, experiment, fitted=fitted and recording is None)
-        mean, root, told, rank = jax.tree.map(np.asarray, self.filtered(*map(jnp.asarray, (self.values, self.own, self.root)), record))
+        mean, root, told, rank = jax.tree.map(
+            np.asarray, self.filtered(*map(jnp.asarray, (self.values, self.own, self.root)), record)
+        )
         if not np.all(np.isfinite(mean)):
             k = int(np.argmin(np.all(np.isfinite(mean), axis=1)))
             raise SimulationError(
-                f"The filter diverged at row {k} of recording {experiment.recording.name!r}; start nearer, narrow the box or give "
+                f"The filter diverged at row {k} of recording {experiment.recording.name!r}; start nearer, narrow the "
+                f"box or give "
                 "more process noise."
             )
         return FilterRun(
@@ -93,7 +103,8 @@ class Filter:
 
 
 def base_values(problem: Problem, at: Mapping[str, float] | None) -> np.ndarray:
-    """Values (d,) of the problem's coordinates: `at`, else the start, else the middle of the box (of the logarithm on a log scale)."""
+    """Values (d,) of the problem's coordinates: `at`, else the start, else the middle of the box (of the logarithm
+    on a log scale)."""
     space = problem.space
     middle = np.asarray(space.physical(np.full(space.dimension, 0.5) if space.start is None else space.start))
     wrong = [n for n in at or {} if n not in space.names]
@@ -102,9 +113,14 @@ def base_values(problem: Problem, at: Mapping[str, float] | None) -> np.ndarray:
     for c in space.coordinates:
         value = (at or {}).get(c.name)
         if value is not None and not c.lower <= value <= c.upper:
-            raise SpaceError(f"at gives {c.name} = {value:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; widen them or move it.")
+            raise SpaceError(
+                f"at gives {c.name} = {value:g}, outside its bounds [{c.lower:g}, {c.upper:g}]; widen them or move it."
+            )
     return np.array(
-        [float(v if (given := (at or {}).get(c.name)) is None else given) for c, v in zip(space.coordinates, middle, strict=True)]
+        [
+            float(v if (given := (at or {}).get(c.name)) is None else given)
+            for c, v in zip(space.coordinates, middle, strict=True)
+        ]
     )
 
 
@@ -112,4 +128,7 @@ def _refuse_free(noise: Noise) -> None:
     for kind in ("process", "measurement"):
         for name, level in getattr(noise, kind).items():
             if isinstance(level, tuple):
-                raise SpaceError(f"The {kind} level of {name!r} is a range {level}; give a number, for example from maximum_likelihood.")
+                raise SpaceError(
+                    f"The {kind} level of {name!r} is a range {level}; give a number, for example from "
+                    f"maximum_likelihood."
+                )

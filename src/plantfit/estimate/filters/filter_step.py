@@ -22,9 +22,11 @@ def linearised(f: Callable, mean: Any, root: Any) -> tuple[Any, Any, Any]:
 
 
 def unscented(kappa: float, f: Callable, mean: Any, root: Any) -> tuple[Any, Any, Any]:
-    """Moments of f(x) by 2 n + 1 sigma points with weights that are never negative: Julier, Uhlmann, Proc. IEEE 92 (2004) 401, eq. (12).
+    """Moments of f(x) by 2 n + 1 sigma points with weights that are never negative: Julier, Uhlmann, Proc. IEEE 92
+    (2004) 401, eq. (12).
 
-    kappa = 0 leaves the centre out: the cubature rule of Arasaratnam, Haykin, IEEE Trans. Automatic Control 54 (2009) 1254.
+    kappa = 0 leaves the centre out: the cubature rule of Arasaratnam, Haykin, IEEE Trans. Automatic Control 54 (2009)
+    1254.
     """
     n = mean.shape[0]
     offsets = np.sqrt(n + kappa) * jnp.concatenate([root.T, -root.T])
@@ -47,8 +49,8 @@ def filter_step(
 ) -> tuple[tuple[Any, Any], dict[str, Any]]:
     """From the belief (mean, root) after the row before to that after this one; beside it what the row told, a dict.
 
-    `keep` adds what the smoother needs: the predicted mean, its deviations and those of the state before; and the root of the
-    innovations' covariance, lower triangular (m, m).
+    `keep` adds what the smoother needs: the predicted mean, its deviations and those of the state before; and the root
+    of the innovations' covariance, lower triangular (m, m).
     """
     mean, root = belief
     moved, deviations, own = spread(lambda x: plant.transition(c, x, row), mean, root)
@@ -60,7 +62,9 @@ def filter_step(
     deviations = jnp.where(seen[:, None], deviations, 0.0)
     error = jnp.where(seen, row.y - expected, 0.0)
     m = error.shape[0]
-    joint = triangular(jnp.concatenate([_beside(deviations, jnp.diag(c.measurement)), _beside(own, jnp.zeros((len(mean), m)))]))
+    joint = triangular(
+        jnp.concatenate([_beside(deviations, jnp.diag(c.measurement)), _beside(own, jnp.zeros((len(mean), m)))])
+    )
     scale = joint[:m, :m]
     white = whitened(scale, error)
     own_scale = diagonal(scale)

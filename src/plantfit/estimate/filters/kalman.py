@@ -17,15 +17,19 @@ from plantfit.estimate.filters.state_space import state_space
 from plantfit.problem.problem import Problem
 
 
-def kalman_filter(problem: Problem, noise: Noise, *, at: Mapping[str, float] | None = None, recording: str | None = None) -> Filter:
+def kalman_filter(
+    problem: Problem, noise: Noise, *, at: Mapping[str, float] | None = None, recording: str | None = None
+) -> Filter:
     """The Kalman filter of a linear model, its steps exact (matrix exponentials).
 
-    `at`: parameter values by name, by default the starts of the space or the middle of its box. `recording` as in `ekf`.
-    Raises ModelError for a model that is not linear in its states and inputs.
+    `at`: parameter values by name, by default the starts of the space or the middle of its box. `recording` as in
+    `ekf`. Raises ModelError for a model that is not linear in its states and inputs.
     """
     plant = state_space(problem, noise, (), recording)
     if not plant.exact:
-        raise ModelError(f"Model {plant.model.name!r} is not linear in its states and inputs, or has a dead time; use ekf or ukf.")
+        raise ModelError(
+            f"Model {plant.model.name!r} is not linear in its states and inputs, or has a dead time; use ekf or ukf."
+        )
     return Filter(problem, plant, noise, linearised, at)
 
 
@@ -39,14 +43,16 @@ def ekf(
     drift: Mapping[str, float] | None = None,
     recording: str | None = None,
 ) -> Filter:
-    """The extended Kalman filter over the states and, as states that hardly move, the named `parameters` of the problem.
+    """The extended Kalman filter over the states and, as states that hardly move, the named `parameters` of the
+    problem.
 
-    They begin at `at` (by default the starts of the space, else the middle of its box) with a standard deviation `prior`, which
-    is relative for a parameter on a log scale (the state is its logarithm) and of the logit within the bounds on a linear one; by
-    default two of them reach the ends of the box. `drift`: by how much they wander in a second, by default not at all. Missing
-    measurements are skipped. `recording` names one of several.
+    They begin at `at` (by default the starts of the space, else the middle of its box) with a standard deviation
+    `prior`, which is relative for a parameter on a log scale (the state is its logarithm) and of the logit within the
+    bounds on a linear one; by default two of them reach the ends of the box. `drift`: by how much they wander in a
+    second, by default not at all. Missing measurements are skipped. `recording` names one of several.
 
-    Jazwinski, Stochastic Processes and Filtering Theory (1970), theorem 8.1, with the covariance of process noise of the tangent.
+    Jazwinski, Stochastic Processes and Filtering Theory (1970), theorem 8.1, with the covariance of process noise of
+    the tangent.
     """
     plant = state_space(problem, noise, parameters, recording)
     return Filter(problem, plant, noise, linearised, at, prior, drift)

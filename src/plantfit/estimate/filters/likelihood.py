@@ -21,11 +21,12 @@ import jax.numpy as jnp
 
 @dataclass(frozen=True, eq=False)
 class Innovations:
-    """Minus the log-likelihood of records as a function of a cube point (d,): parameters of the problem, then free noise levels.
+    """Minus the log-likelihood of records as a function of a cube point (d,): parameters of the problem, then free
+    noise levels.
 
-    Each measurement's density given those before it is normal with the filter's prediction and variance: for a linear model
-    exactly (Schweppe, IEEE Trans. Information Theory 11 (1965) 61, eq. (14)), else as nearly as the filter is. Derivatives are
-    carried through the recursion beside the belief, forwards, as one native loop over the directions.
+    Each measurement's density given those before it is normal with the filter's prediction and variance: for a linear
+    model exactly (Schweppe, IEEE Trans. Information Theory 11 (1965) 61, eq. (14)), else as nearly as the filter is.
+    Derivatives are carried through the recursion beside the belief, forwards, as one native loop over the directions.
     """
 
     plants: tuple[StateSpace, ...]
@@ -53,7 +54,8 @@ class Innovations:
 
         def total(z: Any, records: Sequence[Record]) -> Any:
             return sum(
-                self._scanned(self._begin(p, r)(z), self._body(p), keep=False)[0][1] for p, r in zip(self.plants, records, strict=True)
+                self._scanned(self._begin(p, r)(z), self._body(p), keep=False)[0][1]
+                for p, r in zip(self.plants, records, strict=True)
             )
 
         return jax.jit(total)
@@ -75,7 +77,9 @@ class Innovations:
         def second(z: Any, records: Sequence[Record]) -> Any:
             d = self.space.dimension
             i, j = np.triu_indices(d)
-            total = sum((self._second(p, r, z, i, j) for p, r in zip(self.plants, records, strict=True)), jnp.zeros(len(i)))
+            total = sum(
+                (self._second(p, r, z, i, j) for p, r in zip(self.plants, records, strict=True)), jnp.zeros(len(i))
+            )
             full = jnp.zeros((d, d)).at[i, j].set(total)
             return full + jnp.triu(full, 1).T
 
@@ -116,7 +120,11 @@ class Innovations:
         def begin(z):
             values = self.space.physical(z)
             root = jnp.asarray(self.initial)
-            return plant.constants(values), ((plant.first(values, record.drive), root), jnp.zeros(())), plant.rows(values, record)[0]
+            return (
+                plant.constants(values),
+                ((plant.first(values, record.drive), root), jnp.zeros(())),
+                plant.rows(values, record)[0],
+            )
 
         return begin
 

@@ -31,13 +31,15 @@ Kind = Literal["sandwich", "hessian"]
 
 @dataclass(frozen=True, eq=False)
 class MaximumLikelihood:
-    """`estimate` of the problem's free parameters, then the free noise levels "process x" and "measurement y", in their units.
+    """`estimate` of the problem's free parameters, then the free noise levels "process x" and "measurement y", in their
+    units.
 
     With one recording its influences are there, numbered by the samples that have a measurement.
 
-    `interval` gives 95 % intervals, symmetric on each parameter's scale. `noise` has the levels found, for a filter; `parameters`
-    are the problem's alone. `at_bound` names what leans against its box: held there, with no standard error. `gradient` is the
-    largest slope left along a free coordinate, in units of the log-likelihood for one standard error.
+    `interval` gives 95 % intervals, symmetric on each parameter's scale. `noise` has the levels found, for a filter;
+    `parameters` are the problem's alone. `at_bound` names what leans against its box: held there, with no standard
+    error. `gradient` is the largest slope left along a free coordinate, in units of the log-likelihood for one standard
+    error.
     """
 
     estimate: Estimate
@@ -58,7 +60,10 @@ class MaximumLikelihood:
     def sentence(self) -> str:
         held = f"; at a bound: {', '.join(self.at_bound)}" if self.at_bound else ""
         size = f"{self.log_likelihood:.6g} of {self.count} measurements"
-        return f"Maximum likelihood: log-likelihood {size}, the slope left is {self.gradient:.1g} for a standard error{held}."
+        return (
+            f"Maximum likelihood: log-likelihood {size}, the slope left is {self.gradient:.1g} for a standard "
+            f"error{held}."
+        )
 
 
 def maximum_likelihood(
@@ -72,18 +77,21 @@ def maximum_likelihood(
     seed: int = 0,
     start: Mapping[str, float] | None = None,
 ) -> MaximumLikelihood:
-    """The free parameters of a problem and the noise levels that `noise` gives as pairs, over the fitted parts of all recordings.
+    """The free parameters of a problem and the noise levels that `noise` gives as pairs, over the fitted parts of all
+    recordings.
 
-    L-BFGS-B with exact gradients from the starts of the space (the middle of the box) and then from random points, `budget`
-    evaluations in all, ends in Newton steps with the exact Hessian H. `covariance` "hessian" is its inverse; "sandwich" is
-    H^-1 S H^-1 with the long-run covariance S of the scores (White, Econometrica 50 (1982) 1, eq. (2.10)), which also holds where
-    the noise is not as the model says. For a linear model the likelihood is exact, else that of the extended ("ekf") or unscented
-    ("ukf") filter: Astrom, Automatica 16 (1980) 551; Kristensen, Madsen, Jorgensen, Automatica 40 (2004) 225.
+    L-BFGS-B with exact gradients from the starts of the space (the middle of the box) and then from random points,
+    `budget` evaluations in all, ends in Newton steps with the exact Hessian H. `covariance` "hessian" is its inverse;
+    "sandwich" is H^-1 S H^-1 with the long-run covariance S of the scores (White, Econometrica 50 (1982) 1, eq.
+    (2.10)), which also holds where the noise is not as the model says. For a linear model the likelihood is exact, else
+    that of the extended ("ekf") or unscented ("ukf") filter: Astrom, Automatica 16 (1980) 551; Kristensen, Madsen,
+    Jorgensen, Automatica 40 (2004) 225.
 
-    `start`: values of parameters and levels ("process x") from which the search begins before all others, by name, in their units.
+    `start`: values of parameters and levels ("process x") from which the search begins before all others, by name, in
+    their units.
 
-    Raises SearchError when nothing is free or no start can be filtered, FlatLikelihood where the recordings leave something open, and
-    SpaceError for names in `start` that are not free.
+    Raises SearchError when nothing is free or no start can be filtered, FlatLikelihood where the recordings leave
+    something open, and SpaceError for names in `start` that are not free.
     """
     spreads = {"ekf": linearised, "ukf": partial(unscented, float(kappa))}
     if filter not in spreads:
@@ -110,14 +118,18 @@ def maximised(
     z, value, slope, hessian = _polished(likelihood, records, z)
     free = ~_leaning(z, slope)
     inverse = np.zeros((len(z), len(z)))
-    inverse[np.ix_(free, free)] = _inverse(hessian[np.ix_(free, free)], [n for n, f in zip(space.names, free, strict=True) if f])
+    inverse[np.ix_(free, free)] = _inverse(
+        hessian[np.ix_(free, free)], [n for n, f in zip(space.names, free, strict=True) if f]
+    )
     # rows without a measurement say nothing, and their zeros would hide how the others are correlated
     scores = [s[np.any(s != 0.0, axis=1)] for s in map(np.asarray, likelihood.scores(z, records))]
     spread = inverse
     if covariance == "sandwich":
         spread = sum(prewhitened_long_run(s @ inverse, np.arange(len(s))) for s in scores)
     scale = np.where(
-        space.log, np.log(np.where(space.log, space.upper / np.where(space.log, space.lower, 1.0), 1.0)), space.upper - space.lower
+        space.log,
+        np.log(np.where(space.log, space.upper / np.where(space.log, space.lower, 1.0), 1.0)),
+        space.upper - space.lower,
     )
     values = np.asarray(space.physical(z))
     tangent = np.where(space.log, values * scale, scale)
@@ -145,7 +157,12 @@ def maximised(
 
 
 def _searched(
-    likelihood: Innovations, records: tuple[Record, ...], count: int, budget: int, seed: int, given: Mapping[str, float] | None
+    likelihood: Innovations,
+    records: tuple[Record, ...],
+    count: int,
+    budget: int,
+    seed: int,
+    given: Mapping[str, float] | None,
 ) -> np.ndarray:
     space = likelihood.space
 
@@ -159,10 +176,15 @@ def _searched(
 
     start = np.full(space.dimension, 0.5) if space.start is None else space.start
     starts = start[None, :] if given is None else np.stack([_place(space, given, start), start])
-    objective = Objective(space.dimension, costs, value_and_gradient, start=starts, lower=space.lower, upper=space.upper)
+    objective = Objective(
+        space.dimension, costs, value_and_gradient, start=starts, lower=space.lower, upper=space.upper
+    )
     found = minimise(objective, "lbfgsb", budget=budget, seed=seed, settings={"max_steps": max(10, budget // 6)})[0]
     if not np.isfinite(found.cost):
-        raise SearchError("The filter could not follow any start; narrow the box, start nearer, or give the noise levels wider ranges.")
+        raise SearchError(
+            "The filter could not follow any start; narrow the box, start nearer, or give the noise levels wider "
+            "ranges."
+        )
     return np.asarray(found.x)
 
 
@@ -177,7 +199,9 @@ def _place(space: Space, given: Mapping[str, float], other: np.ndarray) -> np.nd
     return np.clip(np.asarray(space.cube(np.clip(values, space.lower, space.upper))), 0.0, 1.0)
 
 
-def _polished(likelihood: Innovations, records: tuple[Record, ...], z: np.ndarray) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
+def _polished(
+    likelihood: Innovations, records: tuple[Record, ...], z: np.ndarray
+) -> tuple[np.ndarray, float, np.ndarray, np.ndarray]:
     """Newton's method with halved steps inside the box: point, value, gradient, Hessian."""
 
     def at(z: np.ndarray) -> tuple[float, np.ndarray]:
@@ -187,7 +211,9 @@ def _polished(likelihood: Innovations, records: tuple[Record, ...], z: np.ndarra
     value, slope = at(z)
     hessian = np.asarray(likelihood.hessian(z, records))
     if not np.all(np.isfinite(hessian)):
-        raise SearchError("The likelihood has no second derivatives where the search ended; give some process noise or other starts.")
+        raise SearchError(
+            "The likelihood has no second derivatives where the search ended; give some process noise or other starts."
+        )
     for _ in range(NEWTON_STEPS):
         free = ~_leaning(z, slope)
         step = np.zeros_like(z)
@@ -225,6 +251,8 @@ def _inverse(hessian: np.ndarray, names: Sequence[str]) -> np.ndarray:
 
 def _found(noise: Noise, named: dict[str, float]) -> Noise:
     def levels(kind: str) -> dict[str, Level]:
-        return {n: named[f"{kind} {n}"] if isinstance(level, tuple) else level for n, level in getattr(noise, kind).items()}
+        return {
+            n: named[f"{kind} {n}"] if isinstance(level, tuple) else level for n, level in getattr(noise, kind).items()
+        }
 
     return Noise(levels("process"), levels("measurement"), noise.initial)

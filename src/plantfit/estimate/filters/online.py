@@ -16,7 +16,8 @@ import jax.numpy as jnp
 
 
 class Now(NamedTuple):
-    """What is believed after a sample: values and standard deviations of states by name, parameters with (low, high) of 2 sd, NIS."""
+    """What is believed after a sample: values and standard deviations of states by name, parameters with (low, high)
+    of 2 sd, NIS."""
 
     states: dict[str, float]
     sd: dict[str, float]
@@ -26,9 +27,18 @@ class Now(NamedTuple):
 
 
 class Online:
-    """Call `update` at every sample, in order of time; `mean` (n,) and `root` (n, n) are the belief after the last one."""
+    """Call `update` at every sample, in order of time; `mean` (n,) and `root` (n, n) are the belief after the last
+    one."""
 
-    def __init__(self, plant: StateSpace, spread: Spread, values: np.ndarray, own: np.ndarray, root: np.ndarray, drift: np.ndarray):
+    def __init__(
+        self,
+        plant: StateSpace,
+        spread: Spread,
+        values: np.ndarray,
+        own: np.ndarray,
+        root: np.ndarray,
+        drift: np.ndarray,
+    ):
         self.plant, self.values, self.own = plant, jnp.asarray(values), own
         self.mean: Any = None
         self.root: Any = jnp.asarray(root)
@@ -44,12 +54,16 @@ class Online:
         self._first = jax.jit(plant.first)
 
     def update(self, t: float, u: Mapping[str, float], y: Mapping[str, float]) -> Now:
-        """The belief at t (s) with the measurements y taken there; u acts from t to the next sample. Outputs left out or NaN are missing.
+        """The belief at t (s) with the measurements y taken there; u acts from t to the next sample. Outputs left out
+        or NaN are missing.
 
         Raises RecordingError for a time that does not grow or an input that is missing.
         """
         model = self.plant.model
-        here, seen = np.array(_values("input", u, model.inputs, needed=True)), np.array(_values("output", y, model.outputs))
+        here, seen = (
+            np.array(_values("input", u, model.inputs, needed=True)),
+            np.array(_values("output", y, model.outputs)),
+        )
         if self.mean is None:
             drive = self.plant.simulator.drive(
                 np.array([t]),

@@ -12,8 +12,9 @@ import jax.numpy as jnp
 
 
 class Fed(NamedTuple):
-    """Rows of new samples: channels (r, c) at both ends of each step, its length (r,), channels (r, c) at its end; `places` (b,) of the
-    samples among them; slopes of the first three by each dead time, (d, r, c), (d, r, c) and (d, r)."""
+    """Rows of new samples: channels (r, c) at both ends of each step, its length (r,), channels (r, c) at its end;
+    `places` (b,) of the samples among them; slopes of the first three by each dead time, (d, r, c), (d, r, c) and
+    (d, r)."""
 
     u0: np.ndarray
     u1: np.ndarray
@@ -23,7 +24,8 @@ class Fed(NamedTuple):
     slopes: tuple[np.ndarray, np.ndarray, np.ndarray]
 
     def chunks(self, size: int, y: np.ndarray) -> list[tuple[Row, Row | None]]:
-        """Rows with outputs (b, m) in chunks of one size, the last filled up with steps of no length, and their slopes (d first)."""
+        """Rows with outputs (b, m) in chunks of one size, the last filled up with steps of no length, and their
+        slopes (d first)."""
         r = len(self.h)
         seen = np.full((r, y.shape[1]), np.nan)
         seen[self.places] = y
@@ -33,10 +35,14 @@ class Fed(NamedTuple):
             end = np.repeat(self.here[-1:], more, axis=0)
             u0, u1, here = (np.concatenate([a[part], end]) for a in (self.u0, self.u1, self.here))
             none = np.full((more, y.shape[1]), np.nan)
-            row = Row(u0, u1, np.concatenate([self.h[part], np.zeros(more)]), here, np.concatenate([seen[part], none]), None)
+            row = Row(
+                u0, u1, np.concatenate([self.h[part], np.zeros(more)]), here, np.concatenate([seen[part], none]), None
+            )
             moved = None
             if len(self.slopes[2]):
-                m0, m1, mh = (np.concatenate([a[:, part], np.zeros((len(a), more, *a.shape[2:]))], axis=1) for a in self.slopes)
+                m0, m1, mh = (
+                    np.concatenate([a[:, part], np.zeros((len(a), more, *a.shape[2:]))], axis=1) for a in self.slopes
+                )
                 still = np.zeros((len(mh), size, y.shape[1]))
                 moved = Row(m0, m1, mh, np.zeros_like(m0), still, None)
             found.append((row, moved))
@@ -44,15 +50,19 @@ class Fed(NamedTuple):
 
 
 class RowsOnLine:
-    """What `StateSpace.rows` makes of a record, made of samples one after the other: an edge of a late input has a row of its own.
+    """What `StateSpace.rows` makes of a record, made of samples one after the other: an edge of a late input has a row
+    of its own.
 
-    `dead_times` (d,) in s are those of the model at parameter `values`, `by_values` (d, coordinates) their slopes by these.
+    `dead_times` (d,) in s are those of the model at parameter `values`, `by_values` (d, coordinates) their slopes by
+    these.
     """
 
     def __init__(self, plant: StateSpace, values: np.ndarray):
         model, simulator = plant.model, plant.simulator
         names, own = list(model.inputs), list(dict.fromkeys(d.parameter for d in model.delays))
-        self.linear = np.array([n in simulator.interpolated for n in names] + [d.input in simulator.interpolated for d in model.delays])
+        self.linear = np.array(
+            [n in simulator.interpolated for n in names] + [d.input in simulator.interpolated for d in model.delays]
+        )
         self.input = np.array([*range(len(names)), *(names.index(d.input) for d in model.delays)], dtype=int)
         self.late = np.array([-1] * len(names) + [own.index(d.parameter) for d in model.delays], dtype=int)
 
@@ -112,7 +122,8 @@ class RowsOnLine:
         return Fed(u0, u1, end - begin, here, np.flatnonzero(of < 0), (moved[0], moved[1], to - from_))
 
     def _at(self, time: np.ndarray, piece: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Channels (r, c) at times (r,), each on the piece of its input that holds at `piece` (r,), and their slopes (r, c), 1/s."""
+        """Channels (r, c) at times (r,), each on the piece of its input that holds at `piece` (r,), and their slopes
+        (r, c), 1/s."""
         dead = np.concatenate([[0.0], self.dead_times])[self.late + 1]
         k = np.searchsorted(self.t, piece[:, None] - dead, side="right") - 1
         before, k = k < 0, np.maximum(k, 0)

@@ -1,7 +1,8 @@
 """Square roots of covariances, P = S S' with S lower triangular, kept through every step of a filter.
 
-Nothing is ever subtracted from a covariance: joint square roots are stacked and made triangular again (array algorithms: Kailath,
-Sayed, Hassibi, Linear Estimation (2000), chapter 12). So covariances stay positive semidefinite, in twice the digits.
+Nothing is ever subtracted from a covariance: joint square roots are stacked and made triangular again (array
+algorithms: Kailath, Sayed, Hassibi, Linear Estimation (2000), chapter 12). So covariances stay positive semidefinite,
+in twice the digits.
 """
 
 from typing import Any
@@ -39,7 +40,8 @@ def _unit(row: Any, power: Any) -> tuple[Any, Any]:
 
 
 def cholesky(matrix: Any) -> Any:
-    """Lower triangular L (n, n) with L L' = matrix, positive semidefinite: columns of pivots that are rounding are zero."""
+    """Lower triangular L (n, n) with L L' = matrix, positive semidefinite: columns of pivots that are rounding are
+    zero."""
     n, own = matrix.shape[0], diagonal(matrix)
     columns = []
     for i in range(n):
@@ -72,10 +74,11 @@ def _ratio(a: Any, b: Any) -> Any:
 
 
 def sampled_noise_root(a: Any, intensity: Any, h: Any) -> Any:
-    """Square root (n, n) of what white noise adds to x' = a x over h seconds: the integral of exp(a s) diag(intensity^2) exp(a' s).
+    """Square root (n, n) of what white noise adds to x' = a x over h seconds: the integral of exp(a s)
+    diag(intensity^2) exp(a' s).
 
-    By its Taylor series over h / 2^12, then Q(2h) = F(h) Q(h) F(h)' + Q(h): C. Van Loan, IEEE Trans. Automatic Control 23 (1978)
-    395, with the exponential as in eq. (1.4) there replaced by doubling, which needs no inverse.
+    By its Taylor series over h / 2^12, then Q(2h) = F(h) Q(h) F(h)' + Q(h): C. Van Loan, IEEE Trans. Automatic Control
+    23 (1978) 395, with the exponential as in eq. (1.4) there replaced by doubling, which needs no inverse.
     """
     small = h / 2.0**DOUBLINGS
     term = jnp.diag(intensity**2) * small

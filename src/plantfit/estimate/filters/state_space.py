@@ -26,7 +26,8 @@ UNROLLED = 4
 
 
 class Constants(NamedTuple):
-    """What stays the same over a record: base parameter values (d,), noise levels by state and output, drift of parameters (k,)."""
+    """What stays the same over a record: base parameter values (d,), noise levels by state and output, drift of
+    parameters (k,)."""
 
     values: Any
     process: Any
@@ -35,7 +36,8 @@ class Constants(NamedTuple):
 
 
 class Row(NamedTuple):
-    """What changes: channels at both ends of the step before, its length, channels and outputs here (NaN: none), exact maps or None."""
+    """What changes: channels at both ends of the step before, its length, channels and outputs here (NaN: none),
+    exact maps or None."""
 
     u0: Any
     u1: Any
@@ -46,7 +48,8 @@ class Row(NamedTuple):
 
 
 class Record(NamedTuple):
-    """The numbers of one recording: drive, outputs y (N, m); for exact steps their distinct lengths (U,) and which is where (N,)."""
+    """The numbers of one recording: drive, outputs y (N, m); for exact steps their distinct lengths (U,) and which
+    is where (N,)."""
 
     drive: Drive
     y: Any
@@ -56,10 +59,12 @@ class Record(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class StateSpace:
-    """x' = f(x, u, p) + w,  y = g(x, u, p) + e, with states x and joint coordinates s of the space, p = p(s), s' = drift.
+    """x' = f(x, u, p) + w,  y = g(x, u, p) + e, with states x and joint coordinates s of the space, p = p(s), s' =
+    drift.
 
-    A parameter on a log scale is exp(s), so that it stays positive; one on a linear scale is low + (high - low) / (1 + exp(-s)),
-    so that it stays in its bounds. The rest of the parameters are held. `exact`: linear in x and u, stepped by matrix exponentials.
+    A parameter on a log scale is exp(s), so that it stays positive; one on a linear scale is low + (high - low) / (1 +
+    exp(-s)), so that it stays in its bounds. The rest of the parameters are held. `exact`: linear in x and u, stepped
+    by matrix exponentials.
     """
 
     simulator: Simulator
@@ -81,7 +86,12 @@ class StateSpace:
         tree, model = self.space.tree(values, self.recording), self.model
         process = jnp.stack([jnp.asarray(tree[f"process {n}"]) for n in model.states])
         measurement = jnp.stack([jnp.asarray(tree[f"measurement {n}"]) for n in model.outputs])
-        return Constants(jnp.asarray(values), process, measurement, jnp.zeros(len(self.joint)) if drift is None else jnp.asarray(drift))
+        return Constants(
+            jnp.asarray(values),
+            process,
+            measurement,
+            jnp.zeros(len(self.joint)) if drift is None else jnp.asarray(drift),
+        )
 
     # -- parameters in the state ------------------------------------------------------------------
 
@@ -100,7 +110,8 @@ class StateSpace:
         return np.where(log, np.log(np.where(log, values, 1.0)), np.log(share / (1.0 - share)))
 
     def prior_spread(self) -> np.ndarray:
-        """Standard deviations (k,) of the joint states that the box stands for: two of them on either side of its middle."""
+        """Standard deviations (k,) of the joint states that the box stands for: two of them on either side of its
+        middle."""
         low, high, log = (v[list(self.joint)] for v in (self.space.lower, self.space.upper, self.space.log))
         return np.where(log, 0.25 * np.log(np.where(log, high, 1.0) / np.where(log, low, 1.0)), LOGIT_SPREAD)
 
@@ -145,7 +156,9 @@ class StateSpace:
 
     def outputs(self, c: Constants, x: Any, row: Row) -> Any:
         """Every output (m,)."""
-        return jnp.stack(self.simulator.vector.output(_scalars(x[: self.states]), _scalars(row.here), self.parameters(c, x)))
+        return jnp.stack(
+            self.simulator.vector.output(_scalars(x[: self.states]), _scalars(row.here), self.parameters(c, x))
+        )
 
     # -- one record -------------------------------------------------------------------------------
 
@@ -161,16 +174,23 @@ class StateSpace:
         h = np.concatenate([[0.0], t[1:] - t[:-1]])
         typical = float(np.median(h[1:])) if len(h) > 1 else 1.0
         lengths, which = np.unique(np.round(h / typical, 9), return_inverse=True)
-        return Record(jax.tree.map(jnp.asarray, drive), jnp.asarray(y), jnp.asarray(lengths * typical), jnp.asarray(which))
+        return Record(
+            jax.tree.map(jnp.asarray, drive), jnp.asarray(y), jnp.asarray(lengths * typical), jnp.asarray(which)
+        )
 
     def rows(self, values: Any, record: Record) -> tuple[Row, Any]:
-        """Rows of a record, and the places (N,) of the samples among them; edges of late inputs make rows of their own."""
+        """Rows of a record, and the places (N,) of the samples among them; edges of late inputs make rows of their
+        own."""
         p, drive, y = self.space.tree(values, self.recording), record.drive, record.y
         steps, (u0, u1, h) = self.simulator.steps(p, drive)
         begin, end = jnp.stack(u0, axis=1), jnp.stack(u1, axis=1)
         before = jnp.concatenate([begin[:1], begin]), jnp.concatenate([begin[:1], end])
         length = jnp.concatenate([jnp.zeros(1), h])
-        here = jnp.zeros_like(before[0]).at[steps.rank].set(jnp.stack([jnp.asarray(v) for v in self.simulator.channels(p, drive)], axis=1))
+        here = (
+            jnp.zeros_like(before[0])
+            .at[steps.rank]
+            .set(jnp.stack([jnp.asarray(v) for v in self.simulator.channels(p, drive)], axis=1))
+        )
         places = steps.rank if drive.samples is None else steps.rank[drive.samples]
         seen = jnp.full((len(length), y.shape[1]), jnp.nan).at[places].set(y)
         exact = None
@@ -215,15 +235,21 @@ def _blocks(a: Array, b: Array) -> Array:
 
 
 def state_space(problem: Problem, noise: Noise, joint: Sequence[str] = (), recording: str | None = None) -> StateSpace:
-    """The stochastic model of one recording (the first by default); `joint` names coordinates of the space that become states.
+    """The stochastic model of one recording (the first by default); `joint` names coordinates of the space that become
+    states.
 
     Raises ModelError for models without states or with jumps or late states, SpaceError for unknown names.
     """
     model = problem.model
     if not isinstance(model, Model) or not model.states:
-        raise ModelError(f"Model {model.name!r} has no states to filter; a Kalman filter needs equations of motion, not a regression.")
+        raise ModelError(
+            f"Model {model.name!r} has no states to filter; a Kalman filter needs equations of motion, not a "
+            f"regression."
+        )
     if not model.smooth:
-        raise ModelError(f"Model {model.name!r} has resets, dry friction, backlash or late states; filter a smooth form of it.")
+        raise ModelError(
+            f"Model {model.name!r} has resets, dry friction, backlash or late states; filter a smooth form of it."
+        )
     levels = noise.parameters(model)
     noise.initial_levels(model)
     space = Space({**problem.space.parameters, **levels}, problem.space.recordings)

@@ -28,7 +28,8 @@ def agreement(estimates: Mapping[str, Estimated]) -> list[MethodPair]:
         adjusted[b, a] = worst
     return [
         MethodPair(
-            first=b, second=a, statistic=found.statistic, degrees=found.degrees, p=found.p_value, sentence=found.sentence,
+            first=b, second=a, statistic=found.statistic, degrees=found.degrees, p=found.p_value,
+            sentence=found.sentence,
             p_adjusted=adjusted[b, a], differs=adjusted[b, a] < SURE,
         )
         for b, a, found in pairs

@@ -13,7 +13,13 @@ from plantfit.estimate.filters.noise import Noise
 from plantfit.estimate.methods.agreement import Estimated
 from plantfit.estimate.methods.filtered import FILTERS, innovation_size
 from plantfit.estimate.methods.over_records import Runs
-from plantfit.findings.results.estimated import EstimatedParameter, EstimateOfMethod, FilterOfEstimate, InnovationSize, NoiseLevel
+from plantfit.findings.results.estimated import (
+    EstimatedParameter,
+    EstimateOfMethod,
+    FilterOfEstimate,
+    InnovationSize,
+    NoiseLevel,
+)
 from plantfit.problem.problem import Problem
 
 LEAST_SQUARES, LIKELIHOOD = "least squares", "maximum likelihood"
@@ -39,10 +45,15 @@ def parameter_estimates(
     return rows
 
 
-def noise_levels(problem: Problem, noise: Noise, found: MaximumLikelihood | None, made: frozenset[str]) -> list[NoiseLevel]:
+def noise_levels(
+    problem: Problem, noise: Noise, found: MaximumLikelihood | None, made: frozenset[str]
+) -> list[NoiseLevel]:
     """Levels in force; `made` are those that were proposed."""
     units_of, rows = noise.parameters(problem.model), []  # type: ignore[arg-type]
-    sides: dict[Literal["process", "measurement"], Mapping[str, Any]] = {"process": noise.process, "measurement": noise.measurement}
+    sides: dict[Literal["process", "measurement"], Mapping[str, Any]] = {
+        "process": noise.process,
+        "measurement": noise.measurement,
+    }
     for kind, levels in sides.items():
         for name, value in levels.items():
             key = f"{kind} {name}"
@@ -50,7 +61,17 @@ def noise_levels(problem: Problem, noise: Noise, found: MaximumLikelihood | None
             leaning = free and key in found.at_bound  # type: ignore[union-attr]
             low, high = found.interval[key] if free and not leaning else (None, None)  # type: ignore[union-attr]
             how = "at a bound" if leaning else "found" if free else "left out" if key in made else "given"
-            rows.append(NoiseLevel(kind=kind, name=name, unit=_unit(units_of[key].unit), value=float(value), low=low, high=high, how=how))
+            rows.append(
+                NoiseLevel(
+                    kind=kind,
+                    name=name,
+                    unit=_unit(units_of[key].unit),
+                    value=float(value),
+                    low=low,
+                    high=high,
+                    how=how,
+                )
+            )
     return rows
 
 
@@ -66,7 +87,9 @@ def filter_findings(method: str, runs: Runs) -> FilterOfEstimate:
         mean=test.mean, low=test.low, high=test.high, p=test.p_value, consistent=test.consistent, sentence=test.sentence
     )  # fmt: skip
     likelihood = float(sum(r.log_likelihood for r in every))
-    return FilterOfEstimate(method=FILTERS[method], nis=size, memory=innovation_memory(every), log_likelihood=likelihood)
+    return FilterOfEstimate(
+        method=FILTERS[method], nis=size, memory=innovation_memory(every), log_likelihood=likelihood
+    )
 
 
 def innovation_memory(runs: Sequence[FilterRun]) -> dict[str, float | None]:
@@ -77,6 +100,10 @@ def innovation_memory(runs: Sequence[FilterRun]) -> dict[str, float | None]:
         for r in runs:
             seen = np.isfinite(r.y[:, i])
             white = r.told["white"][r.rank, i][seen]
-            pairs, power, count = pairs + float(white[1:] @ white[:-1]), power + float(white @ white), count + len(white)
+            pairs, power, count = (
+                pairs + float(white[1:] @ white[:-1]),
+                power + float(white @ white),
+                count + len(white),
+            )
         found[name] = pairs / power if power > 0 and count > 10 else 0.0
     return found

@@ -1,4 +1,5 @@
-"""Kalman filters over a study's recordings, begun in the middle of the box, or at the answer where they lose their way from there."""
+"""Kalman filters over a study's recordings, begun in the middle of the box, or at the answer where they lose their
+way from there."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -42,14 +43,16 @@ def filtered(
     known: tuple[Mapping[str, float], Mapping[str, float]],
     say: Callable[[str], None],
 ) -> tuple[dict[str, Runs], list[str]]:
-    """Runs by method, and what was assumed for them; `known` are values that are believed, and their standard errors."""
+    """Runs by method, and what was assumed for them; `known` are values that are believed, and their standard
+    errors."""
     believed, errors = known  # values and standard errors
     late = {d.parameter for d in problem.model.delays}  # type: ignore[union-attr]
     held = {c.name: believed[c.name] for c in problem.space.coordinates if c.parameter in late}
     names = [n for n in problem.space.names if n not in held]
     kinds: dict[str, Callable[..., Any]] = {"ekf": ekf, "ukf": partial(ukf, kappa=wished.kappa), "kalman": _plain}
     remarks = [
-        f"{n}: held at {v:.5g} in the filters, because a dead time cannot be a state; their intervals leave out what is not known of it"
+        f"{n}: held at {v:.5g} in the filters, because a dead time cannot be a state; their intervals leave out what "
+        f"is not known of it"
         for n, v in held.items()
     ]
     found: dict[str, Runs] = {}
@@ -65,7 +68,9 @@ def filtered(
             prior, drift = told.spreads(problem, names, held)
             with suppress(SimulationError):
                 begun = run(at=held, prior=prior, drift=drift)
-                if not prior and not drift:  # what is known beforehand counts once, and what wanders ends elsewhere than it began
+                if (
+                    not prior and not drift
+                ):  # what is known beforehand counts once, and what wanders ends elsewhere than it began
                     begun = _again(run, problem, begun.estimate, believed, held, names)
                     twice.append(FILTERS[method])
         if begun is None or _too_sure(begun):
@@ -75,15 +80,21 @@ def filtered(
             near = _near(problem, at, errors, names)
             again = run(at=at, prior=near | prior, drift=drift)
             if wished.begin == "box":
-                why = "it diverged" if begun is None else f"its innovations were {_factor(begun):.2g} times as large as it expected"
+                why = (
+                    "it diverged"
+                    if begun is None
+                    else f"its innovations were {_factor(begun):.2g} times as large as it expected"
+                )
                 remarks.append(
-                    f"{FILTERS[method]}: began at the answer, {NEAR:g} standard errors wide, because from the middle of the box {why}"
+                    f"{FILTERS[method]}: began at the answer, {NEAR:g} standard errors wide, because from the middle "
+                    f"of the box {why}"
                 )
             begun = again
         found[method] = begun
     if twice:
         remarks.append(
-            f"{' and '.join(twice)}: ran twice, from the middle of the box and then from where that ended, {NEAR:g} standard errors wide, "
+            f"{' and '.join(twice)}: ran twice, from the middle of the box and then from where that ended, {NEAR:g} "
+            f"standard errors wide, "
             "because tangents taken far from the answer make intervals too narrow"
         )
     return found, remarks
@@ -112,7 +123,9 @@ def _again(
 
 def _factor(runs: Runs) -> float:
     """By how much innovations are larger than a filter expects."""
-    return float(np.sqrt(innovation_size(runs).mean / np.mean([np.mean(r.measured[r.measured > 0]) for r in runs.runs.values()])))
+    return float(
+        np.sqrt(innovation_size(runs).mean / np.mean([np.mean(r.measured[r.measured > 0]) for r in runs.runs.values()]))
+    )
 
 
 def _too_sure(runs: Runs) -> bool:
@@ -121,8 +134,11 @@ def _too_sure(runs: Runs) -> bool:
     return nis.p_value < SURE and nis.mean > nis.high
 
 
-def _near(problem: Problem, at: Mapping[str, float], errors: Mapping[str, float], names: Sequence[str]) -> dict[str, float]:
-    """Standard deviations of the filter's states of parameters that stand for so many standard errors, no wider than the box."""
+def _near(
+    problem: Problem, at: Mapping[str, float], errors: Mapping[str, float], names: Sequence[str]
+) -> dict[str, float]:
+    """Standard deviations of the filter's states of parameters that stand for so many standard errors, no wider than
+    the box."""
     found = {}
     for c in problem.space.coordinates:
         if c.name in names and np.isfinite(errors.get(c.name, np.nan)) and errors[c.name] > 0:
@@ -133,7 +149,9 @@ def _near(problem: Problem, at: Mapping[str, float], errors: Mapping[str, float]
     return found
 
 
-def _plain(problem: Problem, noise: Noise, parameters: Sequence[str], *, at: Any, prior: Any, drift: Any, recording: str) -> Any:
+def _plain(
+    problem: Problem, noise: Noise, parameters: Sequence[str], *, at: Any, prior: Any, drift: Any, recording: str
+) -> Any:
     return kalman_filter(problem, noise, at=at, recording=recording)
 
 

@@ -15,7 +15,8 @@ from plantfit.problem.problem import Problem
 
 @dataclass(frozen=True)
 class Asked:
-    """Levels as `Noise` takes them; `prior` and `drift` of parameters: shares on a log scale, else in their units; `truth` by name."""
+    """Levels as `Noise` takes them; `prior` and `drift` of parameters: shares on a log scale, else in their units;
+    `truth` by name."""
 
     process: Mapping[str, Level]
     measurement: Mapping[str, Level]
@@ -24,8 +25,11 @@ class Asked:
     drift: Mapping[str, float]
     truth: Mapping[str, float]
 
-    def spreads(self, problem: Problem, names: Sequence[str], at: Mapping[str, float]) -> tuple[dict[str, float], dict[str, float]]:
-        """Prior and drift of the named parameters as the filters take them: of the logarithm, or of the logit within the bounds."""
+    def spreads(
+        self, problem: Problem, names: Sequence[str], at: Mapping[str, float]
+    ) -> tuple[dict[str, float], dict[str, float]]:
+        """Prior and drift of the named parameters as the filters take them: of the logarithm, or of the logit within
+        the bounds."""
         values = dict(zip(problem.space.names, base_values(problem, at).tolist(), strict=True))
         slope = {}
         for c in problem.space.coordinates:
@@ -37,7 +41,8 @@ class Asked:
 
 
 def asked(table: Any, problem: Problem) -> Asked:
-    """What an [estimate] table asks for. Raises SpecError for unknown names, UnitError for units, SpaceError for levels that are none."""
+    """What an [estimate] table asks for. Raises SpecError for unknown names, UnitError for units, SpaceError for
+    levels that are none."""
     model, file = problem.model, problem.study_file
     place = f"{file.path.name}, [estimate" if file is not None else "[estimate"
     states, outputs = dict(model.states), dict(model.outputs)  # type: ignore[union-attr]

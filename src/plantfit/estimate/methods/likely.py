@@ -11,18 +11,22 @@ from plantfit.estimate.filters.noise import Noise
 from plantfit.estimate.methods.proposals import Proposal
 from plantfit.problem.problem import Problem
 
-NOT_NEEDED = 2.71  # twice the loss of log-likelihood at a level of 0 that chance exceeds in 5 of 100: half of chi-squared's tail
+NOT_NEEDED = (
+    2.71  # twice the loss of log-likelihood at a level of 0 that chance exceeds in 5 of 100: half of chi-squared's tail
+)
 NEAR = 1e-3  # of the range of a level, in decades
 
 
 def likely(
     problem: Problem, proposal: Proposal, values: Mapping[str, float], budget: int = 300, seed: int = 0
 ) -> tuple[MaximumLikelihood, tuple[str, ...]]:
-    """Maximum likelihood from `values` of the parameters and by its own starts, and a sentence for each level that was left out.
+    """Maximum likelihood from `values` of the parameters and by its own starts, and a sentence for each level that was
+    left out.
 
-    Levels of process noise that were proposed are 0 where they lean on their lower bound, and where the likelihood loses no more than
-    chance explains: 2.71 twice, the 5 % point of a variance on its bound (Self, Liang, J. Am. Statist. Assoc. 82 (1987) 605, case 5).
-    Levels that the user gives are kept. Raises FlatLikelihood and SearchError as `maximum_likelihood`.
+    Levels of process noise that were proposed are 0 where they lean on their lower bound, and where the likelihood
+    loses no more than chance explains: 2.71 twice, the 5 % point of a variance on its bound (Self, Liang, J. Am.
+    Statist. Assoc. 82 (1987) 605, case 5). Levels that the user gives are kept. Raises FlatLikelihood and SearchError
+    as `maximum_likelihood`.
     """
     noise, told = proposal.noise, []
     start = dict(values) | dict(proposal.start)
@@ -37,7 +41,8 @@ def likely(
                 loose = [n for n in error.names if n in proposal.proposed and n.startswith("measurement ")]
                 if not flat and loose:
                     raise SearchError(
-                        f"The recordings do not show how large the noise of {loose[0].removeprefix('measurement ')!r} is; give its "
+                        f"The recordings do not show how large the noise of {loose[0].removeprefix('measurement ')!r} "
+                        f"is; give its "
                         "standard deviation as measurement ([estimate.measurement]), quantum / sqrt(12) for rounding."
                     ) from None
                 if not flat:
@@ -69,7 +74,12 @@ def likely(
 
 def _kept(start: Mapping[str, float], noise: Noise) -> dict[str, float]:
     """The start without levels that are held."""
-    held = {f"{kind} {n}" for kind in ("process", "measurement") for n, v in getattr(noise, kind).items() if not isinstance(v, tuple)}
+    held = {
+        f"{kind} {n}"
+        for kind in ("process", "measurement")
+        for n, v in getattr(noise, kind).items()
+        if not isinstance(v, tuple)
+    }
     return {n: v for n, v in start.items() if n not in held}
 
 

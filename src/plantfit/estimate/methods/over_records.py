@@ -42,8 +42,9 @@ def over_recordings(
 ) -> Runs:
     """`kind` (`ekf`, `ukf` with its settings) over the fitted part of every recording in order; arguments as in `ekf`.
 
-    `made` keeps the compiled filters by recording for another call that differs in `at` and `prior` alone. States begin anew in every
-    recording; parameters that recordings share go on with mean and covariance. Raises SimulationError where the filter diverges.
+    `made` keeps the compiled filters by recording for another call that differs in `at` and `prior` alone. States begin
+    anew in every recording; parameters that recordings share go on with mean and covariance. Raises SimulationError
+    where the filter diverges.
     """
     of = {c.name: c.recording for c in problem.space.coordinates}
     runs: dict[str, FilterRun] = {}
@@ -84,7 +85,9 @@ def _joint(filter: Filter) -> tuple[str, ...]:
     return tuple(filter.plant.space.names[i] for i in filter.plant.joint)
 
 
-def _begin(filter: Filter, order: Sequence[str], names: Sequence[str], mean: np.ndarray, covariance: np.ndarray) -> None:
+def _begin(
+    filter: Filter, order: Sequence[str], names: Sequence[str], mean: np.ndarray, covariance: np.ndarray
+) -> None:
     """Let a filter begin at states of shared parameters with their covariance."""
     if not len(names):
         return

@@ -26,11 +26,12 @@ DIFFERENCES = np.sqrt(6.0)  # what a second difference multiplies white noise by
 
 @dataclass(frozen=True)
 class Scales:
-    """How large things are at given values: `residual` and `scatter` of outputs, `spread` of states, by name, in their units.
+    """How large things are at given values: `residual` and `scatter` of outputs, `spread` of states, by name, in their
+    units.
 
-    `residual` is the root mean square of measured minus simulated, `scatter` what second differences of the record show of white
-    noise. `begin` tells where a state begins: "parameter", "measured" or "model". `kinematic` states are the integral of another one.
-    `period` and `span` are seconds from sample to sample and of a record.
+    `residual` is the root mean square of measured minus simulated, `scatter` what second differences of the record show
+    of white noise. `begin` tells where a state begins: "parameter", "measured" or "model". `kinematic` states are the
+    integral of another one. `period` and `span` are seconds from sample to sample and of a record.
     """
 
     residual: Mapping[str, float]
@@ -44,8 +45,8 @@ class Scales:
 
 @dataclass(frozen=True)
 class Proposal:
-    """`noise` as a filter takes it, `start` of the free levels by name ("process x"), `assumed`: a sentence for each thing not given,
-    and the names of `proposed` levels."""
+    """`noise` as a filter takes it, `start` of the free levels by name ("process x"), `assumed`: a sentence for each
+    thing not given, and the names of `proposed` levels."""
 
     noise: Noise
     start: Mapping[str, float]
@@ -57,7 +58,9 @@ def filterable(problem: Problem) -> None:
     """Raises ModelError or RecordingError for a problem that no Kalman filter works on."""
     steady = [n for n, e in problem.experiments.items() if e.steady]
     if steady:
-        raise RecordingError(f"Recording {steady[0]!r} is steady, without time, and a Kalman filter runs over time; leave it out here.")
+        raise RecordingError(
+            f"Recording {steady[0]!r} is steady, without time, and a Kalman filter runs over time; leave it out here."
+        )
     state_space(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), dict.fromkeys(_states(problem), 1.0)))
 
 
@@ -66,7 +69,8 @@ def _states(problem: Problem) -> list[str]:
 
 
 def stepped_evenly(problem: Problem, values: Mapping[str, float]) -> Problem:
-    """The problem with so many equal steps a sample that their error is small beside the residual; filters know no other steps."""
+    """The problem with so many equal steps a sample that their error is small beside the residual; filters know no
+    other steps."""
     stepping = problem.predictor.stepping()
     if stepping.stepper == ADAPTIVE:
         problem = problem.with_simulator(Simulator(stepping.vector, "exponential", 1, stepping.interpolated))
@@ -76,7 +80,11 @@ def stepped_evenly(problem: Problem, values: Mapping[str, float]) -> Problem:
     while finer.predictor.stepping().substeps < FINEST:
         again = finer.with_simulator(finer.predictor.stepping().refined(2))
         fine = _simulated(again, values)[1]
-        moved = [np.nanstd(a - b) <= STEP_ERROR * np.nanstd(b) for n in fine for a, b in zip(outputs[n], fine[n], strict=True)]
+        moved = [
+            np.nanstd(a - b) <= STEP_ERROR * np.nanstd(b)
+            for n in fine
+            for a, b in zip(outputs[n], fine[n], strict=True)
+        ]
         if all(moved):
             return finer
         outputs, finer = fine, again
@@ -99,7 +107,11 @@ def scales_at(problem: Problem, values: Mapping[str, float]) -> Scales:
 
 
 def proposed(
-    problem: Problem, scales: Scales, process: Mapping[str, Level], measurement: Mapping[str, Level], initial: Mapping[str, float]
+    problem: Problem,
+    scales: Scales,
+    process: Mapping[str, Level],
+    measurement: Mapping[str, Level],
+    initial: Mapping[str, float],
 ) -> Proposal:
     """Levels as given, and for the rest ranges in which maximum likelihood finds them, with what was assumed."""
     own_process, own_measurement, own_initial = dict(process), dict(measurement), dict(initial)
@@ -145,7 +157,9 @@ def _initial(name: str, scales: Scales, measurement: Mapping[str, Level]) -> tup
         return known, "because a parameter says where it begins"
     level = measurement.get(name)
     if level is not None:
-        return FIRST * scales.residual[name] if scales.residual[name] > 0 else known, "ten times the residual of its measurement"
+        return FIRST * scales.residual[name] if scales.residual[
+            name
+        ] > 0 else known, "ten times the residual of its measurement"
     if scales.begin[name] == "measured":
         return max(FIRST * max(scales.residual.values()), known), "because it begins at a measurement"
     return known, "because the model says where it begins"
@@ -160,7 +174,8 @@ def _scatter(residuals: list[np.ndarray]) -> float:
 
 
 def _in_turn(residual: np.ndarray) -> np.ndarray:
-    """The residual (n,), or its measured samples alone where most stand between missing ones: a signal with times of its own."""
+    """The residual (n,), or its measured samples alone where most stand between missing ones: a signal with times of
+    its own."""
     there = np.isfinite(residual)
     return residual[there] if np.sum(there[1:] & there[:-1]) < 0.5 * there.sum() else residual
 
@@ -191,12 +206,16 @@ def _over_records(problem: Problem, values: Mapping[str, float]):
 
 
 def _begin(problem: Problem, plant: StateSpace, values: Mapping[str, float]) -> dict[str, str]:
-    vector = jnp.asarray([values.get(n, 0.0) for n in problem.space.names] + [1.0] * (plant.space.dimension - problem.space.dimension))
+    vector = jnp.asarray(
+        [values.get(n, 0.0) for n in problem.space.names] + [1.0] * (plant.space.dimension - problem.space.dimension)
+    )
     drive = problem.predictor.drive(problem.experiments[str(plant.recording)])
     by_value = np.asarray(jacobian(lambda v: plant.first(v, drive), vector))
     seen = jnp.nan_to_num(jnp.stack([jnp.asarray(y) for y in drive.first_output]))
     by_output = np.asarray(jacobian(lambda y: plant.first(vector, drive._replace(first_output=tuple(y))), seen))
-    kinds = np.where(np.any(by_output != 0, axis=1), "measured", np.where(np.any(by_value != 0, axis=1), "parameter", "model"))
+    kinds = np.where(
+        np.any(by_output != 0, axis=1), "measured", np.where(np.any(by_value != 0, axis=1), "parameter", "model")
+    )
     return dict(zip(plant.model.states, kinds.tolist(), strict=True))
 
 
@@ -204,12 +223,17 @@ def _kinematic(problem: Problem, plant: StateSpace, values: Mapping[str, float],
     """States whose rate is another state, whatever the inputs, by name."""
     rng = np.random.default_rng(0)
     vector, names = plant.simulator.vector, list(plant.model.states)
-    p = plant.simulator.positional(plant.space.tree(np.array([values[n] for n in problem.space.names]), plant.recording))
+    p = plant.simulator.positional(
+        plant.space.tree(np.array([values[n] for n in problem.space.names]), plant.recording)
+    )
     size = np.maximum(np.max(np.abs(states), axis=0), 1e-6)
     found: dict[str, str] = {}
     same = np.ones((len(names), len(names)), dtype=bool)
     for _ in range(3):
-        x, u = states[rng.integers(len(states))] + 0.1 * size * rng.standard_normal(len(names)), rng.standard_normal(len(vector.channels))
+        x, u = (
+            states[rng.integers(len(states))] + 0.1 * size * rng.standard_normal(len(names)),
+            rng.standard_normal(len(vector.channels)),
+        )
         rate = np.array([float(r) for r in vector.rate(tuple(x), tuple(u), p)])
         same &= np.isclose(rate[:, None], x[None, :], rtol=1e-12, atol=0.0)
     for i, n in enumerate(names):

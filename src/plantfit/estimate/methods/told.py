@@ -12,8 +12,8 @@ MEMORY = 0.1  # correlation of neighbouring innovations from which on intervals 
 
 
 def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> list[Sentence]:
-    """Sentences with a level about the record of `estimate_parameters`; `at_bound` names what the likelihood holds at a bound of its
-    range, None where it was not maximised."""
+    """Sentences with a level about the record of `estimate_parameters`; `at_bound` names what the likelihood holds
+    at a bound of its range, None where it was not maximised."""
     told: list[Sentence] = []
 
     def say(level: Level, sentence: str) -> None:
@@ -32,12 +32,18 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
     if moved:
         say(
             "info",
-            f"The plant wanders ({listed(moved)}): least squares takes that for errors of the sensors, maximum likelihood and the filters "
+            f"The plant wanders ({listed(moved)}): least squares takes that for errors of the sensors, maximum "
+            f"likelihood and the filters "
             "do not; where they differ, believe the likelihood.",
         )
     elif at_bound is not None:
-        say("info", "The recordings ask for no process noise: least squares and maximum likelihood assume the same here.")
-    for methods, (consistent, sentence) in _alike({f.method: (f.nis.consistent, f.nis.sentence) for f in record.filters}):
+        say(
+            "info",
+            "The recordings ask for no process noise: least squares and maximum likelihood assume the same here.",
+        )
+    for methods, (consistent, sentence) in _alike(
+        {f.method: (f.nis.consistent, f.nis.sentence) for f in record.filters}
+    ):
         say("good" if consistent else "warning", f"{listed(methods)}: {sentence}")
     for methods, told_of in _alike({f.method: _memory(f.memory) for f in record.filters}):
         if told_of:
@@ -45,7 +51,8 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
     if at_bound:
         say(
             "info",
-            f"Held at a bound of its range: {listed(list(at_bound))}; what stands beside it looks better known than it is.",
+            f"Held at a bound of its range: {listed(list(at_bound))}; what stands beside it looks better known than it "
+            f"is.",
         )
     known = [p for p in record.parameters if p.truth is not None]
     for methods, held in _alike({method: _held(known, method) for method in record.methods} if known else {}):
@@ -69,7 +76,8 @@ def _memory(memory: Mapping[str, float | None]) -> str:
     shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
     narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
     return (
-        f"neighbouring innovations are correlated ({shown}): intervals of filters are {narrow}, those of least squares and maximum "
+        f"neighbouring innovations are correlated ({shown}): intervals of filters are {narrow}, those of least squares "
+        f"and maximum "
         "likelihood allow for it."
     )
 

@@ -1,1 +1,2 @@
-"""A filter that watches a plant on line: what its innovations say of every parameter, and a test that is made again and again."""
+"""A filter that watches a plant on line: what its innovations say of every parameter, and a test that is made again
+and again."""

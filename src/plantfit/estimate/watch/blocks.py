@@ -1,4 +1,5 @@
-"""A filter in blocks of samples: innovations, what each parameter does to them, and the parameters tracked beside it."""
+"""A filter in blocks of samples: innovations, what each parameter does to them, and the parameters tracked beside
+it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,8 +24,9 @@ import jax.numpy as jnp
 class Block:
     """What B samples told.
 
-    Whitened innovations (B, m), 0 where nothing was measured; their slopes (B, m, d) by the watched parameters, each in units of its
-    `size`; how many outputs were measured (B,); and the tracked belief at the end, mean (n + k,) and root (n + k, n + k).
+    Whitened innovations (B, m), 0 where nothing was measured; their slopes (B, m, d) by the watched parameters, each in
+    units of its `size`; how many outputs were measured (B,); and the tracked belief at the end, mean (n + k,) and root
+    (n + k, n + k).
     """
 
     t: np.ndarray
@@ -46,11 +48,12 @@ class Block:
 
 
 class BlockFilter:
-    """An extended Kalman filter of a problem with its parameters held at `values` (d,), beside one that tracks those in `joint`.
+    """An extended Kalman filter of a problem with its parameters held at `values` (d,), beside one that tracks those in
+    `joint`.
 
-    `watched` are places of coordinates whose effect on the innovations is wanted, `size` (w,) their units; `root` (n, n) is that of the
-    first state, `prior` and `drift` (k,) the standard deviations of tracked parameters in their coordinates and how far these wander in
-    a second. Blocks have `length` samples; shorter ones are filled up.
+    `watched` are places of coordinates whose effect on the innovations is wanted, `size` (w,) their units; `root` (n,
+    n) is that of the first state, `prior` and `drift` (k,) the standard deviations of tracked parameters in their
+    coordinates and how far these wander in a second. Blocks have `length` samples; shorter ones are filled up.
     """
 
     def __init__(
@@ -78,7 +81,9 @@ class BlockFilter:
         self.rows = RowsOnLine(self.plant, self.values)
         self.size = length * (1 + len(self.rows.dead_times))  # rows that are worked off at once
         self._advance = jax.jit(self._advanced)
-        self._begun = jax.jit(jax.vmap(lambda a, drive: jax.jvp(lambda v: held.first(v, drive), (self.values,), (a,)), (0, None)))
+        self._begun = jax.jit(
+            jax.vmap(lambda a, drive: jax.jvp(lambda v: held.first(v, drive), (self.values,), (a,)), (0, None))
+        )
         self.carry: Any = None
 
     def reset(self) -> None:
@@ -98,7 +103,8 @@ class BlockFilter:
         self.carry = held, moved, mean, jnp.asarray(np.asarray(joined).T)
 
     def run(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> Block:
-        """The next samples: times (b,), inputs (b, inputs), outputs (b, m) with NaN where nothing was measured, b up to `length`."""
+        """The next samples: times (b,), inputs (b, inputs), outputs (b, m) with NaN where nothing was measured, b up
+        to `length`."""
         if self.carry is None:
             self._first(t, u, y)
         fed, told = self.rows.feed(t, u), []
@@ -118,7 +124,8 @@ class BlockFilter:
             {n: u[:1, i] for i, n in enumerate(model.inputs)},
             measured={n: y[:, i] for i, n in enumerate(model.outputs)},
         )
-        # states that begin at an output begin at nothing where it is not measured; the wide first belief makes up for it
+        # states that begin at an output begin at nothing where it is not measured; the wide first belief makes up for
+        # it
         seen = tuple(v if np.isfinite(v) else 0.0 for v in map(float, drive.first_output))
         drive = drive._replace(first_output=seen, first_input=self.rows.first(float(t[0]), u[0]))
         (means, moved), n = self._begun(jnp.asarray(self.axes), drive), self.plant.states
@@ -154,14 +161,18 @@ class BlockFilter:
         belief = jax.tree.map(lambda a: a[0], beliefs)
         c = tracked.constants(jnp.asarray(self.values), self.drift)
         (mean, root), _ = native_scan(
-            lambda own, row: (filter_step(tracked, linearised, False, c, own, row)[0], None), (mean, root), rows, fallback=True
+            lambda own, row: (filter_step(tracked, linearised, False, c, own, row)[0], None),
+            (mean, root),
+            rows,
+            fallback=True,
         )
         white, slopes = told
         return (belief, tangents, mean, root), (white[0], slopes)
 
 
 def shapes(plant: StateSpace, values: np.ndarray) -> np.ndarray:
-    """Whether each coordinate (d,) enters rates or outputs of the model or is a dead time, and not its first state alone."""
+    """Whether each coordinate (d,) enters rates or outputs of the model or is a dead time, and not its first state
+    alone."""
     rng = np.random.default_rng(0)
     vector, x, u = (
         plant.simulator.vector,

@@ -1,4 +1,5 @@
-"""Has a plant left what a study knows of it: a test that is made again after every block of samples, with a stated false-alarm rate."""
+"""Has a plant left what a study knows of it: a test that is made again after every block of samples, with a stated
+false-alarm rate."""
 
 import math
 from collections.abc import Sequence
@@ -17,8 +18,9 @@ HINT = 1e-3  # p-value of a parameter that is named beside innovations that are 
 class Change:
     """What a look found: at `t` (s), in the window that begins at `since`, `name` (None: no parameter explains it).
 
-    `change` is that of the parameter alone, in units of its size; `alike` are other parameters that would explain it as well. `factor`
-    is by how much innovations are larger than expected. `p` is what chance gives, `allowed` below which it is an alarm.
+    `change` is that of the parameter alone, in units of its size; `alike` are other parameters that would explain it as
+    well. `factor` is by how much innovations are larger than expected. `p` is what chance gives, `allowed` below which
+    it is an alarm.
     """
 
     t: float
@@ -33,9 +35,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Calibration:
-    """What the recordings of the study say of the test: `colour` (d,) at least 1, how much more scores scatter than independent
-    innovations; `level` and `heavy` at least 1, mean and scatter of squared innovations against those of white normal ones; `degrees`
-    of freedom behind them."""
+    """What the recordings of the study say of the test: `colour` (d,) at least 1, how much more scores scatter than
+    independent innovations; `level` and `heavy` at least 1, mean and scatter of squared innovations against those of
+    white normal ones; `degrees` of freedom behind them."""
 
     colour: np.ndarray
     level: float
@@ -44,25 +46,31 @@ class Calibration:
 
 
 class Changes:
-    """Scores of parameters and squares of innovations over the last 1, 2, 4, ... blocks, each look at its share of the false-alarm rate.
+    """Scores of parameters and squares of innovations over the last 1, 2, 4, ... blocks, each look at its share of the
+    false-alarm rate.
 
     With the parameters as the study has them, the score of parameter j over a window is normal with mean 0 and variance
-    I_jj + (I C I)_jj: I is the information of the window, C the covariance of the study's values, both in units of their sizes (the
-    local approach: Benveniste, Basseville, Moustakides, IEEE Trans. Automatic Control 32 (1987) 583, eq. (22)). A change of
-    that parameter alone moves it by I_jj times the change. Squared innovations are chi-squared.
+    I_jj + (I C I)_jj: I is the information of the window, C the covariance of the study's values, both in units of
+    their sizes (the local approach: Benveniste, Basseville, Moustakides, IEEE Trans. Automatic Control 32 (1987) 583,
+    eq. (22)). A change of that parameter alone moves it by I_jj times the change. Squared innovations are chi-squared.
 
-    The k-th look may raise a false alarm with the chance alpha / (2.11 (k + 1) log(k + 1)^2), shared evenly by its windows
-    and parameters (Bonferroni): the chance of any false alarm, however long the plant runs, is at most `alpha`.
+    The k-th look may raise a false alarm with the chance alpha / (2.11 (k + 1) log(k + 1)^2), shared evenly by its
+    windows and parameters (Bonferroni): the chance of any false alarm, however long the plant runs, is at most `alpha`.
     """
 
-    def __init__(self, names: Sequence[str], correlation: np.ndarray, tested: np.ndarray, calibration: Calibration, alpha: float):
+    def __init__(
+        self, names: Sequence[str], correlation: np.ndarray, tested: np.ndarray, calibration: Calibration, alpha: float
+    ):
         self.names, self.correlation, self.tested = tuple(names), np.asarray(correlation), np.flatnonzero(tested)
         self.calibration, self.alpha, self.looks = calibration, alpha, 0
         self.begin: list[float] = []
         self.parts: list[tuple[np.ndarray, np.ndarray, float, int]] = []
 
-    def look(self, begin: float, end: float, scores: np.ndarray, information: np.ndarray, nis: float, measured: int) -> Change | None:
-        """Add a block, from `begin` to `end` (s), with sums of scores (d,), information (d, d), squared innovations and measurements."""
+    def look(
+        self, begin: float, end: float, scores: np.ndarray, information: np.ndarray, nis: float, measured: int
+    ) -> Change | None:
+        """Add a block, from `begin` to `end` (s), with sums of scores (d,), information (d, d), squared innovations
+        and measurements."""
         self.begin.append(begin)
         self.parts.append((scores, information, nis, measured))
         self.begin, self.parts = self.begin[-LONGEST:], self.parts[-LONGEST:]
@@ -87,14 +95,20 @@ class Changes:
         if measured:
             ratio = nis / (measured * cal.level)
             n = measured / cal.heavy
-            p_nis = 2.0 * min(float(special.fdtrc(n, cal.degrees, ratio)), float(special.fdtr(n, cal.degrees, ratio)), 0.5)
+            p_nis = 2.0 * min(
+                float(special.fdtrc(n, cal.degrees, ratio)), float(special.fdtr(n, cal.degrees, ratio)), 0.5
+            )
             factor = math.sqrt(ratio)
         best = int(self.tested[np.argmin(p[self.tested])]) if len(self.tested) else -1
         worth = np.where(own > 0, scores**2 / np.where(own > 0, own, 1.0), 0.0)
         if best >= 0 and (p[best] <= p_nis or p[best] < HINT):
             # of several that pass, the one that explains most
-            best = int(self.tested[np.argmax(np.where(size[self.tested] >= 0.8 * size[best], worth[self.tested], -1.0))])
+            best = int(
+                self.tested[np.argmax(np.where(size[self.tested] >= 0.8 * size[best], worth[self.tested], -1.0))]
+            )
             alike = tuple(self.names[j] for j in self.tested if j != best and worth[j] >= ALIKE * worth[best])
             change = float(scores[best] / own[best]) if own[best] > 0 else 0.0
-            return Change(end, self.begin[-blocks], self.names[best], change, alike, factor, float(min(p[best], p_nis)), allowed)
+            return Change(
+                end, self.begin[-blocks], self.names[best], change, alike, factor, float(min(p[best], p_nis)), allowed
+            )
         return Change(end, self.begin[-blocks], None, 0.0, (), factor, float(p_nis), allowed)

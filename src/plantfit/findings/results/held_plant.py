@@ -12,9 +12,10 @@ Matrix = list[list[Real]]
 class HoldWishes:
     """What is held and what is asked for, in the units of the study.
 
-    States `at` which the plant is held, by name; `input` that drives it, within `lower` and `upper`, every `period` s. From `lean` (unit
-    of the state `along`) away from the point a plant is to return within `seconds`: every output within `tolerance` then. Starts are tried
-    up to `largest`. `sizes`, `quantum` and `noise` of the outputs, by name. `ms` is a target; `share` of the plants have to return.
+    States `at` which the plant is held, by name; `input` that drives it, within `lower` and `upper`, every `period` s.
+    From `lean` (unit of the state `along`) away from the point a plant is to return within `seconds`: every output
+    within `tolerance` then. Starts are tried up to `largest`. `sizes`, `quantum` and `noise` of the outputs, by name.
+    `ms` is a target; `share` of the plants have to return.
     """
 
     at: dict[str, float]

@@ -58,7 +58,8 @@ class CostScale(Record):
     best: float
     """The known optimum, else the lowest cost found."""
     reference: float
-    """The median final cost of random search; where it is not among the methods, the median best cost after a run's first evaluations."""
+    """The median final cost of random search; where it is not among the methods, the median best cost after a run's
+    first evaluations."""
     source: str
     """Which of the two."""
     known: bool
@@ -282,7 +283,8 @@ class PairOverProblems(Record):
     p: Real
     p_holm: Real
     ert_ratio: Real = float("nan")
-    """Geometric mean of the ratio of expected evaluations to the main targets; not a number unless both reach all of them."""
+    """Geometric mean of the ratio of expected evaluations to the main targets; not a number unless both reach all of
+    them."""
     ert_ratio_interval: Interval = (float("nan"), float("nan"))
     sentence: str = ""
 

@@ -22,6 +22,7 @@ class Predicted(Printed):
     rmse: dict[str, Number]
     """Of each output over the recording, in its unit."""
     step_error: Number = None
-    """Of the simulation, as a share of the spread of an output (1: that or more), where no steps made it exact to 0.2 %."""
+    """Of the simulation, as a share of the spread of an output (1: that or more), where no steps made it exact to
+    0.2 %."""
     bands: PredictedBands | None = None
     """With --bands."""

@@ -8,7 +8,8 @@ from plantfit.findings.verdict import Sentence
 class ComparisonOfRecords(Printed):
     """What `pf.compare_records` finds.
 
-    Parameters are the shared ones; those that the study lets differ are no disagreement. On a log scale the test is of the logarithm.
+    Parameters are the shared ones; those that the study lets differ are no disagreement. On a log scale the test is of
+    the logarithm.
     """
 
     name: str

@@ -14,21 +14,22 @@ Matrix = list[list[Real]]
 class LoopWishes:
     """What a loop is asked for, all in the units of the study.
 
-    From rest at `set_point` - `step` to `set_point`, then `load` at the plant's input. `period` (s) of the controller, input limits,
-    `quantum` of the sensor and standard deviation `noise` of the measurement. `overshoot` (%) and `ms` are limits that the `share` of
-    the plants has to keep; `input_noise` is how much of the input's range the noise may move it (standard deviation). `horizon` (s) of
-    step and load.
+    From rest at `set_point` - `step` to `set_point`, then `load` at the plant's input. `period` (s) of the controller,
+    input limits, `quantum` of the sensor and standard deviation `noise` of the measurement. `overshoot` (%) and `ms`
+    are limits that the `share` of the plants has to keep; `input_noise` is how much of the input's range the noise may
+    move it (standard deviation). `horizon` (s) of step and load.
 
-    Beside them `settling` (s, to within 2 % of the step), `gain_margin` (a factor), `phase_margin` (deg) and `travel` (all moves of the
-    input together) may be limited. `minimise` are weights of the figures that a search makes small, each counted in that of SIMC.
+    Beside them `settling` (s, to within 2 % of the step), `gain_margin` (a factor), `phase_margin` (deg) and `travel`
+    (all moves of the input together) may be limited. `minimise` are weights of the figures that a search makes small,
+    each counted in that of SIMC.
 
-    `over` says how plants are weighed: "expected" by the mean of their costs, "worst" by the largest, "chance" by the mean of both
-    the mean and that of the worst of them that may miss the `share`.
+    `over` says how plants are weighed: "expected" by the mean of their costs, "worst" by the largest, "chance" by the
+    mean of both the mean and that of the worst of them that may miss the `share`.
 
     Of a cascade: `inner_quantum` and `inner_noise` of the inner sensor, limits of the inner set point.
 
-    `rate` is the fastest change of the input (its unit per s); the output is to stay within `output_lower` and `output_upper` all the
-    time. A plan of an MPC looks `prediction` s ahead.
+    `rate` is the fastest change of the input (its unit per s); the output is to stay within `output_lower` and
+    `output_upper` all the time. A plan of an MPC looks `prediction` s ahead.
     """
 
     set_point: float
@@ -79,7 +80,8 @@ class LoopSignal(Record):
 
 
 class ReducedPlant(Record):
-    """The plant as classical rules see it: first order with dead time, half a sample in it; or an integrator with dead time."""
+    """The plant as classical rules see it: first order with dead time, half a sample in it; or an integrator with
+    dead time."""
 
     how: str
     gain: Real
@@ -136,7 +138,8 @@ class PidSettings(Record):
 
 
 class PredictorSettings(PidSettings):
-    """The PID of a Smith predictor, and the plant without dead time that it sees, about (u0, y0): `plantfit.control.linear.smith`."""
+    """The PID of a Smith predictor, and the plant without dead time that it sees, about (u0, y0):
+    `plantfit.control.linear.smith`."""
 
     A: Matrix
     B: list[Real]

@@ -1,4 +1,5 @@
-"""What may change with an input, a state or time: a parameter of the model, or what an input does (a cross-term of two inputs)."""
+"""What may change with an input, a state or time: a parameter of the model, or what an input does (a cross-term of
+two inputs)."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -17,7 +18,8 @@ REFERENCE = "reference"
 
 
 def change(model: Model, signal: str, bounds: Bounds, name: str) -> Model:
-    """ "K with u": K (1 + c (u - u0)) in place of K, at least a twentieth of it; c is the parameter, u0 is `reference_K_with_u`.
+    """ "K with u": K (1 + c (u - u0)) in place of K, at least a twentieth of it; c is the parameter, u0 is
+    `reference_K_with_u`.
 
     Of an input in the place of K all that reads it sees it changed. Initial values take K as it is at the reference.
     """
@@ -50,7 +52,8 @@ def drivers_of(model: Model) -> dict[str, str | None]:
 
 
 def changes_of(model: Model) -> tuple[str, ...]:
-    """Every pair that a model can have, as "K with u": numbers among its parameters with all drivers, and inputs with all others."""
+    """Every pair that a model can have, as "K with u": numbers among its parameters with all drivers, and inputs
+    with all others."""
     late = {d.parameter for d in (*model.delays, *model.state_delays)}
     drivers = drivers_of(model)
     own = [p.name for p in model.parameters if not p.shape and p.name not in late]

@@ -15,11 +15,13 @@ from plantfit.models.text.table_text import read_nodes
 
 @remade
 def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, float] | Mapping[str, Any]]]) -> Model:
-    """The model with additions: kind -> signal -> bounds (low, high) of the parameter KIND_SIGNAL, in the order of `KINDS`, then those of
-    other packages. Of a curve in time it is {"bounds": (low, high), "nodes": ...} with nodes in s, a list or {"from", "to", "count"}.
+    """The model with additions: kind -> signal -> bounds (low, high) of the parameter KIND_SIGNAL, in the order of
+    `KINDS`, then those of other packages. Of a curve in time it is {"bounds": (low, high), "nodes": ...} with nodes in
+    s, a list or {"from", "to", "count"}.
 
-    Parameters that come beside it, as creep_SIGNAL with dry friction, get their values from the study. Raises ModelError for a kind, signal
-    or bounds that cannot be, for a dead time of an input that has one already, and for an addition of a package that cannot be made.
+    Parameters that come beside it, as creep_SIGNAL with dry friction, get their values from the study. Raises
+    ModelError for a kind, signal or bounds that cannot be, for a dead time of an input that has one already, and for an
+    addition of a package that cannot be made.
     """
     where, plugins = f"Model {model.name!r}: extensions", packages_kinds()
     for kind in given:
@@ -33,7 +35,9 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
             if signal not in known:
                 raise ModelError(f"{where} give {kind} to {signal!r}, {_unknown(model, made, signal, known)}")
             if kind == "dead_time" and any(d.input == signal for d in model.delays):
-                raise ModelError(f"{where} give {signal!r} a dead time, and it has one already; widen the bounds of that one.")
+                raise ModelError(
+                    f"{where} give {signal!r} a dead time, and it has one already; widen the bounds of that one."
+                )
             what = f"{where}: {kind} of {signal!r}"
             pair, nodes = _over_time(what, bounds) if made.over_time else (pair_of(what, bounds), ())
             try:
@@ -43,7 +47,8 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
                     raise
                 package, what = plugins[kind].package, f"{type(failure).__name__}: {str(failure)[:200]}"
                 raise ModelError(
-                    f"{where}: {kind!r} of the package {package} fails at {signal!r} ({what}); update or uninstall {package}."
+                    f"{where}: {kind!r} of the package {package} fails at {signal!r} ({what}); update or uninstall "
+                    f"{package}."
                 ) from failure
     return model
 
@@ -57,7 +62,10 @@ def _unknown(model: Model, made: Kind, signal: str, known: tuple[str, ...]) -> s
         return f"which is no pair; write a parameter or input and what it changes with, as in {example!r}."
     (subject, driver), wrong = signal.split(WITH), ""
     if subject not in subjects:
-        wrong = f"and {subject!r} is no parameter or input that can change.{suggest(subject, list(subjects))} There are {list(subjects)}."
+        wrong = (
+            f"and {subject!r} is no parameter or input that can change.{suggest(subject, list(subjects))} There "
+            f"are {list(subjects)}."
+        )
     elif driver not in drivers:
         wrong = f"and {driver!r} is no input, state or t.{suggest(driver, list(drivers))} There are {list(drivers)}."
     return wrong or "which cannot change with itself."
@@ -70,12 +78,19 @@ def _over_time(what: str, given: Any) -> tuple[tuple[float, float], tuple[tuple[
             f"{what} is {given!r}; it is a curve in time, so write bounds and nodes (s), "
             "as in { bounds = [-1, 1], nodes = { from = 0, to = 600, count = 20 } }."
         )
-    return pair_of(f"{what}: bounds", given["bounds"], "where to look for its values"), (read_nodes(f"{what}: nodes", given["nodes"]),)
+    return pair_of(f"{what}: bounds", given["bounds"], "where to look for its values"), (
+        read_nodes(f"{what}: nodes", given["nodes"]),
+    )
 
 
 def pair_of(what: str, bounds: Any, meant: str = "the bounds of its parameter") -> tuple[float, float]:
-    """(low, high) as a study file or a call gives them. Raises ModelError, which says `what` they are of, for anything else."""
+    """(low, high) as a study file or a call gives them. Raises ModelError, which says `what` they are of, for
+    anything else."""
     pair = tuple(bounds) if isinstance(bounds, list | tuple) else ()
-    if len(pair) != 2 or not all(isinstance(b, int | float) and not isinstance(b, bool) for b in pair) or not pair[0] < pair[1]:
+    if (
+        len(pair) != 2
+        or not all(isinstance(b, int | float) and not isinstance(b, bool) for b in pair)
+        or not pair[0] < pair[1]
+    ):
         raise ModelError(f"{what} is {bounds!r}; write {meant}, as in [0, 1].")
     return float(pair[0]), float(pair[1])

@@ -47,12 +47,16 @@ def lag(model: Model, u: str, bounds: Bounds, name: str) -> Model:
 
 def dead_zone(model: Model, u: str, bounds: Bounds, name: str) -> Model:
     """u nearer to zero by d, and zero where it is less than d."""
-    return _through(model, u, bounds, name, lambda v, d: v - jnp.clip(v, -d, d), f"size of {u} up to which nothing happens")
+    return _through(
+        model, u, bounds, name, lambda v, d: v - jnp.clip(v, -d, d), f"size of {u} up to which nothing happens"
+    )
 
 
 def saturation(model: Model, u: str, bounds: Bounds, name: str) -> Model:
     """u held between -s and s."""
-    return _through(model, u, bounds, name, lambda v, s: jnp.clip(v, -s, s), f"size of {u} beyond which nothing more happens")
+    return _through(
+        model, u, bounds, name, lambda v, s: jnp.clip(v, -s, s), f"size of {u} beyond which nothing more happens"
+    )
 
 
 def _through(model: Model, u: str, bounds: Bounds, name: str, curve: Any, sentence: str) -> Model:
@@ -76,7 +80,10 @@ def backlash(model: Model, u: str, bounds: Bounds, name: str) -> Model:
         inner = {} if own is None else own(*reads(x, c, p), p)
         return {**inner, **{state: 0.0 * x[state] for state in copies.values()}}
 
-    plays = (Backlash(state, lambda x, c, p, channel=channel: c[channel], lambda x, c, p: p[name]) for channel, state in copies.items())
+    plays = (
+        Backlash(state, lambda x, c, p, channel=channel: c[channel], lambda x, c, p: p[name])
+        for channel, state in copies.items()
+    )
     return rewired(
         model,
         reads,

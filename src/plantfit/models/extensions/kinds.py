@@ -10,9 +10,10 @@ from plantfit.models.model import Model
 class Kind(NamedTuple):
     """An addition: what it is made to (a field of `Model`), how, and its sentence with the signal as {}.
 
-    `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these bounds (low, high). Of
-    "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it, as in "creep" for creep_SIGNAL. One that is
-    `over_time` is a table, whose nodes (n,) s are given to `make` behind the name.
+    `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these
+    bounds (low, high). Of "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it,
+    as in "creep" for creep_SIGNAL. One that is `over_time` is a table, whose nodes (n,) s are given to `make` behind
+    the name.
     """
 
     to: Literal["inputs", "outputs", "states", "changes"]
@@ -27,7 +28,9 @@ class Kind(NamedTuple):
 
 
 KINDS: dict[str, Kind] = {
-    "change": Kind("changes", changes.change, "what a parameter or input is changes with a signal: {}", (changes.REFERENCE,)),
+    "change": Kind(
+        "changes", changes.change, "what a parameter or input is changes with a signal: {}", (changes.REFERENCE,)
+    ),
     "start": Kind("states", states.start, "{} begins above its initial value"),
     "coulomb": Kind("states", states.coulomb, "dry friction slows {}", ("creep",)),
     "stribeck": Kind("states", states.stribeck, "friction that falls with speed slows {}", ("stribeck_speed", "creep")),

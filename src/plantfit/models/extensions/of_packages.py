@@ -18,7 +18,8 @@ def loaded(plugin: Plugin) -> tuple[Any, Kind]:
     kind = getattr(candidate, "extension", None)
     if not isinstance(kind, Kind):
         raise ModelError(
-            f"{plugin.name!r} of the package {plugin.package} is no candidate with an `extension` (docs/plug-ins.md); update or uninstall "
+            f"{plugin.name!r} of the package {plugin.package} is no candidate with an `extension` (docs/plug-ins.md); "
+            f"update or uninstall "
             f"{plugin.package}."
         )
     return candidate, kind

@@ -1,4 +1,5 @@
-"""What may stand between the plant and a recorded output: a lag of the sensor, an offset, a drift, the ends of its range."""
+"""What may stand between the plant and a recorded output: a lag of the sensor, an offset, a drift, the ends of its
+range."""
 
 from typing import Any
 
@@ -75,12 +76,28 @@ def slow_drift(model: Model, y: str, bounds: Bounds, name: str, nodes: tuple[flo
 
 def sensor_high(model: Model, y: str, bounds: Bounds, name: str) -> Model:
     """The sensor shows no more than its upper end."""
-    return _shown(model, y, name, model.outputs[y], bounds, lambda v, c, p: jnp.minimum(v, p[name]), f"upper end of the sensor of {y}")
+    return _shown(
+        model,
+        y,
+        name,
+        model.outputs[y],
+        bounds,
+        lambda v, c, p: jnp.minimum(v, p[name]),
+        f"upper end of the sensor of {y}",
+    )
 
 
 def sensor_low(model: Model, y: str, bounds: Bounds, name: str) -> Model:
     """The sensor shows no less than its lower end."""
-    return _shown(model, y, name, model.outputs[y], bounds, lambda v, c, p: jnp.maximum(v, p[name]), f"lower end of the sensor of {y}")
+    return _shown(
+        model,
+        y,
+        name,
+        model.outputs[y],
+        bounds,
+        lambda v, c, p: jnp.maximum(v, p[name]),
+        f"lower end of the sensor of {y}",
+    )
 
 
 def _shown(model: Model, y: str, name: str, unit: str | None, bounds: Bounds, curve: Any, sentence: str) -> Model:
@@ -90,4 +107,6 @@ def _shown(model: Model, y: str, name: str, unit: str | None, bounds: Bounds, cu
         own = output(x, c, p)
         return {**own, y: curve(own[y], c, p)}
 
-    return rewired(model, lambda x, c, p: (x, c), output=shown, parameters=declared(model, name, unit, bounds, sentence))
+    return rewired(
+        model, lambda x, c, p: (x, c), output=shown, parameters=declared(model, name, unit, bounds, sentence)
+    )

@@ -1,4 +1,5 @@
-"""What may act on a state: dry friction, one that falls with speed, a drag that grows with the square, another initial value."""
+"""What may act on a state: dry friction, one that falls with speed, a drag that grows with the square, another
+initial value."""
 
 from typing import Any
 
@@ -12,7 +13,8 @@ Bounds = tuple[float, float]
 
 
 def coulomb(model: Model, v: str, bounds: Bounds, name: str) -> Model:
-    """v' less F tanh(v / v0): dry friction over inertia. v0, the speed from which on it is whole, is the parameter creep_NAME."""
+    """v' less F tanh(v / v0): dry friction over inertia. v0, the speed from which on it is whole, is the parameter
+    creep_NAME."""
     scale = f"creep_{v}"
     made = _braked(model, v, lambda x, p: p[name] * jnp.tanh(x[v] / p[scale]))
     own = declared(model, name, per(model.states[v], "/s"), bounds, f"dry friction of {v} over inertia")
@@ -20,13 +22,20 @@ def coulomb(model: Model, v: str, bounds: Bounds, name: str) -> Model:
 
 
 def stribeck(model: Model, v: str, bounds: Bounds, name: str) -> Model:
-    """v' less S exp(-(v/vs)^2) tanh(v/v0): what dry friction is more at low speed, over inertia (Stribeck; `models/parts/friction.py`, 3).
+    """v' less S exp(-(v/vs)^2) tanh(v/v0): what dry friction is more at low speed, over inertia (Stribeck;
+    `models/parts/friction.py`, 3).
 
     vs is the parameter stribeck_speed_NAME, v0 is creep_NAME, which dry friction has as well.
     """
     scale, speed = f"creep_{v}", f"stribeck_speed_{v}"
     made = _braked(model, v, lambda x, p: p[name] * jnp.exp(-((x[v] / p[speed]) ** 2)) * jnp.tanh(x[v] / p[scale]))
-    own = declared(model, name, per(model.states[v], "/s"), bounds, f"friction of {v} at low speed beyond that at speed, over inertia")
+    own = declared(
+        model,
+        name,
+        per(model.states[v], "/s"),
+        bounds,
+        f"friction of {v} at low speed beyond that at speed, over inertia",
+    )
     falls = Declared(speed, model.states[v], None, "log", sentence=f"size of {v} over which friction falls")
     return rewired(made, lambda x, c, p: (x, c), parameters=(*own, falls, *_creep(model, v)))
 
@@ -35,14 +44,22 @@ def _creep(model: Model, v: str) -> tuple[Declared, ...]:
     """The speed from which on dry friction is whole, where the model does not have it yet."""
     name = f"creep_{v}"
     had = any(p.name == name for p in model.parameters)
-    return () if had else (Declared(name, model.states[v], None, sentence=f"size of {v} from which on dry friction is whole"),)
+    return (
+        ()
+        if had
+        else (Declared(name, model.states[v], None, sentence=f"size of {v} from which on dry friction is whole"),)
+    )
 
 
 def quadratic(model: Model, v: str, bounds: Bounds, name: str) -> Model:
     """v' less c v |v|: the drag of air or a fluid over inertia."""
     unit = None if model.states[v] is None else f"1/s/({model.states[v] or '1'})"
     made = _braked(model, v, lambda x, p: p[name] * x[v] * jnp.abs(x[v]))
-    return rewired(made, lambda x, c, p: (x, c), parameters=declared(model, name, unit, bounds, f"drag of {v} by its square, over inertia"))
+    return rewired(
+        made,
+        lambda x, c, p: (x, c),
+        parameters=declared(model, name, unit, bounds, f"drag of {v} by its square, over inertia"),
+    )
 
 
 def start(model: Model, x: str, bounds: Bounds, name: str) -> Model:
@@ -55,7 +72,12 @@ def start(model: Model, x: str, bounds: Bounds, name: str) -> Model:
 
     unit = units.difference_of(model.states[x])
     sentence = f"by how much {x} begins above its initial value"
-    return rewired(model, lambda s, c, p: (s, c), initial_state=initial_state, parameters=declared(model, name, unit, bounds, sentence))
+    return rewired(
+        model,
+        lambda s, c, p: (s, c),
+        initial_state=initial_state,
+        parameters=declared(model, name, unit, bounds, sentence),
+    )
 
 
 def _braked(model: Model, v: str, force: Any) -> Model:

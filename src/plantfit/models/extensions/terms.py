@@ -21,10 +21,11 @@ SIGN = 0.1  # of the speed over which friction falls: where its sign is whole
 
 @dataclass(frozen=True)
 class Term:
-    """A kind of column. `column(signal, scale)` gives it (n,) from a signal (n,); `scaled` ones are written "tau1 with omega1 over 0.02".
+    """A kind of column. `column(signal, scale)` gives it (n,) from a signal (n,); `scaled` ones are written "tau1 with
+    omega1 over 0.02".
 
-    `of` says what it takes: an output alone, a speed or position, or a coefficient that changes with a signal. `unit` is made of those of
-    output and signal. `sentence` has {} for the pair.
+    `of` says what it takes: an output alone, a speed or position, or a coefficient that changes with a signal. `unit`
+    is made of those of output and signal. `sentence` has {} for the pair.
     """
 
     of: Literal["output", "speed", "position", "coefficient"]
@@ -50,14 +51,18 @@ TERMS: dict[str, Term] = {
         "speed", lambda s, scale: np.exp(-((s / scale) ** 2)) * np.tanh(s / (SIGN * scale)), _of_output,
         "friction at low speed beyond that at speed, {}", True,
     ),
-    "quadratic": Term("speed", lambda s, scale: s * np.abs(s), lambda y, s: f"{_factor(y)}/{_factor(s)}^2", "drag by the square, {}"),
-    "presliding": Term("position", lambda s, scale: slid(s, scale), _of_output, "dry friction that holds its side at rest, {}", True),
-    "change": Term("coefficient", lambda s, scale: s, lambda y, s: f"{_factor(y)}/{_factor(s)}", "{}, for each unit of it"),
+    "quadratic": Term("speed", lambda s, scale: s * np.abs(s), lambda y, s: f"{_factor(y)}/{_factor(s)}^2",
+                      "drag by the square, {}"),
+    "presliding": Term("position", lambda s, scale: slid(s, scale), _of_output,
+                       "dry friction that holds its side at rest, {}", True),
+    "change": Term("coefficient", lambda s, scale: s, lambda y, s: f"{_factor(y)}/{_factor(s)}",
+                   "{}, for each unit of it"),
 }  # fmt: skip
 
 
 def slid(position: np.ndarray, distance: float) -> np.ndarray:
-    """Dahl's state (n,) of a position (n,): ds = (dq - |dq| s)/distance, exact where the position moves in straight lines.
+    """Dahl's state (n,) of a position (n,): ds = (dq - |dq| s)/distance, exact where the position moves in straight
+    lines.
 
     It begins at 0. Source: `joint_friction`, equation 2.
     """
@@ -71,8 +76,8 @@ def slid(position: np.ndarray, distance: float) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a column stands: its `subject`, an output or coefficient, the `signal` that it is of, and its `scale`; as text it is the key
-    of a study file."""
+    """Where a column stands: its `subject`, an output or coefficient, the `signal` that it is of, and its `scale`;
+    as text it is the key of a study file."""
 
     subject: str
     signal: str = ""
@@ -97,7 +102,8 @@ def term_name(kind: str, text: str) -> str:
 
 
 def term_names(model: LinearModel, terms: Mapping[str, Iterable[str]]) -> list[str]:
-    """The parameters of columns, kind -> keys, in their order; of two with one pair, or one that the model has, a later one ends in _2."""
+    """The parameters of columns, kind -> keys, in their order; of two with one pair, or one that the model has, a
+    later one ends in _2."""
     had, found = {p.name for p in model.parameters}, []
     for kind, keys in terms.items():
         for text in keys:
@@ -119,9 +125,11 @@ def unit_of_term(model: LinearModel, kind: str, place: Place) -> str | None:
 
 @remade
 def with_terms(model: LinearModel, given: Mapping[str, Mapping[str, tuple[float, float]]]) -> LinearModel:
-    """The regression with columns more: kind -> "tau1 with omega1 over 0.02" -> bounds (low, high) of the parameter KIND_tau1_with_omega1.
+    """The regression with columns more: kind -> "tau1 with omega1 over 0.02" -> bounds (low, high) of the parameter
+    KIND_tau1_with_omega1.
 
-    Of two keys with one pair the second brings KIND_tau1_with_omega1_2. Raises ModelError for a kind, pair, scale or bounds that cannot be.
+    Of two keys with one pair the second brings KIND_tau1_with_omega1_2. Raises ModelError for a kind, pair, scale or
+    bounds that cannot be.
     """
     names = iter(term_names(model, given))
     added: dict[str, tuple[Term, Place]] = {}
@@ -133,7 +141,11 @@ def with_terms(model: LinearModel, given: Mapping[str, Mapping[str, tuple[float,
                 f"It takes {', '.join(TERMS)}."
             )
         for text, bounds in own.items():
-            place, pair, name = _place(model, kind, text), pair_of(f"Model {model.name!r}: {kind} of {text!r}", bounds), next(names)
+            place, pair, name = (
+                _place(model, kind, text),
+                pair_of(f"Model {model.name!r}: {kind} of {text!r}", bounds),
+                next(names),
+            )
             added[name] = TERMS[kind], place
             sentence = TERMS[kind].sentence.format(place.pair)
             more.append(Declared(name, unit_of_term(model, kind, place), pair, sentence=sentence))
@@ -158,7 +170,12 @@ def with_terms(model: LinearModel, given: Mapping[str, Mapping[str, tuple[float,
 
 
 def _column(
-    model: LinearModel, output: str, blocks: Mapping[str, np.ndarray], signals: Mapping[str, Any], term: Term, place: Place
+    model: LinearModel,
+    output: str,
+    blocks: Mapping[str, np.ndarray],
+    signals: Mapping[str, Any],
+    term: Term,
+    place: Place,
 ) -> np.ndarray:
     size = len(blocks[output])
     if term.of != "coefficient" and place.subject != output:
@@ -177,13 +194,20 @@ def _place(model: LinearModel, kind: str, text: str) -> Place:
         place = Place.of(text)
     except ValueError:
         raise ModelError(f"{where}, whose scale is not a number; write it as in {example!r}.") from None
-    if bool(place.signal) != (term.of != "output") or (place.scale is not None) != term.scaled or (place.scale or 1.0) <= 0:
+    if (
+        bool(place.signal) != (term.of != "output")
+        or (place.scale is not None) != term.scaled
+        or (place.scale or 1.0) <= 0
+    ):
         raise ModelError(f"{where}; write it as in {example!r}.")
     if place.subject not in subjects:
         what = "coefficients" if term.of == "coefficient" else "outputs"
-        raise ModelError(f"{where}, and {place.subject!r} is none of its {what} {subjects}.{suggest(place.subject, subjects)}")
+        raise ModelError(
+            f"{where}, and {place.subject!r} is none of its {what} {subjects}.{suggest(place.subject, subjects)}"
+        )
     if place.signal and place.signal not in model.signals:
         raise ModelError(
-            f"{where}, and it reads no {place.signal!r}.{suggest(place.signal, list(model.signals))} It reads {list(model.signals)}."
+            f"{where}, and it reads no {place.signal!r}.{suggest(place.signal, list(model.signals))} It reads "
+            f"{list(model.signals)}."
         )
     return place

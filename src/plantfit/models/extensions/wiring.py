@@ -1,4 +1,5 @@
-"""How an addition gets into a model: every function that reads a channel or a state reads something else in its place."""
+"""How an addition gets into a model: every function that reads a channel or a state reads something else in its
+place."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -11,8 +12,8 @@ Values = Callable[[Named, Named, Named], Named]
 
 
 def rewired(model: Model, reads: Reads, *, values: Values | None = None, **changes: Any) -> Model:
-    """The model whose functions see what `reads(x, u, p)` makes of states and channels, and `values(x, u, p)` of parameters; `changes` are
-    other fields of it."""
+    """The model whose functions see what `reads(x, u, p)` makes of states and channels, and `values(x, u, p)` of
+    parameters; `changes` are other fields of it."""
 
     def seen(function: Any) -> Any:
         if function is None:
@@ -29,7 +30,8 @@ def rewired(model: Model, reads: Reads, *, values: Values | None = None, **chang
         output=changes.pop("output", None) or seen(model.output),
         events=tuple(replace(e, when=seen(e.when), then=seen(e.then)) for e in model.events),
         frictions=tuple(
-            replace(f, sliding=seen(f.sliding), breakaway=seen(f.breakaway), effect=seen(f.effect)) for f in model.frictions
+            replace(f, sliding=seen(f.sliding), breakaway=seen(f.breakaway),
+                    effect=seen(f.effect)) for f in model.frictions
         ),
         backlashes=(
             *(replace(b, drive=seen(b.drive), gap=seen(b.gap)) for b in model.backlashes),

@@ -41,10 +41,16 @@ def factory(name: str) -> Factory:
     brought = offered("models", frozenset(_PLACES))
     if name not in brought:
         known = names()
-        raise ModelError(f"There is no model {name!r}.{suggest(name, known)} Known are {', '.join(known)}, or write your own equations.")
+        raise ModelError(
+            f"There is no model {name!r}.{suggest(name, known)} Known are {', '.join(known)}, or write your own "
+            f"equations."
+        )
     function = brought[name].load(ModelError)
     if not callable(function):
-        raise ModelError(f"{name!r} of the package {brought[name].package} is not a function that makes a model; see docs/plug-ins.md.")
+        raise ModelError(
+            f"{name!r} of the package {brought[name].package} is not a function that makes a model; see "
+            f"docs/plug-ins.md."
+        )
     return cast(Factory, function)
 
 
@@ -80,5 +86,8 @@ def make(name: str, /, **options: Any) -> Model | LinearModel:
     known = tuple(inspect.signature(function).parameters)
     for option in options:
         if option not in known:
-            raise ModelError(f"Model {name!r} has no option {option!r}.{suggest(option, known)} Options are {', '.join(known) or 'none'}.")
+            raise ModelError(
+                f"Model {name!r} has no option {option!r}.{suggest(option, known)} Options are "
+                f"{', '.join(known) or 'none'}."
+            )
     return function(**options)

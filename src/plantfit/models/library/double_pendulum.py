@@ -13,8 +13,8 @@ give the terms of `rigid_terms`, and
 
     b1 = m1 lc1^2 + m2 l1^2 + I1,   b2 = m2 lc2^2 + I2,   b4 = m1 lc1 + m2 l1,   b5 = m2 lc2        (2)
 
-Source: Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems (2002), chapter 5, where theta3 = m2 l1 lc2
-is l1 b5; Ir is the inertia of one rotor before a gear of ratio gr, motor 2 sitting on link 1.
+Source: Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems (2002), chapter 5, where theta3 = m2 l1
+lc2 is l1 b5; Ir is the inertia of one rotor before a gear of ratio gr, motor 2 sitting on link 1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -71,7 +71,13 @@ def rigid_terms(x: Motion, l1: float, g: float) -> dict[str, Term]:
         "b1": Term(m11=1.0),
         "b2": Term(1.0, 1.0, 1.0),
         "b4": Term(h1=g * jnp.cos(x.theta1)),
-        "b5": Term(2 * l1 * c2, l1 * c2, 0.0, lift - l1 * s2 * (2 * x.omega1 + x.omega2) * x.omega2, lift + l1 * s2 * x.omega1**2),
+        "b5": Term(
+            2 * l1 * c2,
+            l1 * c2,
+            0.0,
+            lift - l1 * s2 * (2 * x.omega1 + x.omega2) * x.omega2,
+            lift + l1 * s2 * x.omega1**2,
+        ),
     }
 
 

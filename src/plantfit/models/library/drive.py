@@ -13,13 +13,18 @@ from plantfit.models.remade import remade
 # isort: split
 import jax.numpy as jnp
 
-_SOURCE = "Janot, Gautier, Brunot, Data set and reference models of EMPS, Nonlinear System Identification Benchmarks workshop, 2019"
+_SOURCE = (
+    "Janot, Gautier, Brunot, Data set and reference models of EMPS, Nonlinear System Identification Benchmarks "
+    "workshop, 2019"
+)
 
 _PARAMETERS = (
     Declared("M", "kg", (1.0, 1e3), "log", sentence="moved mass, with the inertia of the motor"),
     Declared("Fv", "N*s/m", (0.1, 1e4), "log", sentence="viscous friction"),
     Declared("Fc", "N", (0.1, 1e3), "log", sentence="Coulomb friction"),
-    Declared("offset", "N", (-100.0, 100.0), sentence="constant force: offset of the amplifier, uneven friction, weight"),
+    Declared(
+        "offset", "N", (-100.0, 100.0), sentence="constant force: offset of the amplifier, uneven friction, weight"
+    ),
 )
 
 
@@ -68,15 +73,18 @@ def drive_regression() -> LinearModel:
         force = M acceleration + Fv velocity + Fc sign(velocity) + offset
 
     Signals acceleration (m/s^2) and velocity (m/s), both from a filtered position; target force
-    (N). Parameters as in `drive`. Errors of the differentiated position stand in the columns: where they are not small, fit it by
-    instrumental variables, in a study file by the table [regression].
+    (N). Parameters as in `drive`. Errors of the differentiated position stand in the columns: where they are not small,
+    fit it by instrumental variables, in a study file by the table [regression].
 
     Source: Janot, Gautier, Brunot 2019 (EMPS), inverse dynamic identification model.
     """
 
     def regressor(signals: Mapping[str, Any]) -> np.ndarray:
         velocity = np.asarray(signals["velocity"], dtype=float)
-        return np.stack([np.asarray(signals["acceleration"], dtype=float), velocity, np.sign(velocity), np.ones_like(velocity)], axis=-1)
+        return np.stack(
+            [np.asarray(signals["acceleration"], dtype=float), velocity, np.sign(velocity), np.ones_like(velocity)],
+            axis=-1,
+        )
 
     return LinearModel(
         name="drive_regression",

@@ -6,7 +6,15 @@ import plantfit.runtime  # noqa: F401  (float64 before the first array)
 from plantfit.errors import ModelError
 from plantfit.models.model import Declared, Delay, Model, Named
 from plantfit.models.parts.linear_block import BLOCKS
-from plantfit.models.parts.static_ends import Curve, dead_zone, free_table, identity, pinned_table, polynomial, saturation
+from plantfit.models.parts.static_ends import (
+    Curve,
+    dead_zone,
+    free_table,
+    identity,
+    pinned_table,
+    polynomial,
+    saturation,
+)
 from plantfit.models.parts.tables import Table
 from plantfit.models.remade import remade
 from plantfit.models.text.suggest import suggest
@@ -93,7 +101,11 @@ def hammerstein_wiener(
 def _input_curve(kind: str, nodes: Any, unit: str | None, inner_unit: str | None, free: bool) -> Curve:
     if kind == "table":
         axis = _axis("input_nodes", nodes, 2 if free else 3)
-        return free_table("f", axis, inner_unit, "curve of the input at the nodes") if free else pinned_table("f", axis, unit)
+        return (
+            free_table("f", axis, inner_unit, "curve of the input at the nodes")
+            if free
+            else pinned_table("f", axis, unit)
+        )
     return {"none": identity, "saturation": lambda: saturation(unit), "dead_zone": lambda: dead_zone(unit)}[kind]()
 
 

@@ -21,8 +21,10 @@ Drive = Literal["torque", "voltage"]
 Initial = Literal["rest", "free"]
 
 _SOURCE = (
-    "Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems, 2002, chapter 5; bounds of Sanin-Villa et al., "
-    "A Comparative Analysis of Metaheuristic Algorithms for Enhanced Parameter Estimation on Inverted Pendulum System Dynamics, 2024"
+    "Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems, 2002, chapter 5; bounds of Sanin-Villa "
+    "et al., "
+    "A Comparative Analysis of Metaheuristic Algorithms for Enhanced Parameter Estimation on Inverted Pendulum System "
+    "Dynamics, 2024"
 )
 _MOTOR = (
     Declared("kt", "N*m/A", (1e-3, 1.0), value=0.0724, sentence="torque constant"),
@@ -32,7 +34,8 @@ _MOTOR = (
 
 
 def motor_torque(V: Any, omega: Any, kt: Any = 0.0724, ke: Any = 0.0724, Ra: Any = 2.983) -> Any:
-    """Torque (N m) of a DC motor without inductance: kt/Ra V - kt ke/Ra omega (Sanin-Villa et al. 2024, with its labels put right)."""
+    """Torque (N m) of a DC motor without inductance: kt/Ra V - kt ke/Ra omega (Sanin-Villa et al. 2024, with its
+    labels put right)."""
     return kt / Ra * V - kt * ke / Ra * omega
 
 
@@ -64,17 +67,17 @@ def pendubot(
 
     As a state space: theta' = omega, omega' = M^-1 ([tau1, tau2] - C omega - G - friction); tau2 = 0 of the pendubot.
 
-    States and outputs theta1, theta2 (rad), states omega1, omega2 (rad/s), outputs too with `velocity_output`. Inputs tau1,
-    tau2 (N m), or with `drive` "voltage" V of a motor at joint 1 (V): tau1 = gr (kt/Ra V - kt ke/Ra gr omega1). theta2 is
-    relative to link 1; theta1 is counter-clockwise from the horizontal, or with `angles` "hanging" from straight down.
+    States and outputs theta1, theta2 (rad), states omega1, omega2 (rad/s), outputs too with `velocity_output`. Inputs
+    tau1, tau2 (N m), or with `drive` "voltage" V of a motor at joint 1 (V): tau1 = gr (kt/Ra V - kt ke/Ra gr omega1).
+    theta2 is relative to link 1; theta1 is counter-clockwise from the horizontal, or with `angles` "hanging" from
+    straight down.
 
-    `parameters` "physical": m1, m2 (kg), lc1, lc2 (m), I1, I2 (kg m^2, about the centres of mass); "base": b1, b2 (kg m^2),
-    b4, b5 (kg m), all that the motion depends on. `friction` names parts of `joint_friction`:
-    viscous, coulomb, stribeck, load (of the applied torque), offset, for both joints. `gear_ratio` adds rotors of inertia Ir
-    before the gears of `motors` (by default `joints`).
-    Starts at the first measured angles; at rest, or with `initial` "free" at rates omega1_0, omega2_0 (velocities that are
-    outputs start where measured); with `sign` "presliding" so do states slide1, slide2,
-    which otherwise start at 0. l1 (m) is the length of link 1.
+    `parameters` "physical": m1, m2 (kg), lc1, lc2 (m), I1, I2 (kg m^2, about the centres of mass); "base": b1, b2 (kg
+    m^2), b4, b5 (kg m), all that the motion depends on. `friction` names parts of `joint_friction`: viscous, coulomb,
+    stribeck, load (of the applied torque), offset, for both joints. `gear_ratio` adds rotors of inertia Ir before the
+    gears of `motors` (by default `joints`). Starts at the first measured angles; at rest, or with `initial` "free" at
+    rates omega1_0, omega2_0 (velocities that are outputs start where measured); with `sign` "presliding" so do states
+    slide1, slide2, which otherwise start at 0. l1 (m) is the length of link 1.
 
     Source: Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems (2002), chapter 5.
     """
@@ -82,8 +85,14 @@ def pendubot(
     check_choice("drive", drive, Drive)
     check_choice("initial", initial, Initial)
     if drive == "voltage" and driven != (1,):
-        raise ModelError(f"Pendubot: drive 'voltage' with joints {driven}; a motor by voltage drives joint 1 alone, so give joints = (1,).")
-    rub = {j: JointFriction(_parts(friction, load=j in driven), sign_width, stribeck_velocity, sign, presliding_distance) for j in (1, 2)}
+        raise ModelError(
+            f"Pendubot: drive 'voltage' with joints {driven}; a motor by voltage drives joint 1 alone, so give joints "
+            f"= (1,)."
+        )
+    rub = {
+        j: JointFriction(_parts(friction, load=j in driven), sign_width, stribeck_velocity, sign, presliding_distance)
+        for j in (1, 2)
+    }
     arm = Arm(parameters, angles, rub, gear_ratio, driven if motors is None else _joints("motors", motors), l1, g)
     gear = gear_ratio or 1.0
     sliding = [j for j in (1, 2) if rub[j].has_state]
@@ -141,7 +150,8 @@ def pendubot_regression(
     l1: float = 0.15,
     g: float = 9.81,
 ) -> LinearModel:
-    """Torque of `joints` of a pendubot from its motion: the inverse of `pendubot`, from the same terms; options as there.
+    """Torque of `joints` of a pendubot from its motion: the inverse of `pendubot`, from the same terms; options as
+    there.
 
         tau1 = b1 alpha1 + b2 (alpha1 + alpha2) + b4 g cos(theta1) + b5 g cos(theta1 + theta2)
              + b5 l1 (cos(theta2) (2 alpha1 + alpha2) - sin(theta2) omega2 (2 omega1 + omega2)) + friction
@@ -149,15 +159,16 @@ def pendubot_regression(
              + b5 l1 (cos(theta2) alpha1 + sin(theta2) omega1^2) + friction
         b1 = m1 lc1^2 + m2 l1^2 + I1,  b2 = m2 lc2^2 + I2,  b4 = m1 lc1 + m2 l1,  b5 = m2 lc2
 
-    Signals theta1, theta2 (rad), omega1, omega2 (rad/s), alpha1, alpha2 (rad/s^2); targets tau1, tau2 (N m). tau1 alone does
-    not show the friction of joint 2.
+    Signals theta1, theta2 (rad), omega1, omega2 (rad/s), alpha1, alpha2 (rad/s^2); targets tau1, tau2 (N m). tau1 alone
+    does not show the friction of joint 2.
 
-    Where rates and accelerations are derivatives of measured angles, their errors stand in the columns and least squares is off, by
-    10 % of b1 and all of b5 on the virtual rig: fit it by instrumental variables, in a study file by the table [regression].
+    Where rates and accelerations are derivatives of measured angles, their errors stand in the columns and least
+    squares is off, by 10 % of b1 and all of b5 on the virtual rig: fit it by instrumental variables, in a study file by
+    the table [regression].
 
     The friction part "load" reads the signals load1, load2 (N m), a first estimate of the
-    torque through each joint; not the target itself, whose noise would bias the coefficient. `sign` "presliding" reads slide1,
-    slide2, which `recording.presliding` makes from the angles, over its own distance.
+    torque through each joint; not the target itself, whose noise would bias the coefficient. `sign` "presliding" reads
+    slide1, slide2, which `recording.presliding` makes from the angles, over its own distance.
     """
     scored = _joints("joints", joints)
     rub = {j: JointFriction(_parts(friction), sign_width, stribeck_velocity, sign) for j in scored}
@@ -170,7 +181,9 @@ def pendubot_regression(
         size = np.shape(s["theta1"])
         return {f"tau{j}": np.stack([np.broadcast_to(c, size) for c in columns[j - 1]], axis=-1) for j in scored}
 
-    motion = {f"{n}{j}": unit for n, unit in (("theta", "rad"), ("omega", "rad/s"), ("alpha", "rad/s^2")) for j in (1, 2)}
+    motion = {
+        f"{n}{j}": unit for n, unit in (("theta", "rad"), ("omega", "rad/s"), ("alpha", "rad/s^2")) for j in (1, 2)
+    }
     return LinearModel(
         name="pendubot_regression",
         outputs={f"tau{j}": "N*m" for j in scored},

@@ -1,4 +1,5 @@
-"""What the simulation model and the regression of the pendubot share: parameters, options, and the term of every coefficient."""
+"""What the simulation model and the regression of the pendubot share: parameters, options, and the term of every
+coefficient."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -57,7 +58,11 @@ class Arm:
     def __post_init__(self) -> None:
         check_choice("parameters", self.parameters, Parameters)
         check_choice("angles", self.angles, Angles)
-        for what, value in (("l1", self.l1), ("g", self.g), *([("gear_ratio", self.gear_ratio)] if self.gear_ratio is not None else [])):
+        for what, value in (
+            ("l1", self.l1),
+            ("g", self.g),
+            *([("gear_ratio", self.gear_ratio)] if self.gear_ratio is not None else []),
+        ):
             if not value > 0:
                 raise ModelError(f"Pendubot: {what} = {value}; give a number above 0.")
         links = _PHYSICAL if self.parameters == "physical" else _base_declared(self.l1)
@@ -79,7 +84,8 @@ class Arm:
         return {**links, **{d.name: p[d.name] for d in self._beside()}}
 
     def terms(self, s: Named, loads: Mapping[int, Any]) -> dict[str, Term]:
-        """The term of every coefficient at angles and rates by name, slide1 and slide2 too where friction has such states.
+        """The term of every coefficient at angles and rates by name, slide1 and slide2 too where friction has such
+        states.
 
         `loads` are torques through joints (N m).
         """
@@ -103,4 +109,6 @@ def check_choice(option: str, value: Any, choices: Any) -> None:
 def _base_declared(l1: float) -> tuple[Declared, ...]:
     """b1, b2, b4, b5 within what the bounds of the physical parameters allow; each grows with every one of them."""
     ends = [base_values({d.name: (d.bounds or (0.0, 0.0))[k] for d in _PHYSICAL}, l1) for k in (0, 1)]
-    return tuple(Declared(n, unit, (ends[0][n], ends[1][n]), sentence=_BASE_SENTENCES[n]) for n, unit in BASE_UNITS.items())
+    return tuple(
+        Declared(n, unit, (ends[0][n], ends[1][n]), sentence=_BASE_SENTENCES[n]) for n, unit in BASE_UNITS.items()
+    )

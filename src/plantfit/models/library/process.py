@@ -119,9 +119,16 @@ def _check_initial(name: str, initial: str) -> None:
 
 
 def _parameters(
-    time_constants: tuple[str, ...], dead_time: bool, offset: bool, initial: str, input_unit: str | None, output_unit: str | None
+    time_constants: tuple[str, ...],
+    dead_time: bool,
+    offset: bool,
+    initial: str,
+    input_unit: str | None,
+    output_unit: str | None,
 ) -> tuple[Declared, ...]:
-    gain = Declared("K", gain_unit(input_unit, output_unit), (-100.0, 100.0), sentence="gain: change of y per change of u, at rest")
+    gain = Declared(
+        "K", gain_unit(input_unit, output_unit), (-100.0, 100.0), sentence="gain: change of y per change of u, at rest"
+    )
     slow = (Declared(tau, "s", (0.1, 1e4), "log", sentence="time constant") for tau in time_constants)
     return gain, *slow, *optional_parameters(dead_time, offset, initial, output_unit)
 

@@ -13,7 +13,12 @@ from typing import Any
 LAW = ("c0", "c1", "c2", "f")
 LABELS = ("(Rm Cm + Kt Kb)/Kt", "(Rm Jm + Lm Cm)/Kt", "Lm Jm/Kt", "Rm Tf/Kt")
 UNITS = ("V*s/rad", "V*s^2/rad", "V*s^3/rad", "V")
-SENTENCES = ("voltage for a steady speed", "voltage for an acceleration", "voltage for its change", "voltage for Coulomb friction")
+SENTENCES = (
+    "voltage for a steady speed",
+    "voltage for an acceleration",
+    "voltage for its change",
+    "voltage for Coulomb friction",
+)
 EQUATIONS = "w' = a\na' = (V - c0*w - c1*a - f*smooth_sign(w, edge))/c2"
 EDGE = "0.1 rad/s"  # width over which Coulomb friction changes sign
 

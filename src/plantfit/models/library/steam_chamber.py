@@ -64,7 +64,9 @@ def steam_chamber(
     parameters = [
         Declared("k", k.unit, (0.1, 1.5), sentence="gain: pressure at rest per opening", shape=k.shape),
         Declared("A1", a1.unit, (0.1, 160.0), sentence="coefficient of the rate of pressure", shape=a1.shape),
-        Declared("A2", a2.unit, (0.1, 160.0), sentence="coefficient of the second derivative of pressure", shape=a2.shape),
+        Declared(
+            "A2", a2.unit, (0.1, 160.0), sentence="coefficient of the second derivative of pressure", shape=a2.shape
+        ),
     ]
     if dead_time:
         parameters.append(Declared("Td", "s", (0.1, 1.0), sentence="dead time of the valve"))
@@ -79,6 +81,7 @@ def steam_chamber(
         initial_state=initial_state,
         delays=(Delay(_DELAYED, "u", "Td"),) if dead_time else (),
         tables=(k, a1, a2),
-        sentence="Steam-filled chamber: second order with tables over the pressure" + (" and dead time." if dead_time else "."),
+        sentence="Steam-filled chamber: second order with tables over the pressure"
+        + (" and dead time." if dead_time else "."),
         source="Metaheuristic-Based Model Optimization of a Steam-Filled Chamber (research article), eqs. (2) and (3)",
     )

@@ -41,7 +41,10 @@ def tabled_first_order(
             raise ModelError(f"Model 'tabled_first_order': {what} is {value!r}; use {known[0]!r} or {known[1]!r}.")
     channel = _DELAYED if dead_time else "u"
     axis = read_nodes("Model 'tabled_first_order': nodes", _NODES if nodes is None else nodes)
-    gain, time_constant = Table("K", (over,), (axis,), gain_unit(input_unit, output_unit)), Table("tau", (over,), (axis,), "s")
+    gain, time_constant = (
+        Table("K", (over,), (axis,), gain_unit(input_unit, output_unit)),
+        Table("tau", (over,), (axis,), "s"),
+    )
 
     def derivative(x: Named, u: Named, p: Named) -> Named:
         at = x["y"] if over == "y" else u[channel]
@@ -70,6 +73,7 @@ def tabled_first_order(
         initial_state=initial_state,
         delays=(Delay(_DELAYED, "u", "L"),) if dead_time else (),
         tables=(gain, time_constant),
-        sentence="First order process, gain and time constant tables over an operating point" + (", dead time." if dead_time else "."),
+        sentence="First order process, gain and time constant tables over an operating point"
+        + (", dead time." if dead_time else "."),
         source="Rugh, Shamma, Research on gain scheduling, Automatica 36 (2000) 1401-1425",
     )

@@ -1,9 +1,10 @@
 """The equations of a network: the law of every part, and the balance of what flows at every node.
 
-Unknown are the quantity across at every node and the one through every part; known are states, inputs and parameters that are sources.
-Every equation is linear in unknowns and knowns, with polynomials of the parameters as coefficients, but for the curves of valves and dry
-friction, which give the quantity through them by that across them. (Sparse tableau of C. W. Ho, A. E. Ruehli, P. A. Brennan, The modified
-nodal approach to network analysis, IEEE Trans. Circuits Syst. 22, 1975, 504-509, with stores of both kinds as sources.)
+Unknown are the quantity across at every node and the one through every part; known are states, inputs and parameters
+that are sources. Every equation is linear in unknowns and knowns, with polynomials of the parameters as coefficients,
+but for the curves of valves and dry friction, which give the quantity through them by that across them. (Sparse tableau
+of C. W. Ho, A. E. Ruehli, P. A. Brennan, The modified nodal approach to network analysis, IEEE Trans. Circuits Syst.
+22, 1975, 504-509, with stores of both kinds as sources.)
 """
 
 from dataclasses import dataclass, field
@@ -18,7 +19,8 @@ Terms = dict[str, Polynomial]
 
 @dataclass(frozen=True)
 class Equation:
-    """The sum of `terms` is zero. `parts` it is of; `gives` the flow that a law gives, `curve` the text that gives it of `across`."""
+    """The sum of `terms` is zero. `parts` it is of; `gives` the flow that a law gives, `curve` the text that gives
+    it of `across`."""
 
     terms: Terms
     parts: tuple[str, ...]
@@ -61,7 +63,9 @@ def across_of(placed: Placed) -> str:
 
 def through(placed: Placed, second: bool = False) -> str:
     domain = placed.part.second if second and placed.part.second is not None else placed.part.domain
-    return f"{domain.through.letter}_{placed.name}" + ("_out" if second and placed.part.second is placed.part.domain else "")
+    return f"{domain.through.letter}_{placed.name}" + (
+        "_out" if second and placed.part.second is placed.part.domain else ""
+    )
 
 
 def tableau(netlist: Netlist) -> Tableau:
@@ -78,7 +82,9 @@ def tableau(netlist: Netlist) -> Tableau:
         placed = netlist.parts.get(m.of)
         if m.kind == "integral" and placed is None:
             name = f"{netlist.domains[m.of].integral.letter}_{m.of}"  # type: ignore[union-attr]
-            made.states.setdefault(name, State(name, m.unit, f"{_word(netlist, m.of)} of {m.of}", {across_at(netlist, m.of): ONE}))
+            made.states.setdefault(
+                name, State(name, m.unit, f"{_word(netlist, m.of)} of {m.of}", {across_at(netlist, m.of): ONE})
+            )
         elif m.kind != "through" and placed is not None:
             _name_across(netlist, made, placed)
             if m.kind == "integral":
@@ -128,7 +134,8 @@ def _add(netlist: Netlist, made: Tableau, balances: dict[str, Terms], placed: Pl
     if part.unit and part.given != "input":
         made.parameters[name] = _parameter(placed)
     made.unknowns[flow] = f"{part.domain.through.word} through {name}"
-    # a source gives at its first node, or from node 0; a part between two nodes takes at the first and gives at the second
+    # a source gives at its first node, or from node 0; a part between two nodes takes at the first and gives at the
+    # second
     gives = part.law == "sets across" or (part.law == "sets through" and part.grounded)
     for sign, node in zip((1, -1), _ends(placed), strict=True):
         if node != GROUND:
@@ -137,7 +144,9 @@ def _add(netlist: Netlist, made: Tableau, balances: dict[str, Terms], placed: Pl
     if law == "resists":
         made.equations.append(Equation({flow: -symbol, **difference}, (name,), gives=flow))
     elif law == "conducts":
-        made.equations.append(Equation({flow: -ONE, **{v: c * symbol for v, c in difference.items()}}, (name,), gives=flow))
+        made.equations.append(
+            Equation({flow: -ONE, **{v: c * symbol for v, c in difference.items()}}, (name,), gives=flow)
+        )
     elif law == "stores across":
         state = across_of(placed)
         made.states[state] = State(
@@ -146,7 +155,9 @@ def _add(netlist: Netlist, made: Tableau, balances: dict[str, Terms], placed: Pl
         made.equations.append(Equation({state: -ONE, **difference}, (name,)))
     elif law == "stores through":
         del made.unknowns[flow]
-        made.states[flow] = State(flow, part.domain.through.unit, f"{part.domain.through.word} through {name}", difference, name)
+        made.states[flow] = State(
+            flow, part.domain.through.unit, f"{part.domain.through.word} through {name}", difference, name
+        )
     elif law == "is elastic":
         integral = part.domain.integral
         assert integral is not None
@@ -155,7 +166,9 @@ def _add(netlist: Netlist, made: Tableau, balances: dict[str, Terms], placed: Pl
         made.equations.append(Equation({flow: -ONE, state: symbol}, (name,), gives=flow))
     elif law == "curve":
         across = _name_across(netlist, made, placed)
-        made.equations.append(Equation({flow: -ONE}, (name,), gives=flow, curve=part.curve.format(p=name, x="{x}"), across=across))
+        made.equations.append(
+            Equation({flow: -ONE}, (name,), gives=flow, curve=part.curve.format(p=name, x="{x}"), across=across)
+        )
     elif law == "transforms":
         _transform(netlist, made, balances, placed, symbol)
     else:
@@ -190,7 +203,10 @@ def _source(made: Tableau, placed: Placed, flow: str, difference: Terms, symbol:
 
 def _parameter(placed: Placed) -> dict[str, Any]:
     part = placed.part
-    entry: dict[str, Any] = {"unit": placed.unit, "sentence": f"{part.what}{',' if ' of ' in part.what else ' of'} {placed.name}"}
+    entry: dict[str, Any] = {
+        "unit": placed.unit,
+        "sentence": f"{part.what}{',' if ' of ' in part.what else ' of'} {placed.name}",
+    }
     if placed.value is not None:
         return {**entry, "value": placed.value}
     return {**entry, "bounds": placed.bounds or part.bounds, "scale": part.scale}

@@ -1,6 +1,8 @@
-"""Blocks of equations that need one another, solved exactly: fraction-free elimination over polynomials of the parameters.
+"""Blocks of equations that need one another, solved exactly: fraction-free elimination over polynomials of the
+parameters.
 
-(E. H. Bareiss, Sylvester's identity and multistep integer-preserving Gaussian elimination, Math. Comp. 22, 1968, 565-578.)
+(E. H. Bareiss, Sylvester's identity and multistep integer-preserving Gaussian elimination, Math. Comp. 22, 1968,
+565-578.)
 """
 
 from collections.abc import Sequence
@@ -51,7 +53,9 @@ def _eliminated(rows: list[Terms], unknowns: Sequence[str]) -> list[Solved]:
     n, previous = len(unknowns), ONE
     pivots: dict[int, int] = {}
     for _ in range(n):
-        free = [(k, j) for k in range(n) if k not in pivots for j in range(n) if j not in pivots.values() and matrix[k][j]]
+        free = [
+            (k, j) for k in range(n) if k not in pivots for j in range(n) if j not in pivots.values() and matrix[k][j]
+        ]
         if not free:
             raise Singular
         k, j = min(free, key=lambda place: len(matrix[place[0]][place[1]].terms))

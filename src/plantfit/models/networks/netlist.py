@@ -18,10 +18,13 @@ from plantfit.errors import EquationError, UnitError
 from plantfit.models.networks.parts import DOMAINS, GROUND, PARTS, Domain, Part
 from plantfit.models.text.suggest import suggest
 
-# what equations use themselves (models/text), here by name so that reading parts does not load jax; then constants of the parts
+# what equations use themselves (models/text), here by name so that reading parts does not load jax; then constants of
+# the parts
 _USED = (
-    "abs acos asin atan atan2 ceil clip cos cosh coulomb deadzone delay e exp floor friction log log10 max min pi play pos "
-    "quantize relu sat sign sin sinh smooth_abs smooth_deadzone smooth_sat smooth_sign sqrt step stribeck t tan tanh where "
+    "abs acos asin atan atan2 ceil clip cos cosh coulomb deadzone delay e exp floor friction log log10 max min pi play "
+    "pos "
+    "quantize relu sat sign sin sinh smooth_abs smooth_deadzone smooth_sat smooth_sign sqrt step stribeck t tan tanh "
+    "where "
     "gravity small_level slow_slip slow_turn "
 )
 RESERVED = frozenset(_USED.split())
@@ -43,7 +46,8 @@ class Word:
 
 @dataclass(frozen=True)
 class Placed:
-    """A part of a network: its kind and nodes; `value` or `bounds` in the unit of its kind, `by` the input of a gain with its unit."""
+    """A part of a network: its kind and nodes; `value` or `bounds` in the unit of its kind, `by` the input of a gain
+    with its unit."""
 
     name: str
     part: Part
@@ -81,7 +85,8 @@ class Measured:
 
 @dataclass(frozen=True)
 class Netlist:
-    """Parts by name, measured quantities, the domain of every node; `starts` are quantities with their value, or a source's name.
+    """Parts by name, measured quantities, the domain of every node; `starts` are quantities with their value, or a
+    source's name.
 
     `wrong` makes an error that shows the line.
     """
@@ -112,7 +117,8 @@ def read(text: str, source: str = "the network") -> Netlist:
             own = placed.domain_at(k)
             if node != GROUND and domains.setdefault(node, own) is not own:
                 other = next(p.name for p in parts.values() if node in p.nodes)
-                raise _wrong(source, text, f"node {node!r} of {placed.name} is {own.name}, but {other} made it {domains[node].name}; "
+                raise _wrong(source, text, f"node {node!r} of {placed.name} is {own.name}, but {other} made it "
+                                           f"{domains[node].name}; "
                              "give it another name, or join both by a motor or a wheel", words[2 + k])  # fmt: skip
         parts[placed.name] = placed
     if not parts:
@@ -158,11 +164,15 @@ def _placed(text: str, source: str, words: list[Word], parts: dict[str, Placed])
     name = words[0]
     _check_name(source, text, name, parts)
     if len(words) < 2:
-        raise _wrong(source, text, f"{name.text} has no kind; write a part and its nodes, as in: {name.text} resistor a b", name)
+        raise _wrong(
+            source, text, f"{name.text} has no kind; write a part and its nodes, as in: {name.text} resistor a b", name
+        )
     part = PARTS.get(words[1].text)
     if part is None:
         hint = suggest(words[1].text, PARTS)
-        raise _wrong(source, text, f"there is no part {words[1].text!r}.{hint} `plantfit new --parts` lists them", words[1])
+        raise _wrong(
+            source, text, f"there is no part {words[1].text!r}.{hint} `plantfit new --parts` lists them", words[1]
+        )
     count = len(part.nodes)
     nodes = words[2 : 2 + count]
     usage = f"write: {name.text} {part.kind} {' '.join(f'<{n}>' for n in part.nodes)}"
@@ -177,7 +187,12 @@ def _placed(text: str, source: str, words: list[Word], parts: dict[str, Placed])
         )
     for node in nodes:
         if node.text != GROUND and not node.text.isidentifier():
-            raise _wrong(source, text, f"{node.text!r} cannot be the name of a node; use letters, digits and _, not a digit first", node)
+            raise _wrong(
+                source,
+                text,
+                f"{node.text!r} cannot be the name of a node; use letters, digits and _, not a digit first",
+                node,
+            )
     _check_ends(source, text, name, part, nodes)
     line = text.split("\n")[name.line].partition("#")[0]
     begin = nodes[-1].column + len(nodes[-1].text)
@@ -204,7 +219,9 @@ def _counted(count: int) -> str:
 def _check_name(source: str, text: str, word: Word, parts: dict[str, Placed], by: bool = False) -> None:
     name = word.text
     if not name.isidentifier() or iskeyword(name) or not name.isascii():
-        raise _wrong(source, text, f"{name!r} cannot be a name in equations; use letters, digits and _, not a digit first", word)
+        raise _wrong(
+            source, text, f"{name!r} cannot be a name in equations; use letters, digits and _, not a digit first", word
+        )
     if name in RESERVED:
         raise _wrong(source, text, f"{name!r} has a meaning of its own in equations; choose another name", word)
     if name in parts:
@@ -220,36 +237,58 @@ def _check_ends(source: str, text: str, name: Word, part: Part, nodes: list[Word
         what = "is shorted: both its ends are" if not part.grounded else "has its only node"
         raise _wrong(source, text, f"{name.text} {what} at node {first[0]}; give it another node", nodes[0])
     if part.second is not None and ends[-1] == GROUND:
-        raise _wrong(source, text, f"{name.text} drives node 0, which never moves; name the node of its {part.nodes[-1]}", nodes[-1])
+        raise _wrong(
+            source,
+            text,
+            f"{name.text} drives node 0, which never moves; name the node of its {part.nodes[-1]}",
+            nodes[-1],
+        )
     if part.domain.name == "thermal" and GROUND in ends[: len(nodes)]:
-        raise _wrong(source, text, f"{name.text} leads to node 0, which would be 0 degC; name the node, and give it a temperature or "
+        raise _wrong(source, text, f"{name.text} leads to node 0, which would be 0 degC; name the node, and give it a "
+                                   f"temperature or "
                      "surroundings, as in: Tamb surroundings room", nodes[ends.index(GROUND)])  # fmt: skip
 
 
-def _size(source: str, text: str, placed: Placed, tail: str, place: Word, usage: str) -> tuple[float | None, tuple[float, float] | None]:
+def _size(
+    source: str, text: str, placed: Placed, tail: str, place: Word, usage: str
+) -> tuple[float | None, tuple[float, float] | None]:
     """The value or the bounds that stand behind the nodes, in the unit of the part."""
     part, unit = placed.part, placed.unit
     if part.given == "input":
-        raise _wrong(source, text, f"{placed.name} is an input, and its values come from the recording; delete {tail!r}", place)
+        raise _wrong(
+            source, text, f"{placed.name} is an input, and its values come from the recording; delete {tail!r}", place
+        )
     found = _SIZE.fullmatch(tail)
     if found is None:
         if part.given == "gain" and tail.startswith("by"):
             raise _wrong(source, text, f"{tail!r} does not name an input; write for example: by u [%]", place)
-        more = "there are too many nodes, or this is not a value" if tail.split()[0].isidentifier() else "this is not a value"
-        raise _wrong(source, text, f"{tail!r} behind the nodes of {placed.name}: {more}; {usage}, then nothing, a value or bounds as in "
+        more = (
+            "there are too many nodes, or this is not a value"
+            if tail.split()[0].isidentifier()
+            else "this is not a value"
+        )
+        raise _wrong(source, text, f"{tail!r} behind the nodes of {placed.name}: {more}; {usage}, then nothing, a "
+                                   f"value or bounds as in "
                      f"{_example(part, unit)}", place)  # fmt: skip
     given = found["unit"].strip()
     if not given and unit != "1":
         raise _wrong(source, text, f"{tail} has no unit; write for example: {tail} {unit}", place)
     try:
-        numbers = [float(units.convert(float(n), given or "1", unit)) for n in (found["low"], found["high"]) if n is not None]
+        numbers = [
+            float(units.convert(float(n), given or "1", unit)) for n in (found["low"], found["high"]) if n is not None
+        ]
     except UnitError as error:
         reason = str(error).rstrip(".")
         if units.known(given) and not units.compatible(given, unit):
-            reason = f"a {part.kind} has its {part.what.partition(',')[0].partition(' (')[0]} in {unit}, and {given} does not fit"
+            reason = (
+                f"a {part.kind} has its {part.what.partition(',')[0].partition(' (')[0]} in {unit}, and {given} "
+                f"does not fit"
+            )
         raise _wrong(source, text, f"{reason}; write for example: {_example(part, unit)}", place) from None
     if not all(map(math.isfinite, numbers)) or (part.scale == "log" and min(numbers) <= 0):
-        raise _wrong(source, text, f"{tail} cannot be used: the {part.what} of a {part.kind} must be finite and above 0", place)
+        raise _wrong(
+            source, text, f"{tail} cannot be used: the {part.what} of a {part.kind} must be finite and above 0", place
+        )
     if len(numbers) == 1:
         return numbers[0], None
     if numbers[0] >= numbers[1]:
@@ -284,12 +323,19 @@ def _starts(netlist: Netlist, words: list[Word]) -> Iterator[tuple[Measured, flo
     for place in _pieces(netlist, words):
         found = _START.fullmatch(place.text)
         if found is None:
-            message = f"{place.text!r} says no start; write for example: start v(b) = 2 V, or the name of a source in place of 2 V"
+            message = (
+                f"{place.text!r} says no start; write for example: start v(b) = 2 V, or the name of a source in "
+                f"place of 2 V"
+            )
             raise _wrong(netlist.source, netlist.text, message, place)
         quantity = _quantity(netlist, found["what"], found["of"], None, place)
         value = found["value"].strip()
         part = netlist.parts.get(value)
-        if part is not None and part.part.given in ("input", "parameter") and units.compatible(part.unit, quantity.unit):
+        if (
+            part is not None
+            and part.part.given in ("input", "parameter")
+            and units.compatible(part.unit, quantity.unit)
+        ):
             yield quantity, value
             continue
         try:

@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 class Network:
     """Equations as text and what they declare, in the form that `plantfit.equations` and study files take.
 
-    `sentences` say what the left sides are, by name; `idle` are parameters that change nothing which is measured, and are left out.
+    `sentences` say what the left sides are, by name; `idle` are parameters that change nothing which is measured, and
+    are left out.
     """
 
     equations: str
@@ -50,12 +51,12 @@ def network(text: str, source: str = "the network") -> Network:
         u source a 0
         measure v(b)
 
-    `source` is what messages call it. States are what capacitors, masses, inertias, heat capacities and tanks hold, what flows through
-    inductors and pipe_inertias, how far springs are shortened, and positions and angles that are measured. What resistive parts settle
-    among themselves at every instant is solved exactly.
+    `source` is what messages call it. States are what capacitors, masses, inertias, heat capacities and tanks hold,
+    what flows through inductors and pipe_inertias, how far springs are shortened, and positions and angles that are
+    measured. What resistive parts settle among themselves at every instant is solved exactly.
 
-    Raises EquationError with line and word: an unknown part, a wrong number of nodes, a unit that does not fit, a node that hangs or
-    floats, a shorted source, stores that are not free.
+    Raises EquationError with line and word: an unknown part, a wrong number of nodes, a unit that does not fit, a node
+    that hangs or floats, a shorted source, stores that are not free.
     """
     netlist = read(text, source)
     topology.check(netlist)
@@ -84,7 +85,8 @@ class _Explicit:
             domain = self.netlist.parts[names[0]].part.domain
             raise self.netlist.wrong(
                 f"what passes through {' and '.join(names)} and the {domain.across.word} there need one another; put "
-                f"{domain.holds.removeprefix('a ').removeprefix('an ').split(' or ')[0]} at its node", self.netlist.parts[names[0]].line,
+                f"{domain.holds.removeprefix('a ').removeprefix('an ').split(' or ')[0]} at its node",
+                self.netlist.parts[names[0]].line,
                 names[0])  # fmt: skip
         if curves:
             across = self._replaced({curves[0].across: ONE})
@@ -103,7 +105,10 @@ class _Explicit:
             if not terms or (len(terms) == 1 and over.is_one and _sign(terms) is not None):
                 self.same[unknown] = terms
             else:
-                self.values[unknown] = (_text(terms, over), {*terms, *over.symbols(), *(s for c in terms.values() for s in c.symbols())})
+                self.values[unknown] = (
+                    _text(terms, over),
+                    {*terms, *over.symbols(), *(s for c in terms.values() for s in c.symbols())},
+                )
 
     def _replaced(self, terms: Terms) -> Terms:
         found: Terms = {}
@@ -118,34 +123,54 @@ class _Explicit:
         outputs = {m.name: (m, self._replaced({self._variable(m): ONE})) for m in netlist.measured}
         self._check_names(outputs)
         given = {v for _, v in netlist.starts if isinstance(v, str)}
-        used = self._needed([given, *({*terms} for _, terms in outputs.values())], {n: names for n, (_, names) in rates.items()})
+        used = self._needed(
+            [given, *({*terms} for _, terms in outputs.values())], {n: names for n, (_, names) in rates.items()}
+        )
         idle = next((i for i in made.inputs if i not in used), None)
         if idle is not None:
-            raise EquationError(f"{netlist.source}: the input {idle} moves nothing that is measured; measure something that it drives.")
+            raise EquationError(
+                f"{netlist.source}: the input {idle} moves nothing that is measured; measure something that it drives."
+            )
         states, starts = self._states({m.name: terms for m, terms in outputs.values()}, used)
         lines = {name: f"{name} = {self.values[name][0]}" for name in self.values if name in used}
         lines |= {f"{name}'": f"{name}' = {text}" for name, (text, _) in rates.items() if name in used}
-        lines |= {m.name: f"{m.name} = {_text(t, ONE)}" for m, t in outputs.values() if m.name not in made.states and t != {m.name: ONE}}
+        lines |= {
+            m.name: f"{m.name} = {_text(t, ONE)}"
+            for m, t in outputs.values()
+            if m.name not in made.states and t != {m.name: ONE}
+        }
         text = "\n".join(lines.values())
         words = set(re.findall(r"\w+", text))
         sentences = {**made.unknowns, **{s.name: s.sentence for s in made.states.values()}}
         return Network(
             text, made.inputs, states, {m.name: m.unit for m in netlist.measured},
-            {n: p for n, p in made.parameters.items() if n in used} | starts, {n: c for n, c in made.constants.items() if n in words},
-            {n.rstrip("'"): sentences.get(n.rstrip("'"), "") for n in lines}, tuple(n for n in made.parameters if n not in used),
+            {n: p for n, p in made.parameters.items() if n in used} | starts,
+            {n: c for n, c in made.constants.items() if n in words},
+            {n.rstrip("'"): sentences.get(n.rstrip("'"), "") for n in lines},
+            tuple(n for n in made.parameters if n not in used),
         )  # fmt: skip
 
-    def _states(self, outputs: dict[str, Terms], used: set[str]) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
-        """States with their initial values: what is measured begins there, the rest at zero or at a value that is searched for."""
+    def _states(
+        self, outputs: dict[str, Terms], used: set[str]
+    ) -> tuple[dict[str, dict[str, Any]], dict[str, dict[str, Any]]]:
+        """States with their initial values: what is measured begins there, the rest at zero or at a value that is
+        searched for."""
         states, starts = {}, {}
         given = self._given()
         for s in (s for s in self.made.states.values() if s.name in used):
-            initial: float | str | None = given.get(s.name, next((name for name, terms in outputs.items() if terms == {s.name: ONE}), None))
+            initial: float | str | None = given.get(
+                s.name, next((name for name, terms in outputs.items() if terms == {s.name: ONE}), None)
+            )
             if initial is None and s.start is None:
                 initial = 0.0
             elif initial is None:
                 initial = f"{s.name}_start"
-                starts[initial] = {"unit": s.unit, "sentence": f"{s.sentence} at the start", "bounds": s.start, "scale": "linear"}
+                starts[initial] = {
+                    "unit": s.unit,
+                    "sentence": f"{s.sentence} at the start",
+                    "bounds": s.start,
+                    "scale": "linear",
+                }
             states[s.name] = {"unit": s.unit, "initial": initial}
         return states, starts
 
@@ -158,23 +183,32 @@ class _Explicit:
             if len(terms) != 1 or name not in self.made.states or not terms[name].is_one:
                 states = ", ".join(self.made.states) or "none"
                 raise self.netlist.wrong(
-                    f"{quantity.name} is no state, so that it has no start of its own; states are {states}", quantity.line, "start"
+                    f"{quantity.name} is no state, so that it has no start of its own; states are {states}",
+                    quantity.line,
+                    "start",
                 )
             found[name] = value
         return found
 
     def _check_names(self, outputs: "dict[str, tuple[Measured, Terms]]") -> None:
-        """Names that equations make must not be those of parts and inputs, nor `as` a name that equations make of something else."""
+        """Names that equations make must not be those of parts and inputs, nor `as` a name that equations make of
+        something else."""
         made, netlist = self.made, self.netlist
         variables = {*made.unknowns, *made.states}
         for p in netlist.parts.values():
             for name in (p.name, p.by):
                 if name in variables:
-                    raise netlist.wrong(f"{name} is also what the equations call the {self._what(name)}; choose another name", p.line, name)
+                    raise netlist.wrong(
+                        f"{name} is also what the equations call the {self._what(name)}; choose another name",
+                        p.line,
+                        name,
+                    )
         for m, _ in outputs.values():
             if m.name in {*variables, *made.inputs} and m.name != self._variable(m):
                 raise netlist.wrong(
-                    f"{m.name} is also what the equations call the {self._what(m.name)}; choose another name", m.line, m.name
+                    f"{m.name} is also what the equations call the {self._what(m.name)}; choose another name",
+                    m.line,
+                    m.name,
                 )
 
     def _what(self, name: str) -> str:
@@ -227,7 +261,8 @@ def _text(terms: Terms, over: Polynomial) -> str:
     if over.is_one:
         return text
     below = str(over)
-    return f"{text if len(pieces) == 1 or not front.is_one else f'({text})'}/{below if below.isidentifier() else f'({below})'}"
+    above = text if len(pieces) == 1 or not front.is_one else f"({text})"
+    return f"{above}/{below if below.isidentifier() else f'({below})'}"
 
 
 def _signed(name: str, coefficient: Polynomial) -> tuple[int, str]:

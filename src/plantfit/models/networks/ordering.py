@@ -1,7 +1,9 @@
-"""Which equation gives which unknown, and in which order: a perfect matching, and the strongly connected blocks of what is left.
+"""Which equation gives which unknown, and in which order: a perfect matching, and the strongly connected blocks of what
+is left.
 
-(I. S. Duff, J. K. Reid, An implementation of Tarjan's algorithm for the block triangularization of a matrix, ACM Trans. Math. Softw. 4,
-1978, 137-147; A. L. Dulmage, N. S. Mendelsohn, Coverings of bipartite graphs, Can. J. Math. 10, 1958, 517-534, for what does not match.)
+(I. S. Duff, J. K. Reid, An implementation of Tarjan's algorithm for the block triangularization of a matrix, ACM Trans.
+Math. Softw. 4, 1978, 137-147; A. L. Dulmage, N. S. Mendelsohn, Coverings of bipartite graphs, Can. J. Math. 10, 1958,
+517-534, for what does not match.)
 """
 
 from collections.abc import Sequence
@@ -18,12 +20,15 @@ class Unmatched(Exception):
 
 
 def blocks(equations: Sequence[Equation], unknowns: Sequence[str]) -> list[tuple[list[Equation], list[str]]]:
-    """Equations with the unknowns that they give, block by block: each block needs only those before it. Raises Unmatched."""
+    """Equations with the unknowns that they give, block by block: each block needs only those before it. Raises
+    Unmatched."""
     wanted = set(unknowns)
     edges = [_unknowns(e, wanted) for e in equations]
     own = _matched(equations, edges, wanted)
     giver = {v: k for k, v in own.items()}
-    needs = {k: [giver[v] for v in _needed(equations[k], edges[k], wanted) if giver[v] != k] for k in range(len(equations))}
+    needs = {
+        k: [giver[v] for v in _needed(equations[k], edges[k], wanted) if giver[v] != k] for k in range(len(equations))
+    }
     return [([equations[k] for k in block], [own[k] for k in block]) for block in _components(needs)]
 
 
@@ -54,7 +59,9 @@ def _matched(equations: Sequence[Equation], edges: list[list[str]], wanted: set[
         seen: set[str] = set()
         if not augment(k, seen):
             crowd = [k, *(giver[v] for v in seen)]  # more equations than unknowns
-            raise Unmatched(tuple(dict.fromkeys(p for e in crowd for p in equations[e].parts if len(equations[e].parts) == 1)))
+            raise Unmatched(
+                tuple(dict.fromkeys(p for e in crowd for p in equations[e].parts if len(equations[e].parts) == 1))
+            )
     if len(giver) < len(wanted):
         left = wanted - set(giver)
         raise Unmatched(tuple(dict.fromkeys(p for e in equations if left & set(e.terms) for p in e.parts)))

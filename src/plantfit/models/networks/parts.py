@@ -1,8 +1,8 @@
 """The parts that a network may have: their nodes, laws, units and bounds.
 
-Every domain has a quantity across a part and one through it. A mass, an inertia, a heat capacity and a tank store the quantity across
-them, measured against node 0, as a capacitor does (the mobility analogy: F. A. Firestone, A new analogy between mechanical and
-electrical systems, J. Acoust. Soc. Am. 4, 1933, 249-267).
+Every domain has a quantity across a part and one through it. A mass, an inertia, a heat capacity and a tank store the
+quantity across them, measured against node 0, as a capacitor does (the mobility analogy: F. A. Firestone, A new analogy
+between mechanical and electrical systems, J. Acoust. Soc. Am. 4, 1933, 249-267).
 """
 
 from dataclasses import dataclass, field
@@ -16,7 +16,8 @@ Law = Literal[
     "is elastic",  # through = p * integral of across
     "sets across",
     "sets through",
-    "transforms",  # lead * across of port 1 = follow * across of port 2; lead * through of port 2 = follow * through of port 1
+    # lead * across of port 1 = follow * across of port 2; lead * through of port 2 = follow * through of port 1
+    "transforms",
     "curve",  # through = a function of across
 ]
 
@@ -32,7 +33,8 @@ class Quantity:
 
 @dataclass(frozen=True)
 class Domain:
-    """`holds` says which parts settle the quantity across at a node; `start` are bounds of an initial value that nobody measured."""
+    """`holds` says which parts settle the quantity across at a node; `start` are bounds of an initial value that
+    nobody measured."""
 
     name: str
     across: Quantity
@@ -44,17 +46,24 @@ class Domain:
 
 ELECTRIC = Domain("electric", Quantity("v", "voltage", "V"), Quantity("i", "current", "A"), "a resistor or a capacitor")
 TRANSLATION = Domain(
-    "translation", Quantity("v", "velocity", "m/s"), Quantity("F", "force", "N"), "a mass or a damper", Quantity("x", "position", "m")
+    "translation",
+    Quantity("v", "velocity", "m/s"),
+    Quantity("F", "force", "N"),
+    "a mass or a damper",
+    Quantity("x", "position", "m"),
 )
 ROTATION = Domain(
     "rotation", Quantity("w", "speed", "rad/s"), Quantity("M", "torque", "N*m"), "an inertia or a rotary_damper",
     Quantity("phi", "angle", "rad"),
 )  # fmt: skip
 THERMAL = Domain(
-    "thermal", Quantity("T", "temperature", "degC"), Quantity("Q", "heat flow", "W"), "a heat_capacity or a heat_resistance",
+    "thermal", Quantity("T", "temperature", "degC"), Quantity("Q", "heat flow", "W"),
+    "a heat_capacity or a heat_resistance",
     start=(-50.0, 500.0),
 )  # fmt: skip
-HYDRAULIC = Domain("hydraulic", Quantity("h", "level", "m"), Quantity("q", "flow", "m^3/s"), "a tank or a pipe", start=(0.0, 10.0))
+HYDRAULIC = Domain(
+    "hydraulic", Quantity("h", "level", "m"), Quantity("q", "flow", "m^3/s"), "a tank or a pipe", start=(0.0, 10.0)
+)
 DOMAINS = (ELECTRIC, TRANSLATION, ROTATION, THERMAL, HYDRAULIC)
 
 
@@ -62,9 +71,10 @@ DOMAINS = (ELECTRIC, TRANSLATION, ROTATION, THERMAL, HYDRAULIC)
 class Part:
     """A kind of part. `nodes` are the words of its nodes; a part with a `grounded` port leads to node 0.
 
-    `unit`, `bounds` and `what` are those of its parameter, which has the name of the part; a part without `unit` has none. `given` says
-    whether a source follows an input or is a parameter, or has a gain from an input. `second` is the domain of the second port of a part
-    that transforms, whose last node it is; with `lead` its parameter belongs to the first port.
+    `unit`, `bounds` and `what` are those of its parameter, which has the name of the part; a part without `unit` has
+    none. `given` says whether a source follows an input or is a parameter, or has a gain from an input. `second` is the
+    domain of the second port of a part that transforms, whose last node it is; with `lead` its parameter belongs to the
+    first port.
     """
 
     kind: str
@@ -94,17 +104,30 @@ class Part:
 def _input(kind: str, domain: Domain, nodes: tuple[str, ...], across: bool) -> Part:
     quantity = domain.across if across else domain.through
     return Part(
-        kind, domain, nodes, "sets across" if across else "sets through", f"{quantity.word}, an input", quantity.unit, given="input"
+        kind,
+        domain,
+        nodes,
+        "sets across" if across else "sets through",
+        f"{quantity.word}, an input",
+        quantity.unit,
+        given="input",
     )
 
 
-def _constant(kind: str, domain: Domain, nodes: tuple[str, ...], across: bool, bounds: tuple[float, float], what: str) -> Part:
+def _constant(
+    kind: str, domain: Domain, nodes: tuple[str, ...], across: bool, bounds: tuple[float, float], what: str
+) -> Part:
     unit = (domain.across if across else domain.through).unit
-    return Part(kind, domain, nodes, "sets across" if across else "sets through", what, unit, bounds, "linear", "parameter")
+    return Part(
+        kind, domain, nodes, "sets across" if across else "sets through", what, unit, bounds, "linear", "parameter"
+    )
 
 
 _ENDS = ("from", "to")
-_G = {"gravity": "9.81 m/s^2", "small_level": "0.001 m"}  # below it the flow through a valve is proportional to the level
+_G = {
+    "gravity": "9.81 m/s^2",
+    "small_level": "0.001 m",
+}  # below it the flow through a valve is proportional to the level
 
 PARTS: dict[str, Part] = {
     p.kind: p
@@ -115,13 +138,15 @@ PARTS: dict[str, Part] = {
         _input("source", ELECTRIC, ("plus", "minus"), True),
         _input("current_source", ELECTRIC, _ENDS, False),
         _constant("battery", ELECTRIC, ("plus", "minus"), True, (0.0, 1000.0), "voltage of the battery"),
-        Part("motor", ELECTRIC, ("plus", "minus", "shaft"), "transforms", "constant of torque and of back-EMF", "V*s/rad", (1e-4, 10.0),
+        Part("motor", ELECTRIC, ("plus", "minus", "shaft"), "transforms", "constant of torque and of back-EMF",
+             "V*s/rad", (1e-4, 10.0),
              second=ROTATION),
         Part("mass", TRANSLATION, ("node",), "stores across", "mass", "kg", (1e-3, 1e5)),
         Part("spring", TRANSLATION, _ENDS, "is elastic", "stiffness", "N/m", (1e-1, 1e8)),
         Part("damper", TRANSLATION, _ENDS, "conducts", "viscous damping", "N*s/m", (1e-4, 1e6)),
         Part(
-            "friction", TRANSLATION, _ENDS, "curve", "Coulomb friction", "N", (1e-4, 1e5), curve="coulomb({x}, {p}, slow_slip)",
+            "friction", TRANSLATION, _ENDS, "curve", "Coulomb friction", "N", (1e-4, 1e5),
+            curve="coulomb({x}, {p}, slow_slip)",
             constants={"slow_slip": "0.001 m/s"},
         ),
         _input("force", TRANSLATION, ("node",), False),
@@ -131,18 +156,22 @@ PARTS: dict[str, Part] = {
         Part("torsion_spring", ROTATION, _ENDS, "is elastic", "torsional stiffness", "N*m/rad", (1e-4, 1e8)),
         Part("rotary_damper", ROTATION, _ENDS, "conducts", "viscous damping", "N*m*s/rad", (1e-9, 1e4)),
         Part(
-            "rotary_friction", ROTATION, _ENDS, "curve", "Coulomb friction", "N*m", (1e-6, 1e3), curve="coulomb({x}, {p}, slow_turn)",
+            "rotary_friction", ROTATION, _ENDS, "curve", "Coulomb friction", "N*m", (1e-6, 1e3),
+            curve="coulomb({x}, {p}, slow_turn)",
             constants={"slow_turn": "0.1 rad/s"},
         ),
         _input("torque", ROTATION, ("node",), False),
         _input("speed", ROTATION, ("node",), True),
         _constant("constant_torque", ROTATION, ("node",), False, (-1e3, 1e3), "constant torque, as of a load"),
-        Part("gear", ROTATION, ("fast", "slow"), "transforms", "turns of the first shaft for one of the second", "1", (0.01, 1000.0),
+        Part("gear", ROTATION, ("fast", "slow"), "transforms", "turns of the first shaft for one of the second", "1",
+             (0.01, 1000.0),
              second=ROTATION),
-        Part("wheel", ROTATION, ("shaft", "rim"), "transforms", "radius", "m", (1e-3, 10.0), second=TRANSLATION, lead=True),
+        Part("wheel", ROTATION, ("shaft", "rim"), "transforms", "radius", "m", (1e-3, 10.0), second=TRANSLATION,
+             lead=True),
         Part("heat_capacity", THERMAL, ("node",), "stores across", "heat capacity", "J/K", (1e-2, 1e7)),
         Part("heat_resistance", THERMAL, _ENDS, "resists", "resistance to heat", "K/W", (1e-5, 1e4)),
-        Part("heater", THERMAL, ("node",), "sets through", "heat flow for one unit of its input", "W", (1e-4, 1e5), given="gain"),
+        Part("heater", THERMAL, ("node",), "sets through", "heat flow for one unit of its input", "W", (1e-4, 1e5),
+             given="gain"),
         _input("heat_flow", THERMAL, ("node",), False),
         _input("temperature", THERMAL, ("node",), True),
         _constant("surroundings", THERMAL, ("node",), True, (-50.0, 100.0), "temperature of the surroundings"),
@@ -151,7 +180,8 @@ PARTS: dict[str, Part] = {
              curve="{p}*sqrt(2*gravity)*{x}/sqrt(smooth_abs({x}, small_level))", constants=_G),
         Part("pipe", HYDRAULIC, _ENDS, "resists", "resistance to laminar flow", "s/m^2", (1e-2, 1e8)),
         Part("pipe_inertia", HYDRAULIC, _ENDS, "stores through", "inertia, length/(g area)", "s^2/m^2", (1e-2, 1e8)),
-        Part("pump", HYDRAULIC, _ENDS, "sets through", "flow for one unit of its input", "m^3/s", (1e-8, 1.0), given="gain"),
+        Part("pump", HYDRAULIC, _ENDS, "sets through", "flow for one unit of its input", "m^3/s", (1e-8, 1.0),
+             given="gain"),
         _input("inflow", HYDRAULIC, ("node",), False),
         _input("level", HYDRAULIC, ("node",), True),
     )

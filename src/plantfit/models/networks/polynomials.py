@@ -109,7 +109,8 @@ ONE = Polynomial.number(1)
 
 
 def gcd(a: Polynomial, b: Polynomial) -> Polynomial:
-    """The greatest common divisor, by primitive remainders in one symbol after another (Knuth, The Art of Computer Programming, 4.6.1)."""
+    """The greatest common divisor, by primitive remainders in one symbol after another (Knuth, The Art of Computer
+    Programming, 4.6.1)."""
     if not a or not b:
         return _positive(a or b)
     shared = sorted(a.symbols() & b.symbols())

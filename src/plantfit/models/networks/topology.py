@@ -1,4 +1,5 @@
-"""What cannot be a plant, found before its equations are solved: nodes that hang, and quantities that are given twice or by nothing."""
+"""What cannot be a plant, found before its equations are solved: nodes that hang, and quantities that are given
+twice or by nothing."""
 
 from plantfit.errors import EquationError
 from plantfit.models.networks.netlist import Netlist, Placed
@@ -20,10 +21,12 @@ def rigid(netlist: Netlist, parts: tuple[str, ...]) -> EquationError:
     named = _listed(parts)
     if len(stores) > 1:
         return netlist.wrong(
-            f"{named} are joined rigidly, so that {_listed(stores)} are one store: write one of them, which then stands for all, or join "
+            f"{named} are joined rigidly, so that {_listed(stores)} are one store: write one of them, which then "
+            f"stands for all, or join "
             "them by a spring or a resistor", line, parts[0])  # fmt: skip
     return netlist.wrong(
-        f"{named} fix one quantity twice, or leave it to none; take one away, or put a part between that gives way", line,
+        f"{named} fix one quantity twice, or leave it to none; take one away, or put a part between that gives way",
+        line,
         parts[0] if parts else "")  # fmt: skip
 
 
@@ -42,7 +45,8 @@ def _hanging(netlist: Netlist) -> None:
         if len(touching) == 1:
             only = touching[0]
             raise netlist.wrong(
-                f"node {node!r} hangs at {only.name} alone, so that no {domain.through.word} can pass; join another part to it, or 0",
+                f"node {node!r} hangs at {only.name} alone, so that no {domain.through.word} can pass; join another "
+                f"part to it, or 0",
                 only.line, node)  # fmt: skip
 
 
@@ -70,7 +74,8 @@ def _loops(netlist: Netlist) -> None:
         )
         one = f", or write {_listed(stores)} as one" if len(stores) == len(parts) else ""
         raise netlist.wrong(
-            f"{_listed(parts)} form a loop in which every {word} is set, so that {_listed(stores)} {'are' if len(stores) > 1 else 'is'} no "
+            f"{_listed(parts)} form a loop in which every {word} is set, so that {_listed(stores)} "
+            f"{'are' if len(stores) > 1 else 'is'} no "
             f"free store; put {between} into it{one}", placed.line, placed.name)  # fmt: skip
 
 
@@ -112,9 +117,14 @@ def _cuts(netlist: Netlist) -> None:
         where = f"node {one!r}" if len(island) == 1 else one
         if setting:
             raise netlist.wrong(
-                f"nothing settles the {domain.across.word} at {where}, where only {_listed(setting)} lead{'s' * (len(setting) == 1)}; "
+                f"nothing settles the {domain.across.word} at {where}, where only {_listed(setting)} "
+                f"lead{'s' * (len(setting) == 1)}; "
                 f"add {domain.holds} there", netlist.parts[setting[0]].line, island[0])  # fmt: skip
-        raise netlist.wrong(f"{where} floats: no part leads from there to node 0; join one of its parts to 0", meeting[0].line, island[0])
+        raise netlist.wrong(
+            f"{where} floats: no part leads from there to node 0; join one of its parts to 0",
+            meeting[0].line,
+            island[0],
+        )
 
 
 def _listed(names: list[str] | tuple[str, ...]) -> str:

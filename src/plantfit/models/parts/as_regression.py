@@ -16,9 +16,11 @@ ROUNDING = 1e-9  # relative size of a difference that rounding explains
 
 @remade
 def as_regression(model: Model) -> LinearModel:
-    """The same equations as columns: output = sum of parameter * column, where column is the output per unit of that parameter.
+    """The same equations as columns: output = sum of parameter * column, where column is the output per unit of that
+    parameter.
 
-    Raises ModelError for a model with states, with tables, and for one that is not linear in its parameters or has a part without any.
+    Raises ModelError for a model with states, with tables, and for one that is not linear in its parameters or has a
+    part without any.
     """
     if model.states:
         raise ModelError(f"{model.name!r} has states and is simulated; a regression has equations of outputs alone.")
@@ -43,12 +45,16 @@ def as_regression(model: Model) -> LinearModel:
         for o, own in columns.items():
             if np.any(zero[o] != 0.0) or not np.all(np.isfinite(own)):
                 raise ModelError(
-                    f"{model.name!r}: with all parameters 0 {o!r} is not 0, so it is no sum of parameters times columns; "
+                    f"{model.name!r}: with all parameters 0 {o!r} is not 0, so it is no sum of parameters times "
+                    f"columns; "
                     "write the part that is known into the target of the regression."
                 )
             size = np.max(np.abs(own) @ some, initial=0.0)
             if np.max(np.abs(mixed[o] - own @ some), initial=0.0) > ROUNDING * size:
-                raise ModelError(f"{model.name!r}: {o!r} is not linear in {', '.join(names)}; write it with one parameter for each column.")
+                raise ModelError(
+                    f"{model.name!r}: {o!r} is not linear in {', '.join(names)}; write it with one parameter for each "
+                    f"column."
+                )
         return columns
 
     return LinearModel(

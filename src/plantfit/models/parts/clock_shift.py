@@ -16,8 +16,8 @@ def shift_name(signal: str) -> str:
 
 @remade
 def with_clock_shift(model: Model, shifts: Mapping[str, tuple[float, float]]) -> Model:
-    """The model whose input `name` acts clock_shift_name seconds later than it was recorded, between bounds (low, high) s that may be
-    negative: a dead time without the sign of one, with its exact derivative.
+    """The model whose input `name` acts clock_shift_name seconds later than it was recorded, between bounds (low, high)
+    s that may be negative: a dead time without the sign of one, with its exact derivative.
 
     Raises ModelError for a channel that is no input, is delayed already, or bounds that are none.
     """
@@ -32,7 +32,10 @@ def _shifted(model: Model, name: str, bounds: Any) -> Model:
         kind = "an output; shift the inputs against it instead" if name in model.outputs else "no channel of the model"
         raise ModelError(f"{where}, which is {kind}; inputs are {list(model.inputs)}.")
     if any(d.input == name for d in model.delays):
-        raise ModelError(f"{where}, which has a dead time already; a shift and a dead time add up to one number, so widen its bounds.")
+        raise ModelError(
+            f"{where}, which has a dead time already; a shift and a dead time add up to one number, so widen its "
+            f"bounds."
+        )
     pair = tuple(bounds) if isinstance(bounds, list | tuple) else ()
     if len(pair) != 2 or not pair[0] < pair[1]:
         raise ModelError(f"{where} is {bounds!r}; write the bounds of the shift in seconds, as in (-0.1, 0.1).")
@@ -51,6 +54,9 @@ def _shifted(model: Model, name: str, bounds: Any) -> Model:
         derivative=read(model.derivative),
         output=read(model.output),
         events=tuple(replace(e, when=read(e.when), then=read(e.then)) for e in model.events),
-        frictions=tuple(replace(f, sliding=read(f.sliding), breakaway=read(f.breakaway), effect=read(f.effect)) for f in model.frictions),
+        frictions=tuple(
+            replace(f, sliding=read(f.sliding), breakaway=read(f.breakaway), effect=read(f.effect))
+            for f in model.frictions
+        ),
         backlashes=tuple(replace(b, drive=read(b.drive), gap=read(b.gap)) for b in model.backlashes),
     )

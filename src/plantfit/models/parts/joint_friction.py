@@ -2,9 +2,9 @@
 
     tau = Fv omega + Fc s(omega) + Fs s(omega) exp(-(omega/vs)^2) + mu |load| s(omega) + offset         (1)
 
-Fv viscous, Fc Coulomb, Fs what the breakaway torque has above Coulomb's (Stribeck), mu load-dependent (dimensionless; the load
-is the torque through the joint's gear). s is the sign, smoothed: tanh(omega/width), or 2/pi atan(omega/width); or the presliding
-state of Dahl over a distance d (rad), which keeps a joint at rest where it is:
+Fv viscous, Fc Coulomb, Fs what the breakaway torque has above Coulomb's (Stribeck), mu load-dependent (dimensionless;
+the load is the torque through the joint's gear). s is the sign, smoothed: tanh(omega/width), or 2/pi atan(omega/width);
+or the presliding state of Dahl over a distance d (rad), which keeps a joint at rest where it is:
 
     s' = (omega - |omega| s)/d                                                                         (2)
 
@@ -38,7 +38,8 @@ _KINDS = {
 
 @dataclass(frozen=True)
 class JointFriction:
-    """Which parts of eq. (1) act on a joint; `width` and `stribeck_velocity` (vs) in rad/s, `presliding_distance` (d) in rad.
+    """Which parts of eq. (1) act on a joint; `width` and `stribeck_velocity` (vs) in rad/s, `presliding_distance` (d)
+    in rad.
 
     Raises ModelError for parts that are not known and widths that are not positive.
     """
@@ -98,7 +99,9 @@ def _parts(given: str | Sequence[str]) -> tuple[str, ...]:
     parts = (given,) if isinstance(given, str) else tuple(given)
     for k, part in enumerate(parts):
         if part not in _KINDS:
-            raise ModelError(f"friction has the part {part!r}.{suggest(str(part), _KINDS)} Known are {', '.join(_KINDS)}.")
+            raise ModelError(
+                f"friction has the part {part!r}.{suggest(str(part), _KINDS)} Known are {', '.join(_KINDS)}."
+            )
         if part in parts[:k]:
             raise ModelError(f"friction names {part!r} twice; name each part once.")
     return parts

@@ -19,8 +19,14 @@ class ModalBlock:
     order: int
 
     def parameters(self) -> tuple[Declared, ...]:
-        times = [Declared(f"tau{i + 1}", "s", (0.01, 1e4), "log", sentence="time constant of a mode") for i in range(self.order)]
-        shares = [Declared(f"c{i + 1}", "", (-10.0, 10.0), sentence="share of the mode in the output") for i in range(self.order - 1)]
+        times = [
+            Declared(f"tau{i + 1}", "s", (0.01, 1e4), "log", sentence="time constant of a mode")
+            for i in range(self.order)
+        ]
+        shares = [
+            Declared(f"c{i + 1}", "", (-10.0, 10.0), sentence="share of the mode in the output")
+            for i in range(self.order - 1)
+        ]
         return (*times, *shares)
 
     def states(self, unit: str | None) -> dict[str, str | None]:
@@ -53,12 +59,20 @@ class CompanionBlock:
     def parameters(self) -> tuple[Declared, ...]:
         units = ("s", "s^2", "s^3")
         return tuple(
-            Declared(f"a{i + 1}", units[i], (0.01 ** (i + 1), 1e3 ** (i + 1)), "log", sentence=f"coefficient of derivative {i + 1}")
+            Declared(
+                f"a{i + 1}",
+                units[i],
+                (0.01 ** (i + 1), 1e3 ** (i + 1)),
+                "log",
+                sentence=f"coefficient of derivative {i + 1}",
+            )
             for i in range(self.order)
         )
 
     def states(self, unit: str | None) -> dict[str, str | None]:
-        return {f"z{i + 1}": None if unit is None else f"({unit or '1'})/s^{i}" if i else unit for i in range(self.order)}
+        return {
+            f"z{i + 1}": None if unit is None else f"({unit or '1'})/s^{i}" if i else unit for i in range(self.order)
+        }
 
     def derivative(self, x: Named, v: Any, p: Named) -> Named:
         known = x["z1"] + sum(p[f"a{i}"] * x[f"z{i + 1}"] for i in range(1, self.order))

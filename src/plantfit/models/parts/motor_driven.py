@@ -1,4 +1,5 @@
-"""A mechanism whose torque comes from a DC motor: winding and back-EMF added to any model that is driven by a torque."""
+"""A mechanism whose torque comes from a DC motor: winding and back-EMF added to any model that is driven by a
+torque."""
 
 from dataclasses import replace
 
@@ -14,17 +15,22 @@ _WINDING = (
 
 
 def motor_driven(model: Model, torque: str, speed: str, gear: float = 1.0) -> Model:
-    """The model with input `torque` (N m) given by a motor, in its place the voltage V; `speed` (rad/s) is the state that it turns with.
+    """The model with input `torque` (N m) given by a motor, in its place the voltage V; `speed` (rad/s) is the state
+    that it turns with.
 
         Lm i' = V - Rm i - Kb gear speed ;  torque = gear Kt i
 
-    Further state i (A), from 0. The rotor's inertia and friction are the mechanism's, which must have them: they add to its own.
-    Source: as `dc_motor`. Raises ModelError for a name that the model does not have, or has already.
+    Further state i (A), from 0. The rotor's inertia and friction are the mechanism's, which must have them: they add to
+    its own. Source: as `dc_motor`. Raises ModelError for a name that the model does not have, or has already.
     """
     if torque not in model.inputs or speed not in model.states:
         has = f"{model.name!r} has the inputs {list(model.inputs)} and states {list(model.states)}"
         raise ModelError(f"motor_driven: torque {torque!r}, speed {speed!r}; {has}, name one of each.")
-    taken = {*model.states, *model.inputs, *(p.name for p in model.parameters)} & {"i", "V", *(p.name for p in _WINDING)}
+    taken = {*model.states, *model.inputs, *(p.name for p in model.parameters)} & {
+        "i",
+        "V",
+        *(p.name for p in _WINDING),
+    }
     if taken:
         raise ModelError(f"motor_driven: {model.name!r} already has {sorted(taken)[0]!r}; rename it there.")
     rate, output, start = model.derivative, model.output, model.initial_state

@@ -33,7 +33,9 @@ def saturation(unit: str | None) -> Curve:
 
 def dead_zone(unit: str | None) -> Curve:
     """0 between low and high, x beyond, less the edge."""
-    return Curve(lambda x, p: CALLS["deadzone"].evaluate(x, p["low"], p["high"]), _edges(unit, "the input has no effect"))
+    return Curve(
+        lambda x, p: CALLS["deadzone"].evaluate(x, p["low"], p["high"]), _edges(unit, "the input has no effect")
+    )
 
 
 def free_table(name: str, nodes: tuple[float, ...], unit: str | None, sentence: str) -> Curve:
@@ -43,10 +45,13 @@ def free_table(name: str, nodes: tuple[float, ...], unit: str | None, sentence: 
 
 
 def pinned_table(name: str, nodes: tuple[float, ...], unit: str | None) -> Curve:
-    """A table in the unit of its nodes that meets the first and the last node: scale and offset stay with what follows."""
+    """A table in the unit of its nodes that meets the first and the last node: scale and offset stay with what
+    follows."""
     span = nodes[-1] - nodes[0]
     bounds = (nodes[0] - span, nodes[-1] + span)
-    inner = Declared(name, unit, bounds, sentence="curve at the inner nodes; it meets the end nodes", shape=(len(nodes) - 2,))
+    inner = Declared(
+        name, unit, bounds, sentence="curve at the inner nodes; it meets the end nodes", shape=(len(nodes) - 2,)
+    )
 
     def value(x: Any, p: Named) -> Any:
         first, last = jnp.asarray(nodes[:1]), jnp.asarray(nodes[-1:])
@@ -68,7 +73,10 @@ def polynomial(degree: int, unit: str | None, argument_unit: str | None) -> Curv
         return result
 
     sentences = ["value at 0", "slope at 0", *(f"coefficient of power {k}" for k in range(2, degree + 1))]
-    return Curve(value, tuple(Declared(*entry[:3], sentence=entry[3]) for entry in zip(names, units, bounds, sentences, strict=True)))
+    return Curve(
+        value,
+        tuple(Declared(*entry[:3], sentence=entry[3]) for entry in zip(names, units, bounds, sentences, strict=True)),
+    )
 
 
 def _edges(unit: str | None, what: str) -> tuple[Declared, ...]:

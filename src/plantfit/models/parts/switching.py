@@ -29,9 +29,9 @@ class Event:
 class Friction:
     """Coulomb friction that sticks, opposing the state `velocity`; the derivative of the model leaves it out.
 
-    `sliding(x, u, p)` is the size of the friction force while moving (it may depend on the velocity, as Stribeck's does),
-    `breakaway(x, u, p)` the largest force at rest (N or N m). `effect(x, u, p)` maps the states that the force acts on
-    to their rate per unit of force: {"v": 1 / m}. It must name `velocity`.
+    `sliding(x, u, p)` is the size of the friction force while moving (it may depend on the velocity, as Stribeck's
+    does), `breakaway(x, u, p)` the largest force at rest (N or N m). `effect(x, u, p)` maps the states that the force
+    acts on to their rate per unit of force: {"v": 1 / m}. It must name `velocity`.
     """
 
     velocity: str
@@ -54,7 +54,8 @@ class Backlash:
 
 @dataclass(frozen=True)
 class StateDelay:
-    """A late copy of a state: `channel` holds state(t - parameter), the parameter in seconds, and state(t0) before t0."""
+    """A late copy of a state: `channel` holds state(t - parameter), the parameter in seconds, and state(t0) before
+    t0."""
 
     channel: str
     state: str

@@ -87,7 +87,9 @@ def lookup2(values: Any, nodes: tuple[Nodes, Nodes], y: Any, u: Any) -> Any:
 def _checked(values: Any, shape: tuple[int, ...]) -> Any:
     values = _floats(values)
     if values.shape != shape:
-        raise ModelError(f"A table with nodes of shape {shape} has values of shape {values.shape}; give one value for each node.")
+        raise ModelError(
+            f"A table with nodes of shape {shape} has values of shape {values.shape}; give one value for each node."
+        )
     return values
 
 
@@ -165,7 +167,11 @@ def _density(nodes: Nodes, x: Any) -> Any:
     def found():
         grid, at = np.asarray(nodes, dtype=float), _floats(x)
         steps = np.diff(grid)
-        density = jnp.asarray(1.0 / steps).at[_cell(nodes, x)[0]].get(mode="promise_in_bounds") if not _is_even(grid) else _rate(grid)
+        density = (
+            jnp.asarray(1.0 / steps).at[_cell(nodes, x)[0]].get(mode="promise_in_bounds")
+            if not _is_even(grid)
+            else _rate(grid)
+        )
         return jnp.where(at >= grid[-1], 0.0, jnp.where(at < grid[0], 0.0, density))
 
     return _once(("density", tuple(nodes), id(x)), x, found)
@@ -181,10 +187,12 @@ class _Known(dict[Any, tuple[Any, Any]]):
 
 @contextmanager
 def shared_lookups(share: bool = True, slopes: bool = False) -> Iterator[None]:
-    """Within, tables over the same nodes look up their place at the same value once, also where derivatives are taken backwards.
+    """Within, tables over the same nodes look up their place at the same value once, also where derivatives are taken
+    backwards.
 
-    With `slopes` a table is read once for values and slopes in all directions; for functions whose arrays are jax's own. Without
-    `share` nothing is shared: for functions with control flow that read the same value inside a branch and outside of it.
+    With `slopes` a table is read once for values and slopes in all directions; for functions whose arrays are jax's
+    own. Without `share` nothing is shared: for functions with control flow that read the same value inside a branch and
+    outside of it.
     """
     before = _KNOWN.get()
     token = _KNOWN.set((_Known(slopes) if before is None else before) if share else None)
@@ -248,4 +256,6 @@ def _check_nodes(name: str, signal: str, nodes: Sequence[float]) -> None:
         raise ModelError(f"{where} are {list(nodes)}; write finite numbers.")
     for k, (a, b) in enumerate(pairwise(nodes)):
         if a >= b:
-            raise ModelError(f"{where} do not increase at number {k + 1} ({a:g}, then {b:g}); sort them and drop repeated ones.")
+            raise ModelError(
+                f"{where} do not increase at number {k + 1} ({a:g}, then {b:g}); sort them and drop repeated ones."
+            )

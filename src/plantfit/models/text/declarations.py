@@ -17,7 +17,9 @@ from plantfit.models.text.functions import CALLS, CONSTANTS
 from plantfit.models.text.suggest import suggest
 from plantfit.models.text.table_text import read_table
 
-RESERVED = frozenset({*CONSTANTS, *CALLS, "t", "delay"})  # play and friction are read as functions only where they are called
+RESERVED = frozenset(
+    {*CONSTANTS, *CALLS, "t", "delay"}
+)  # play and friction are read as functions only where they are called
 
 _QUANTITY = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)(?P<unit>.*)", re.DOTALL)
 _PARAMETER_KEYS = tuple(f.name for f in fields(Declared) if f.name != "name")
@@ -33,7 +35,8 @@ class Constant:
 
 @dataclass(frozen=True)
 class Declarations:
-    """Names of a model, by kind. `initial` holds a number or an expression for every state, `parameters` those of tables too."""
+    """Names of a model, by kind. `initial` holds a number or an expression for every state, `parameters` those of
+    tables too."""
 
     model: str
     inputs: Mapping[str, str | None]
@@ -48,7 +51,9 @@ class Declarations:
         return {*self.inputs, *self.states, *self.outputs, *self.parameters, *self.constants}
 
 
-def declare(model: str, inputs: Any, states: Any, outputs: Any, parameters: Any, constants: Any, tables: Any = None) -> Declarations:
+def declare(
+    model: str, inputs: Any, states: Any, outputs: Any, parameters: Any, constants: Any, tables: Any = None
+) -> Declarations:
     """Check and unify declarations. Raises ModelError that names the entry."""
     where = f"Model {model!r}"
     given = {
@@ -84,7 +89,10 @@ def _table(where: str, kind: str, given: Any) -> dict[str, Any]:
     if isinstance(given, Mapping):
         return dict(given)
     if isinstance(given, Iterable) and not isinstance(given, str):
-        return {(entry.name if isinstance(entry, Declared) else entry): (entry if isinstance(entry, Declared) else None) for entry in given}
+        return {
+            (entry.name if isinstance(entry, Declared) else entry): (entry if isinstance(entry, Declared) else None)
+            for entry in given
+        }
     raise ModelError(f"{where}: {kind} are {given!r}; write a table of names and units, with an entry such as u = 'V'.")
 
 
@@ -94,15 +102,22 @@ def _check_names(where: str, tables: Mapping[str, Mapping[str, Any]]) -> None:
         for name in table:
             if not isinstance(name, str) or not name.isidentifier() or iskeyword(name):
                 raise ModelError(
-                    f"{where}: {kind} have the name {name!r}; use letters, digits and _, not a digit first, and no Python keyword."
+                    f"{where}: {kind} have the name {name!r}; use letters, digits and _, not a digit first, and no "
+                    f"Python keyword."
                 )
             if name != unicodedata.normalize("NFKC", name):
                 plain = unicodedata.normalize("NFKC", name)
-                raise ModelError(f"{where}: the name {name!r} in {kind} has letters with a simpler form; write {plain!r}.")
+                raise ModelError(
+                    f"{where}: the name {name!r} in {kind} has letters with a simpler form; write {plain!r}."
+                )
             if name in RESERVED:
-                raise ModelError(f"{where}: {kind} have the name {name!r}, which equations use themselves; choose another name.")
+                raise ModelError(
+                    f"{where}: {kind} have the name {name!r}, which equations use themselves; choose another name."
+                )
             if name in seen and {seen[name], kind} not in ({"states", "outputs"}, {"parameters", "tables"}):
-                raise ModelError(f"{where}: {name!r} is declared in {seen[name]} and in {kind}; give each its own name.")
+                raise ModelError(
+                    f"{where}: {name!r} is declared in {seen[name]} and in {kind}; give each its own name."
+                )
             seen[name] = kind
 
 
@@ -134,7 +149,10 @@ def _parameter(where: str, name: str, value: Any) -> Declared:
     if value is None or isinstance(value, str):
         return Declared(name, unit=value)
     if not isinstance(value, Mapping):
-        raise ModelError(f"{where}: parameter {name!r} is {value!r}; write a table with entries such as unit = 'V' and bounds = [0, 1].")
+        raise ModelError(
+            f"{where}: parameter {name!r} is {value!r}; write a table with entries such as unit = 'V' and bounds = [0, "
+            f"1]."
+        )
     _check_keys(where, "parameter", name, value, _PARAMETER_KEYS)
     return _checked(where, Declared(name, **value))
 
@@ -152,7 +170,10 @@ def _checked(where: str, p: Declared) -> Declared:
         p = replace(p, bounds=(low, high))
     if p.limits is not None:
         if isinstance(p.limits, str) or not isinstance(p.limits, Iterable) or len(tuple(p.limits)) != 2:
-            raise ModelError(f"{where}: {what} has limits {p.limits!r}; write two numbers, (low, high), infinite where there is no limit.")
+            raise ModelError(
+                f"{where}: {what} has limits {p.limits!r}; write two numbers, (low, high), infinite where there is no "
+                f"limit."
+            )
         p = replace(p, limits=tuple(p.limits))
     _unit(where, "parameter", p.name, p.unit)
     return p
@@ -161,11 +182,16 @@ def _checked(where: str, p: Declared) -> Declared:
 def _table_parameter(where: str, table: Table, p: Declared) -> Declared:
     """The values of a table: what `parameters` say about them, in the table's unit and shape."""
     if p.unit is not None and table.unit is not None and p.unit != table.unit:
-        raise ModelError(f"{where}: table {p.name!r} is in {table.unit!r} but its parameter in {p.unit!r}; give one unit.")
+        raise ModelError(
+            f"{where}: table {p.name!r} is in {table.unit!r} but its parameter in {p.unit!r}; give one unit."
+        )
     for what, value in _given_numbers(p):
         if _shape(value) not in ((), table.shape):
             nodes = " x ".join(map(str, table.shape))
-            raise ModelError(f"{where}: table {p.name!r} has {nodes} nodes but {what} {value!r}; give one for each node, or one for all.")
+            raise ModelError(
+                f"{where}: table {p.name!r} has {nodes} nodes but {what} {value!r}; give one for each node, or one for "
+                f"all."
+            )
     over = " and ".join(table.over)
     return replace(p, unit=table.unit or p.unit, shape=table.shape, sentence=p.sentence or f"table over {over}")
 
@@ -175,12 +201,19 @@ def _single(where: str, p: Declared) -> Declared:
     arrays = [what for what, value in _given_numbers(p) if _shape(value) != ()]
     if p.shape or arrays:
         what = arrays[0] if arrays else f"the shape {p.shape}"
-        raise ModelError(f"{where}: parameter {p.name!r} has {what} of an array but is no table; declare it in tables or give one number.")
+        raise ModelError(
+            f"{where}: parameter {p.name!r} has {what} of an array but is no table; declare it in tables or give one "
+            f"number."
+        )
     return p
 
 
 def _given_numbers(p: Declared) -> list[tuple[str, Any]]:
-    return [(what, value) for what, value in (("a value", p.value), *(("a bound", b) for b in p.bounds or ())) if value is not None]
+    return [
+        (what, value)
+        for what, value in (("a value", p.value), *(("a bound", b) for b in p.bounds or ()))
+        if value is not None
+    ]
 
 
 def _shape(numbers: Any) -> tuple[int, ...] | None:
@@ -221,4 +254,6 @@ def _check_keys(where: str, kind: str, name: str, value: Mapping[str, Any], know
     for key in value:
         if key not in known:
             hint = suggest(str(key), known)
-            raise ModelError(f"{where}: {kind} {name!r} has the key {key!r}, which is not known.{hint} Known are {', '.join(known)}.")
+            raise ModelError(
+                f"{where}: {kind} {name!r} has the key {key!r}, which is not known.{hint} Known are {', '.join(known)}."
+            )

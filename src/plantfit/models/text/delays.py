@@ -68,21 +68,25 @@ class DelayTable:
         if moving or names & {"t"}:
             message = (
                 "A dead time has to be a parameter, a constant or a number of seconds: one that changes with "
-                f"{', '.join(moving) or 'time'} is not there yet. Write delay({delayed}, L) with a parameter L, which holds for one "
+                f"{', '.join(moving) or 'time'} is not there yet. Write delay({delayed}, L) with a parameter L, which "
+                f"holds for one "
                 "operating point, and let it differ between recordings with per_recording = true."
             )
             raise EquationError(message, self.text, *time.start)
         known = [*(p for p in self.declared.parameters if p not in self.declared.tables), *self.declared.constants]
         given = f"{time.name!r} is none of them" if time.op == "name" else "this is none of them"
         message = (
-            f"The second argument of delay() is a parameter, a constant or a number of seconds, and {given}.{suggest(time.name, known)} "
+            f"The second argument of delay() is a parameter, a constant or a number of seconds, and "
+            f"{given}.{suggest(time.name, known)} "
             f"Known are {', '.join(known) or 'none'}."
         )
         raise EquationError(message, self.text, *time.start)
 
     def _fixed(self, delayed: str, seconds: float, time: Node) -> str:
         if seconds < 0:
-            raise EquationError(f"A delay of {seconds:g} s looks into the future; write a time of 0 s or more.", self.text, *time.start)
+            raise EquationError(
+                f"A delay of {seconds:g} s looks into the future; write a time of 0 s or more.", self.text, *time.start
+            )
         if seconds == 0 and delayed in self.declared.states:
             raise EquationError(f"A state 0 s ago is the state itself; write {delayed}.", self.text, *time.start)
         taken = self.declared.names()

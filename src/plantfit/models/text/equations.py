@@ -69,7 +69,8 @@ def equations(
     `nodes` their operating points, as numbers or {"from", "to", "count"}. `k(y)` or `k(y, u)` is then
     linear between the nodes and constant outside. Its values are a parameter with one entry for each
     node, whose bounds or known value stand in `parameters`.
-    check: compare units throughout; those that are not declared may be any, but the declared ones must not contradict each other.
+    check: compare units throughout; those that are not declared may be any, but the declared ones must not contradict
+    each other.
 
     Raises EquationError (with line and column) for anything wrong in the text, ModelError for
     declarations that contradict it, UnitError for units that do not exist.
@@ -143,7 +144,10 @@ class _Builder:
         d, target = self.declared, statement.target
         if statement.derivative:
             if target not in d.states:
-                raise self._fail(f"{target!r} is not a state; states are {list(d.states)}.{suggest(target, d.states)}", statement.place)
+                raise self._fail(
+                    f"{target!r} is not a state; states are {list(d.states)}.{suggest(target, d.states)}",
+                    statement.place,
+                )
         elif target in d.states:
             if statement.right.op != "play":
                 raise self._fail(f"{target!r} is a state; write {target}' = ... for its derivative.", statement.place)
@@ -152,12 +156,16 @@ class _Builder:
             statement = replace(statement, derivative=True, right=rest)
         elif target in d.inputs or target in d.parameters or target in d.constants:
             kind = "an input" if target in d.inputs else "a parameter" if target in d.parameters else "a constant"
-            raise self._fail(f"{target!r} is {kind} and cannot be given by an equation; choose another name.", statement.place)
+            raise self._fail(
+                f"{target!r} is {kind} and cannot be given by an equation; choose another name.", statement.place
+            )
         elif target in RESERVED:
             raise self._fail(f"{target!r} has a meaning of its own in equations; choose another name.", statement.place)
         table = self.derivatives if statement.derivative else self.values
         if target in table:
-            raise self._fail(f"{target!r} has an equation already in line {table[target].place[0] + 1}; keep one.", statement.place)
+            raise self._fail(
+                f"{target!r} has an equation already in line {table[target].place[0] + 1}; keep one.", statement.place
+            )
         table[target] = statement
 
     def _read_initial(self, state: str) -> Node | float:
@@ -173,7 +181,9 @@ class _Builder:
             raise EquationError(f"Initial value of {state!r}: {reason}", given, error.line, error.column) from None
         for part in node.walk():
             if part.op in SPECIAL:
-                raise EquationError(f"Initial value of {state!r}: {part.op}() has no meaning at the start.", given, *part.place)
+                raise EquationError(
+                    f"Initial value of {state!r}: {part.op}() has no meaning at the start.", given, *part.place
+                )
             if part.op == "name" and part.name in d.tables:
                 raise EquationError(f"Initial value of {state!r}: {_bare(d.tables[part.name])}", given, *part.place)
             if part.op == "name" and part.name not in known:
@@ -222,7 +232,8 @@ class _Builder:
                 if following in path:
                     circle = " -> ".join([*path[path.index(following) :], following])
                     raise self._fail(
-                        f"These values need one another in a circle: {circle}; break it or make one a state.", self.values[following].place
+                        f"These values need one another in a circle: {circle}; break it or make one a state.",
+                        self.values[following].place,
                     )
                 if following is not None:
                     path.append(following)
@@ -243,7 +254,9 @@ class _Builder:
         for kind, names in (("input", d.inputs), ("parameter", d.parameters)):
             for name in names:
                 if name not in used:
-                    raise ModelError(f"Model {d.model!r}: {kind} {name!r} is never used in the equations; use it or delete it.")
+                    raise ModelError(
+                        f"Model {d.model!r}: {kind} {name!r} is never used in the equations; use it or delete it."
+                    )
 
     def _check_units(self, check: bool) -> None:
         """Check every expression; declared units must exist even when `check` is off."""
@@ -264,7 +277,8 @@ class _Builder:
         self._refuse_two_zeros(named, states, outputs)
 
     def _units(self, given: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
-        """Units of inputs, parameters and constants, of states and of outputs, those that are not declared as `given`, else None."""
+        """Units of inputs, parameters and constants, of states and of outputs, those that are not declared as
+        `given`, else None."""
         d = self.declared
 
         def those(kind: str, declared: Mapping[str, str | None]) -> dict[str, Any]:
@@ -276,7 +290,8 @@ class _Builder:
         return named, those("state", d.states), those("output", d.outputs)
 
     def check_beside(self, parameters: Mapping[str, str], recorded: Mapping[str, str]) -> None:
-        """Raise EquationError where units that a problem gives to parameters, or recordings to signals, contradict the declared ones."""
+        """Raise EquationError where units that a problem gives to parameters, or recordings to signals, contradict
+        the declared ones."""
         self.whole_model().check_beside(parameters, recorded)
         self._refuse_two_zeros(*self._units({**parameters, **{n: unit for n, unit in recorded.items() if known(unit)}}))
 
@@ -292,7 +307,9 @@ class _Builder:
         whole.initial(self.initial)
         return whole
 
-    def _check_known_units(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+    def _check_known_units(
+        self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]
+    ) -> None:
         """Follow declared units through every expression, as far as all that it reads is declared."""
         d = self.declared
         numbers = {n: c.value for n, c in d.constants.items()}
@@ -312,13 +329,17 @@ class _Builder:
             checker.expect(statement.right, None if unit is None else unit / second, f"The derivative of {state!r}")
         self.hybrid.check_units(checker, states)
         for output in (o for o in outputs if o in states):
-            UnitChecker({output: states[output]}, {}, output).expect(self._output_node(output), outputs[output], f"Output {output!r}")
+            UnitChecker({output: states[output]}, {}, output).expect(
+                self._output_node(output), outputs[output], f"Output {output!r}"
+            )
         for state, node in self.initial.items():
             if isinstance(node, Node) and node.op != "number":
                 start = UnitChecker({**named, **outputs, TIME: second}, numbers, str(d.initial[state]), axes)
                 start.expect(node, states[state], f"The initial value of {state!r}")
 
-    def _shown_units(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> dict[str, Any]:
+    def _shown_units(
+        self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]
+    ) -> dict[str, Any]:
         """Units of states, of those without unit the one that outputs or initial values show."""
         found = dict(states)
         for output, unit in outputs.items():
@@ -330,7 +351,9 @@ class _Builder:
                 found[state] = {**named, **outputs}.get(node.name)
         return found
 
-    def _refuse_two_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+    def _refuse_two_zeros(
+        self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]
+    ) -> None:
         values = {n: self.values[n].right for n in self.order}
         rates = [s.right for s in self.derivatives.values()]
         units = {**named, **outputs, **self._shown_units(named, states, outputs)}
@@ -341,17 +364,24 @@ class _Builder:
         for state, node in self.initial.items():
             if isinstance(node, Node):
                 refuse_multiple(
-                    f"The initial value of {state!r}", node, {**named, **outputs}, states[state], str(self.declared.initial[state])
+                    f"The initial value of {state!r}",
+                    node,
+                    {**named, **outputs},
+                    states[state],
+                    str(self.declared.initial[state]),
                 )
 
     def _check_zeros(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
-        """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in degC."""
+        """Quotients and powers of temperatures of states without unit, which outputs or initial values show to be in
+        degC."""
         d, found = self.declared, self._shown_units(named, states, outputs)
         degrees = {n: u for n, u in {**named, **found, **outputs}.items() if u is not None and is_point(u)}
         if not any(states[n] is None for n in degrees if n in states):
             return
         axes = {n: (None,) * len(table.over) for n, table in d.tables.items()}
-        checker = UnitChecker(degrees, {n: c.value for n, c in d.constants.items()}, self.text, axes, numbers_known=False)
+        checker = UnitChecker(
+            degrees, {n: c.value for n, c in d.constants.items()}, self.text, axes, numbers_known=False
+        )
         for expression in self._expressions():
             checker.unit(expression)
 
@@ -392,13 +422,17 @@ class _Builder:
             )
             for name, evaluate in needed:
                 values[name] = evaluate(values)
-            return _one_shape({name: evaluate(values) for name, evaluate in results.items()}, x, u, _without(p, d.tables))
+            return _one_shape(
+                {name: evaluate(values) for name, evaluate in results.items()}, x, u, _without(p, d.tables)
+            )
 
         return function
 
     def _initial_function(self) -> Callable[[Named, Named, Named], Named]:
         d = self.declared
-        given = {s: evaluator(n) if isinstance(n, Node) else (lambda _, number=n: number) for s, n in self.initial.items()}
+        given = {
+            s: evaluator(n) if isinstance(n, Node) else (lambda _, number=n: number) for s, n in self.initial.items()
+        }
         constants = {n: c.value for n, c in d.constants.items()}
         read = set().union(*(n.names() for n in self.initial.values() if isinstance(n, Node)))
 
@@ -436,7 +470,10 @@ def _is_quantity(text: str) -> bool:
 
 def _named_first(state: str, given: str) -> str:
     line = f'constants = {{ {state}_0 = "{given}" }}'
-    return f'{given!r} is a number with a unit, which equations do not hold; name it, as in {line}, and write initial = "{state}_0".'
+    return (
+        f"{given!r} is a number with a unit, which equations do not hold; name it, as in {line}, and write initial "
+        f'= "{state}_0".'
+    )
 
 
 def _bare(table: Table) -> str:

@@ -9,7 +9,8 @@ from plantfit.models.text.scan import Place
 
 @dataclass(frozen=True)
 class Node:
-    """`op` is "number" (with `number`), "name" (with `name`), "table" (with `name` and `table`) or a key of `functions.FUNCTIONS`.
+    """`op` is "number" (with `number`), "name" (with `name`), "table" (with `name` and `table`) or a key of
+    `functions.FUNCTIONS`.
 
     `place` is the (line, column) of the operator, function name, number or name, `start` that of
     the first character of the whole expression.

@@ -45,12 +45,17 @@ class FrictionTable:
             return node
         velocity = node.args[0]
         if velocity.op != "name" or velocity.name not in self.declared.states:
-            message = f"friction() takes the velocity first, one of the states {list(self.declared.states)}; write {FORM}."
+            message = (
+                f"friction() takes the velocity first, one of the states {list(self.declared.states)}; write {FORM}."
+            )
             raise EquationError(message, self.text, *velocity.start)
         name = f"friction({velocity.name})"
         known = self.terms.setdefault(name, FrictionTerm(name, velocity.name, node))
         if not _alike(known.call, node):
-            message = f"{velocity.name!r} has another friction in line {known.call.place[0] + 1}; add the forces up inside of one."
+            message = (
+                f"{velocity.name!r} has another friction in line {known.call.place[0] + 1}; add the forces up "
+                f"inside of one."
+            )
             raise EquationError(message, self.text, *node.place)
         return Node("name", node.place, node.start, name=name)
 
@@ -85,7 +90,9 @@ def slope_sign(node: Node, force: str, values: Mapping[str, Node], text: str) ->
             return signs[0] * (-1 if _is_negative(node.args[1]) else 1)
         case "where" if not signs[0]:
             return _joined(signs[1:], node, force, text)
-    raise EquationError(f"{force} must enter linearly, times or over what does not hold it; write {FORM}.", text, *node.place)
+    raise EquationError(
+        f"{force} must enter linearly, times or over what does not hold it; write {FORM}.", text, *node.place
+    )
 
 
 def _joined(signs: list[int], node: Node, force: str, text: str) -> int:

@@ -26,11 +26,12 @@ MANY = 64
 
 @dataclass(frozen=True)
 class Function:
-    """`least` to `most` arguments; `rule` says what units they take and give (`models.text.dimensions`: unit_check and relations).
+    """`least` to `most` arguments; `rule` says what units they take and give (`models.text.dimensions`: unit_check and
+    relations).
 
-    "same": one unit for all arguments and the result; "ratio": one for all arguments, and a number; "plain": numbers; "angle": radians,
-    and a number; "choose": a condition, then as "same"; "logic": anything, and a number; "law": see `like_result`; "times", "over",
-    "power", "root": units are multiplied, divided, raised.
+    "same": one unit for all arguments and the result; "ratio": one for all arguments, and a number; "plain": numbers;
+    "angle": radians, and a number; "choose": a condition, then as "same"; "logic": anything, and a number; "law": see
+    `like_result`; "times", "over", "power", "root": units are multiplied, divided, raised.
 
     `guarded` replaces `evaluate` inside the branches of a piecewise expression. `like_result` are the
     places of arguments of a "law" that share the unit of the result; the others share another.
@@ -68,7 +69,9 @@ def divide_guarded(a: Any, b: Any) -> Any:
 def power_guarded(x: Any, y: Any) -> Any:
     """x ** y with zero derivative where x <= 0 (real exponents have none there)."""
     good = x > 0
-    return jnp.where(good, jnp.power(jnp.where(good, x, 1.0), y), jax.lax.stop_gradient(jnp.power(jnp.asarray(x, dtype=float), y)))
+    return jnp.where(
+        good, jnp.power(jnp.where(good, x, 1.0), y), jax.lax.stop_gradient(jnp.power(jnp.asarray(x, dtype=float), y))
+    )
 
 
 def _atan2(y: Any, x: Any) -> Any:
@@ -153,7 +156,9 @@ CALLS: dict[str, Function] = {
 SPECIAL: dict[str, Function] = {
     "delay": Function(lambda u, _: u, 2, 2, "same", "delay(x, time)"),
     "play": Function(lambda x, _: x, 2, 2, "same", "z = play(x, gap)"),
-    "friction": Function(lambda v, sliding, breakaway=None: sliding, 2, 3, "law", "friction(v, sliding, breakaway)", like_result=(1, 2)),
+    "friction": Function(
+        lambda v, sliding, breakaway=None: sliding, 2, 3, "law", "friction(v, sliding, breakaway)", like_result=(1, 2)
+    ),
 }
 
 FUNCTIONS: dict[str, Function] = {**OPERATORS, **CALLS, **SPECIAL}

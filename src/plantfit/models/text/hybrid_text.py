@@ -20,7 +20,11 @@ import jax.numpy as jnp
 
 Maker = Callable[[Mapping[str, Node]], Callable[..., Any]]  # named expressions to a function (x, u, p[, forces])
 
-_DIRECTIONS: dict[str, Literal["falling", "rising", "both"]] = {"falling": "falling", "rising": "rising", "crossing": "both"}
+_DIRECTIONS: dict[str, Literal["falling", "rising", "both"]] = {
+    "falling": "falling",
+    "rising": "rising",
+    "crossing": "both",
+}
 
 
 @dataclass
@@ -49,7 +53,9 @@ class Hybrid:
                 raise self._fail(message, reset.place)
             if reset.target not in self.declared.states:
                 hint = suggest(reset.target, self.declared.states)
-                raise self._fail(f"{reset.target!r} is not a state; events set {list(self.declared.states)}.{hint}", reset.place)
+                raise self._fail(
+                    f"{reset.target!r} is not a state; events set {list(self.declared.states)}.{hint}", reset.place
+                )
             if reset.target in seen:
                 raise self._fail(f"{reset.target!r} is set twice by this event; keep one.", reset.place)
             seen.add(reset.target)
@@ -69,7 +75,9 @@ class Hybrid:
     def _check_plays(self, rights: Mapping[str, Node], others: Sequence[Node]) -> None:
         for node in (n for root in (*others, *self.expressions()) for n in root.walk()):
             if node.op == "play":
-                message = "play() must stand alone, right of a state without derivative; write z = play(x, gap) and use z."
+                message = (
+                    "play() must stand alone, right of a state without derivative; write z = play(x, gap) and use z."
+                )
                 raise self._fail(message, node.place)
         for state, play in self.plays.items():
             gap = play.right.args[1]
@@ -77,13 +85,17 @@ class Hybrid:
                 raise self._fail("The gap of play() is negative; write half of the whole play, 0 or more.", gap.start)
             for part in play.right.args:
                 if state in _reach(part, rights):
-                    raise self._fail(f"{state!r} follows from play() and cannot drive itself; break the circle.", part.start)
+                    raise self._fail(
+                        f"{state!r} follows from play() and cannot drive itself; break the circle.", part.start
+                    )
 
     def _check_friction(self, term: FrictionTerm, rights: Mapping[str, Node], derivatives: Mapping[str, Node]) -> None:
         outside = [*(rights[o] for o in self.declared.outputs if o in rights), *self.expressions()]
         outside += [a for other in self.frictions.terms.values() for a in other.call.args]
         if any(term.name in _reach(node, rights) for node in outside):
-            message = f"{term.name} acts in derivatives only; outputs, events, play() and other frictions cannot read it."
+            message = (
+                f"{term.name} acts in derivatives only; outputs, events, play() and other frictions cannot read it."
+            )
             raise self._fail(message, term.call.place)
         rate, nodes = derivatives.get(term.velocity), {n: v for n, v in rights.items() if n not in self.frictions.terms}
         for node in self._affected(term, rights, derivatives).values():
@@ -91,9 +103,13 @@ class Hybrid:
         sign = slope_sign(rate, term.name, nodes, self.text) if rate is not None else 0
         if sign >= 0:
             how = "does not slow" if sign == 0 else "speeds up"
-            raise self._fail(f"{term.name} {how} {term.velocity!r}; subtract it in its derivative, as in {FORM}.", term.call.place)
+            raise self._fail(
+                f"{term.name} {how} {term.velocity!r}; subtract it in its derivative, as in {FORM}.", term.call.place
+            )
 
-    def _affected(self, term: FrictionTerm, rights: Mapping[str, Node], derivatives: Mapping[str, Node]) -> dict[str, Node]:
+    def _affected(
+        self, term: FrictionTerm, rights: Mapping[str, Node], derivatives: Mapping[str, Node]
+    ) -> dict[str, Node]:
         return {state: node for state, node in derivatives.items() if term.name in _reach(node, rights)}
 
     def check_units(self, checker: UnitChecker, states: Mapping[str, Any]) -> None:
@@ -121,7 +137,10 @@ class Hybrid:
         )
         frictions = tuple(
             Friction(
-                t.velocity, _scalar(make, t.sliding), _scalar(make, t.breakaway), _effect(make(self._affected(t, rights, rates)), t.name)
+                t.velocity,
+                _scalar(make, t.sliding),
+                _scalar(make, t.breakaway),
+                _effect(make(self._affected(t, rights, rates)), t.name),
             )
             for t in self.frictions.terms.values()
         )
@@ -149,7 +168,8 @@ def _scalar(make: Maker, node: Node) -> Scalar:
 
 
 def _effect(rates: Callable[..., Any], force: str) -> Callable[..., Any]:
-    """Rates per unit of a force that acts along the motion: minus those per unit of what is subtracted, in which they are linear."""
+    """Rates per unit of a force that acts along the motion: minus those per unit of what is subtracted, in which
+    they are linear."""
 
     def effect(x, u, p):
         slopes = jax.jvp(lambda f: rates(x, u, p, {force: f}), (jnp.zeros(()),), (jnp.ones(()),))[1]

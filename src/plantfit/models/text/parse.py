@@ -23,7 +23,8 @@ Tables = Mapping[str, Table]
 
 _BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
 _REFUSED_BINARY = {
-    ast.FloorDiv: "//", ast.Mod: "%", ast.MatMult: "@", ast.LShift: "<<", ast.RShift: ">>", ast.BitOr: "|", ast.BitAnd: "&",
+    ast.FloorDiv: "//", ast.Mod: "%", ast.MatMult: "@", ast.LShift: "<<", ast.RShift: ">>", ast.BitOr: "|",
+    ast.BitAnd: "&",
 }  # fmt: skip
 _COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
 _REFUSED = {
@@ -41,7 +42,14 @@ _REFUSED = {
     ast.NamedExpr: ("An assignment inside an expression", ""),
     ast.Starred: ("A star before an argument", ""),
 }
-_FOLD = {"+": operator.add, "-": operator.sub, "*": operator.mul, "/": np.divide, "**": np.power, "negative": operator.neg}
+_FOLD = {
+    "+": operator.add,
+    "-": operator.sub,
+    "*": operator.mul,
+    "/": np.divide,
+    "**": np.power,
+    "negative": operator.neg,
+}
 
 
 @dataclass(frozen=True)
@@ -123,18 +131,31 @@ class _Reader:
 
     def _syntax(self, error: SyntaxError) -> EquationError:
         if "digits" in error.msg:
-            return self._fail("A number here has too many digits; write it with an exponent, as in 1.5e300.", self.source.place(0))
+            return self._fail(
+                "A number here has too many digits; write it with an exponent, as in 1.5e300.", self.source.place(0)
+            )
         offset = error.offset or 0  # 0, or a second line, when the text ended too early
         k = len(self.line) if offset == 0 or (error.lineno or 1) > 1 else min(offset - 1, len(self.line))
         if k == len(self.line):
-            return self._fail("The expression ends too early; write what is missing, or delete the last operator.", self.source.place(k))
+            return self._fail(
+                "The expression ends too early; write what is missing, or delete the last operator.",
+                self.source.place(k),
+            )
         here, before = self.line[k], self.line[:k].rstrip()[-1:]
         if error.msg.startswith("invalid character"):
             message = f"The character {here!r} cannot be read in equations; delete it, and write powers as x^2."
-        elif "forgot a comma" in error.msg or "decimal literal" in error.msg or (re.match(r"[\w(]", here) and re.match(r"[\w)]", before)):
-            message = "An operator is missing here; write * to multiply, or a comma between the arguments of a function."
+        elif (
+            "forgot a comma" in error.msg
+            or "decimal literal" in error.msg
+            or (re.match(r"[\w(]", here) and re.match(r"[\w)]", before))
+        ):
+            message = (
+                "An operator is missing here; write * to multiply, or a comma between the arguments of a function."
+            )
         else:
-            message = f"The expression cannot be read here ({error.msg}); correct this place, or what is just before it."
+            message = (
+                f"The expression cannot be read here ({error.msg}); correct this place, or what is just before it."
+            )
         return self._fail(message, self.source.place(k))
 
     def _check_depth(self, tree: ast.expr) -> None:
@@ -188,7 +209,10 @@ class _Reader:
         what, symbol = _REFUSED.get(type(node), ("This", ""))
         decimal = re.search(r"\d,\d", self.line) if isinstance(node, ast.Tuple) else None
         if decimal is not None:
-            return self._fail("A comma cannot stand here; write decimals with a point, as in 2.5.", self.source.place(decimal.start() + 1))
+            return self._fail(
+                "A comma cannot stand here; write decimals with a point, as in 2.5.",
+                self.source.place(decimal.start() + 1),
+            )
         match node:
             case ast.Attribute() | ast.Subscript():
                 inner = node.value
@@ -197,7 +221,10 @@ class _Reader:
             case _:
                 inner = None
         place = self._between(inner, symbol) if inner is not None else self._start(node)
-        return self._fail(f"{what} is not allowed in equations; use numbers, names, + - * / ^, comparisons, if-else and functions.", place)
+        return self._fail(
+            f"{what} is not allowed in equations; use numbers, names, + - * / ^, comparisons, if-else and functions.",
+            place,
+        )
 
     def _number(self, node: ast.Constant) -> Node:
         place = self._start(node)
@@ -232,7 +259,9 @@ class _Reader:
         kind = type(node.op)
         if kind in _REFUSED_BINARY:
             symbol = _REFUSED_BINARY[kind]
-            raise self._fail(f"The operator {symbol} is not allowed in equations; use + - * / ^.", self._between(node.left, symbol))
+            raise self._fail(
+                f"The operator {symbol} is not allowed in equations; use + - * / ^.", self._between(node.left, symbol)
+            )
         symbol = _BINARY[kind]
         place = self._between(node.left, symbol)
         left, right = self._node(node.left), self._node(node.right)
@@ -241,7 +270,8 @@ class _Reader:
         return self._folded(Node(symbol, place, self._start(node), (left, right)))
 
     def _folded(self, node: Node) -> Node:
-        """Arithmetic of numbers becomes one number; in float64, so that 9^9^9 ends as an error and not as a long wait."""
+        """Arithmetic of numbers becomes one number; in float64, so that 9^9^9 ends as an error and not as a long
+        wait."""
         if node.op not in _FOLD or any(a.op != "number" for a in node.args):
             return node
         with np.errstate(all="ignore"):
@@ -254,8 +284,12 @@ class _Reader:
         for left, kind, right in zip(values, node.ops, values[1:], strict=False):
             symbol = _COMPARE.get(type(kind))
             if symbol is None:
-                raise self._fail("'in' and 'is' are not allowed in equations; compare with < <= > >= == !=.", self._start(node))
-            pairs.append(Node(symbol, self._between(left, symbol), self._start(left), (self._node(left), self._node(right))))
+                raise self._fail(
+                    "'in' and 'is' are not allowed in equations; compare with < <= > >= == !=.", self._start(node)
+                )
+            pairs.append(
+                Node(symbol, self._between(left, symbol), self._start(left), (self._node(left), self._node(right)))
+            )
         if len(pairs) == 1:
             return pairs[0]
         self._check_count("and", len(pairs), self._start(node))
@@ -274,8 +308,13 @@ class _Reader:
         if name in CROSSINGS:
             raise self._fail(f"{name}() is allowed only after 'when'; write when {name}(x): v = -c*v.", place)
         if name not in known:
-            some = ", ".join(n for n in ("sin", "exp", "sqrt", "tanh", "min", "where", "delay", "friction") if n in known)
-            hint = suggest(name, known) or f" There are {some} and {len(known) - 8} more (docs/models.md); a table must be declared."
+            some = ", ".join(
+                n for n in ("sin", "exp", "sqrt", "tanh", "min", "where", "delay", "friction") if n in known
+            )
+            hint = (
+                suggest(name, known)
+                or f" There are {some} and {len(known) - 8} more (docs/models.md); a table must be declared."
+            )
             raise self._fail(f"The function {name!r} is not known.{hint}", place)
         if node.keywords:
             raise self._fail(f"Arguments are given without names here; write {FUNCTIONS[name].usage}.", place)
@@ -287,13 +326,18 @@ class _Reader:
         if node.keywords:
             raise self._fail(f"Arguments are given without names here; write {usage}.", place)
         if len(node.args) != len(table.over):
-            raise self._fail(f"The table {table.name!r} takes {len(table.over)} arguments, not {len(node.args)}; write {usage}.", place)
+            raise self._fail(
+                f"The table {table.name!r} takes {len(table.over)} arguments, not {len(node.args)}; write {usage}.",
+                place,
+            )
         return Node("table", place, place, tuple(self._node(a) for a in node.args), name=table.name, table=table)
 
     def _check_count(self, name: str, count: int, place: Place) -> None:
         function = FUNCTIONS[name]
         if not function.least <= count <= function.most:
-            expected = f"{function.least}" if function.least == function.most else f"{function.least} to {function.most}"
+            expected = (
+                f"{function.least}" if function.least == function.most else f"{function.least} to {function.most}"
+            )
             usage = f"; write {function.usage}" if function.usage else "; split the expression"
             raise self._fail(f"{name!r} takes {expected} arguments, not {count}{usage}.", place)
 

@@ -56,7 +56,9 @@ class RawStatement:
 def scan(text: str) -> list[Source]:
     """Split text into statements. Raises EquationError for characters and parentheses that cannot stand there."""
     if len(text) > MAX_CHARACTERS:
-        raise EquationError(f"The equations have {len(text)} characters; at most {MAX_CHARACTERS} are read, so write them more briefly.")
+        raise EquationError(
+            f"The equations have {len(text)} characters; at most {MAX_CHARACTERS} are read, so write them more briefly."
+        )
     statements, current, opened = [], Source(), []
     for number, line in enumerate(text.split("\n")):
         for column, character in enumerate(line):
@@ -86,8 +88,14 @@ def split(statement: Source, text: str) -> RawStatement:
     if equals is None:
         double = statement.text.find("==")
         if double >= 0:
-            raise EquationError("'==' compares two values; write one '=' to give a value.", text, *statement.place(double))
-        raise EquationError("There is no '=' here; write name = expression, or name' = expression for a state.", text, *statement.place(0))
+            raise EquationError(
+                "'==' compares two values; write one '=' to give a value.", text, *statement.place(double)
+            )
+        raise EquationError(
+            "There is no '=' here; write name = expression, or name' = expression for a state.",
+            text,
+            *statement.place(0),
+        )
     left = statement.text[:equals]
     match = _TARGET.fullmatch(left)
     if match is None:
@@ -111,7 +119,8 @@ def refuse_quotes(source: Source, text: str) -> None:
         if mark in source.characters:
             place = source.place(source.characters.index(mark))
             raise EquationError(
-                f"The mark {mark} cannot stand in an expression: text is not allowed, and ' belongs after a state, left of '='.",
+                f"The mark {mark} cannot stand in an expression: text is not allowed, and ' belongs after a state, "
+                f"left of '='.",
                 text,
                 *place,
             )
@@ -136,7 +145,9 @@ def _follow_parenthesis(character: str, opened: list[Place], text: str, place: P
         opened.append(place)
         if len(opened) > MAX_PARENTHESES:
             raise EquationError(
-                f"More than {MAX_PARENTHESES} parentheses are open here; split the expression with intermediate names.", text, *place
+                f"More than {MAX_PARENTHESES} parentheses are open here; split the expression with intermediate names.",
+                text,
+                *place,
             )
     elif character == ")":
         if not opened:

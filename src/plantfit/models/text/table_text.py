@@ -34,7 +34,9 @@ def read_nodes(where: str, given: Any) -> tuple[float, ...]:
     """Nodes from a list of numbers or {"from", "to", "count"} (evenly spread, ends included)."""
     if isinstance(given, Mapping):
         if set(given) != set(_RANGE):
-            raise ModelError(f"{where} are {dict(given)!r}; write {{from = 0, to = 20, count = 10}} or a list of numbers.")
+            raise ModelError(
+                f"{where} are {dict(given)!r}; write {{from = 0, to = 20, count = 10}} or a list of numbers."
+            )
         count = given["count"]
         if isinstance(count, bool) or not isinstance(count, int) or not 2 <= count <= _MANY:
             raise ModelError(f"{where} have count {count!r}; write a whole number from 2 to {_MANY}.")
@@ -49,22 +51,32 @@ def read_nodes(where: str, given: Any) -> tuple[float, ...]:
 
 def _from_mapping(where: str, name: str, given: Any) -> Table:
     if not isinstance(given, Mapping):
-        raise ModelError(f"{where}: table {name!r} is {given!r}; write a table with over = ['y'], nodes = [[0, 10, 20]] and unit = 's'.")
+        raise ModelError(
+            f"{where}: table {name!r} is {given!r}; write a table with over = ['y'], nodes = [[0, 10, 20]] and unit = "
+            f"'s'."
+        )
     for key in given:
         if key not in _KEYS:
             raise ModelError(
-                f"{where}: table {name!r} has the key {key!r}, which is not known.{suggest(str(key), _KEYS)} Known are {', '.join(_KEYS)}."
+                f"{where}: table {name!r} has the key {key!r}, which is not known.{suggest(str(key), _KEYS)} Known are "
+                f"{', '.join(_KEYS)}."
             )
     for key in ("over", "nodes"):
         if key not in given:
-            raise ModelError(f"{where}: table {name!r} has no {key!r}; add it, as in over = ['y'], nodes = [[0, 10, 20]].")
+            raise ModelError(
+                f"{where}: table {name!r} has no {key!r}; add it, as in over = ['y'], nodes = [[0, 10, 20]]."
+            )
     over = given["over"]
     over = (over,) if isinstance(over, str) else tuple(over) if isinstance(over, list | tuple) else (over,)
     if not all(isinstance(s, str) for s in over):
-        raise ModelError(f"{where}: table {name!r} is over {given['over']!r}; write names of signals, as in ['y'] or ['y', 'u'].")
+        raise ModelError(
+            f"{where}: table {name!r} is over {given['over']!r}; write names of signals, as in ['y'] or ['y', 'u']."
+        )
     unit = given.get("unit")
     if unit is not None and not isinstance(unit, str):
-        raise ModelError(f"{where}: the unit of table {name!r} is {unit!r}; write a string such as 's', or leave it out.")
+        raise ModelError(
+            f"{where}: the unit of table {name!r} is {unit!r}; write a string such as 's', or leave it out."
+        )
     nodes = [read_nodes(f"{where}: the nodes of table {name!r}", axis) for axis in _axes(given["nodes"], len(over))]
     return Table(name, over, tuple(nodes), unit)
 
@@ -73,7 +85,11 @@ def _axes(nodes: Any, count: int) -> list[Any]:
     """One entry for each signal; over one signal the outer list may be left out."""
     if isinstance(nodes, np.ndarray):
         nodes = nodes.tolist()
-    one = isinstance(nodes, Mapping) or not isinstance(nodes, list | tuple) or not any(isinstance(n, list | tuple | Mapping) for n in nodes)
+    one = (
+        isinstance(nodes, Mapping)
+        or not isinstance(nodes, list | tuple)
+        or not any(isinstance(n, list | tuple | Mapping) for n in nodes)
+    )
     return [nodes] if count == 1 and one else list(nodes) if isinstance(nodes, list | tuple) else [nodes]
 
 

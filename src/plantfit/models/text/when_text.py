@@ -35,7 +35,9 @@ def split_when(source: Source, text: str) -> RawWhen:
     if head is None or head["kind"] not in CROSSINGS:
         after = re.match(r"when\s*", line)
         raise EquationError(
-            f"After 'when' an event is needed, such as falling(x); {_FORM}.", text, *source.place(after.end() if after else 0)
+            f"After 'when' an event is needed, such as falling(x); {_FORM}.",
+            text,
+            *source.place(after.end() if after else 0),
         )
     closed = _closing(line, head.start("opened"))
     condition = source.part(head.end(), closed).stripped()
@@ -45,14 +47,18 @@ def split_when(source: Source, text: str) -> RawWhen:
     rest = line[closed + 1 :]
     colon = closed + 1 + len(rest) - len(rest.lstrip())
     if line[colon : colon + 1] != ":":
-        raise EquationError(f"After {head['kind']}(...) a ':' and a state that jumps are needed; {_FORM}.", text, *source.place(colon))
+        raise EquationError(
+            f"After {head['kind']}(...) a ':' and a state that jumps are needed; {_FORM}.", text, *source.place(colon)
+        )
     resets = tuple(_reset(part, text, source.place(colon)) for part in _between_commas(source.part(colon + 1)))
     return RawWhen(head["kind"], source.place(head.start("kind")), condition, resets)
 
 
 def _reset(part: Source, text: str, colon: Place) -> RawStatement:
     if not part.characters:
-        raise EquationError("A state and its new value are missing here; write state = expression, several with commas.", text, *colon)
+        raise EquationError(
+            "A state and its new value are missing here; write state = expression, several with commas.", text, *colon
+        )
     return split(part, text)
 
 

@@ -24,7 +24,9 @@ _LOCK = threading.Lock()
 def _target_machine() -> Any:
     llvm, here = llvm_binding(), host()
     target = llvm.Target.from_triple(llvm.get_process_triple())
-    return target.create_target_machine(cpu=here.cpu, features=here.features, opt=3, reloc="default", codemodel="jitdefault", jit=True)
+    return target.create_target_machine(
+        cpu=here.cpu, features=here.features, opt=3, reloc="default", codemodel="jitdefault", jit=True
+    )
 
 
 def key_of(text: str) -> str:
@@ -109,7 +111,8 @@ def _object_code(text: str, key: str) -> bytes:
 
 
 def read_object(file: Path, key: str) -> bytes | None:
-    """The object code that `write_object` put into a file; None where there is none, or not that: it is linked unseen."""
+    """The object code that `write_object` put into a file; None where there is none, or not that: it is linked
+    unseen."""
     try:
         with file.open("rb") as opened:
             if not stat.S_ISREG(os.fstat(opened.fileno()).st_mode):
@@ -155,7 +158,9 @@ def compile_text(text: str) -> bytes:
 def _optimised(text: str) -> Any:
     """The module after LLVM's -O3 pipeline without its vectorisers and unrolling: the text is vectorised already."""
     llvm, machine = llvm_binding(), _target_machine()
-    module = llvm.parse_assembly(f'target triple = "{llvm.get_process_triple()}"\ntarget datalayout = "{machine.target_data}"\n{text}')
+    module = llvm.parse_assembly(
+        f'target triple = "{llvm.get_process_triple()}"\ntarget datalayout = "{machine.target_data}"\n{text}'
+    )
     module.verify()
     options = llvm.create_pipeline_tuning_options(speed_level=3)
     options.loop_vectorization = options.slp_vectorization = options.loop_unrolling = options.loop_interleaving = False

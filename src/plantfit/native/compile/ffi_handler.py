@@ -1,17 +1,18 @@
 """The function that XLA calls, by its C interface for foreign functions (xla/ffi/api/c_api.h)."""
 
-# The version of the interface that the offsets below were written for: XLA refuses a handler of one that it does not serve.
-# jaxlib 0.8.1 to 0.9 have 0.2, jaxlib 0.10 has 0.3, jaxlib 0.12 has 0.5, and both serve 0.2 too.
+# The version of the interface that the offsets below were written for: XLA refuses a handler of one that it does not
+# serve. jaxlib 0.8.1 to 0.9 have 0.2, jaxlib 0.10 has 0.3, jaxlib 0.12 has 0.5, and both serve 0.2 too.
 VERSION = (0, 2)
 # sizeof, as c_api.h counts them, of XLA_FFI_CallFrame, _Args, _Rets and _Buffer
 SIZES = (168, 40, 40, 48)
 
 
 def handler(inputs: int, outputs: int) -> str:
-    """LLVM text of `entry`: answers a query for the version of the interface, else calls `kernel` on the buffers of the frame.
+    """LLVM text of `entry`: answers a query for the version of the interface, else calls `kernel` on the buffers of the
+    frame.
 
-    Offsets are those of XLA_FFI_CallFrame, XLA_FFI_Metadata_Extension and XLA_FFI_Buffer. The first argument holds the sizes
-    K, G and B, and the steps of every group where they differ.
+    Offsets are those of XLA_FFI_CallFrame, XLA_FFI_Metadata_Extension and XLA_FFI_Buffer. The first argument holds the
+    sizes K, G and B, and the steps of every group where they differ.
     """
     lines = _begun()
 
@@ -35,7 +36,8 @@ def handler(inputs: int, outputs: int) -> str:
 
 
 def size_probe() -> str:
-    """LLVM text of an `entry` with one input of 4 int64: it writes there the sizes that XLA gives the four structs of `SIZES`.
+    """LLVM text of an `entry` with one input of 4 int64: it writes there the sizes that XLA gives the four structs of
+    `SIZES`.
 
     A later struct is read only where the size of the one that points to it is as expected.
     """

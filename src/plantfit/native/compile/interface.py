@@ -1,4 +1,5 @@
-"""Whether the jaxlib of this process serves the interface that native loops are written for; asked once, before the first loop."""
+"""Whether the jaxlib of this process serves the interface that native loops are written for; asked once, before the
+first loop."""
 
 import ctypes
 from functools import cache
@@ -21,11 +22,14 @@ PROBE = "plantfit_native_probe"
 def refusal() -> str | None:
     """None where native loops can be called, else one sentence that says why they cannot.
 
-    A function of the interface's version `VERSION` is registered, which XLA refuses where it does not serve that version, and
-    called, to compare the sizes of the structs that it is given with those that it knows.
+    A function of the interface's version `VERSION` is registered, which XLA refuses where it does not serve that
+    version, and called, to compare the sizes of the structs that it is given with those that it knows.
     """
     what = f"Native loops do not run with jaxlib {version('jaxlib')}"
-    then = "loops run as XLA scans, which gives the same answers to rounding but takes longer; see README.md for versions of jax that fit."
+    then = (
+        "loops run as XLA scans, which gives the same answers to rounding but takes longer; see README.md for "
+        "versions of jax that fit."
+    )
     major, minor = ffi_handler.VERSION
     try:
         seen = _sizes_seen()
@@ -51,4 +55,6 @@ def _sizes_seen() -> tuple[int, ...]:
     called = jax.ffi.ffi_call(PROBE, [jax.ShapeDtypeStruct((1,), np.float64)], has_side_effect=True)
     with jax.ensure_compile_time_eval(), jax.default_device(jax.devices("cpu")[0]):
         jax.block_until_ready(jax.jit(called)(np.zeros(1)))
-    return tuple((ctypes.c_int64 * len(ffi_handler.SIZES)).from_address(engine_of(key).get_global_value_address("seen")))
+    return tuple(
+        (ctypes.c_int64 * len(ffi_handler.SIZES)).from_address(engine_of(key).get_global_value_address("seen"))
+    )

@@ -13,7 +13,8 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Host:
-    """LLVM's name and features of the processor, float64 lanes in a vector, most vectors in a block, fused multiply-add."""
+    """LLVM's name and features of the processor, float64 lanes in a vector, most vectors in a block, fused
+    multiply-add."""
 
     cpu: str
     features: str
@@ -58,7 +59,9 @@ def host() -> Host:
     """The processor this process runs on."""
     llvm = llvm_binding()
     features = llvm.get_host_cpu_features()
-    wide = bool(features.get("avx512f") and features.get("avx512dq") and features.get("avx512bw") and features.get("avx512vl"))
+    wide = bool(
+        features.get("avx512f") and features.get("avx512dq") and features.get("avx512bw") and features.get("avx512vl")
+    )
     width = 8 if wide else 4 if features.get("avx2") else 2
     # blocks of 4 vectors need the 32 registers of AVX-512
     arm = llvm.get_process_triple().startswith(("aarch64", "arm64"))

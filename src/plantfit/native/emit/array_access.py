@@ -7,7 +7,16 @@ from collections.abc import Collection
 
 from plantfit.native.emit.emitter import Emitter
 from plantfit.native.emit.llvm_text import MEMORY, REGISTER, SUFFIX, Lanes
-from plantfit.native.emit.storage import Storage, copy, entry_pointer, from_memory, load_at, store_at, to_memory, write_entry
+from plantfit.native.emit.storage import (
+    Storage,
+    copy,
+    entry_pointer,
+    from_memory,
+    load_at,
+    store_at,
+    to_memory,
+    write_entry,
+)
 from plantfit.native.graph.nodes import I64, Node, Region, regions_of
 
 
@@ -145,7 +154,8 @@ _OWN = ("param", "update", "add_at", "pack", "get")  # what makes an array that 
 
 
 def updated_in_place(region: Region, lent: Collection[Node] = ()) -> set[Node]:
-    """The updates and sums of a region that may overwrite their array: it is read last by them, and was made by the region or is `lent`."""
+    """The updates and sums of a region that may overwrite their array: it is read last by them, and was made by the
+    region or is `lent`."""
     last = _last_uses(region)
     made = {*region.params, *region.code}
 
@@ -153,13 +163,18 @@ def updated_in_place(region: Region, lent: Collection[Node] = ()) -> set[Node]:
         made_here = array.depth == region.depth and array.op in _OWN and array in made
         return made_here or array in lent
 
-    return {n for i, n in enumerate(region.code) if n.op in ("update", "add_at") and own(n.args[0]) and last.get(n.args[0]) == i}
+    return {
+        n
+        for i, n in enumerate(region.code)
+        if n.op in ("update", "add_at") and own(n.args[0]) and last.get(n.args[0]) == i
+    }
 
 
 def lent_to_branches(region: Region, lent: Collection[Node] = ()) -> dict[Node, dict[int, Node]]:
     """For every `cond` of a region its results that may stay in the memory of an array of the region, and which.
 
-    The branches read that array last, and each changes it in place or leaves it. `lent` are arrays from outside that are the region's.
+    The branches read that array last, and each changes it in place or leaves it. `lent` are arrays from outside that
+    are the region's.
     """
     last, found = _last_uses(region), dict[Node, dict[int, Node]]()
     made = {*region.params, *region.code, *lent}

@@ -1,7 +1,7 @@
 """The buffers of a kernel: addresses of entries, loads and stores of the lanes of a block.
 
-Constants and carry are (entries, G, B), rows and results (G, K, entries, B): G groups of B lanes, K steps. G or B is 1 where a
-leaf does not vary over it.
+Constants and carry are (entries, G, B), rows and results (G, K, entries, B): G groups of B lanes, K steps. G or B is 1
+where a leaf does not vary over it.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,8 @@ class Leaf:
 class Buffers:
     """Buffers %in0, %in1, ... and %out0, ...; `group`, `lane` and `row` are the registers that addresses refer to.
 
-    In a `narrow` kernel, whose groups end in the last vector of a block, that one is masked and spare lanes repeat the first.
+    In a `narrow` kernel, whose groups end in the last vector of a block, that one is masked and spare lanes repeat the
+    first.
     """
 
     def __init__(self, emitter: Emitter, inputs: Sequence[Leaf], outputs: Sequence[Leaf], narrow: bool):
@@ -58,7 +59,9 @@ class Buffers:
             place = self._vector_of(kind, at, u)
             if self._masked(u):
                 name = f"llvm.masked.load.v{e.width}{SUFFIX[kind]}.p0"
-                raw = e.call(vector, name, ("ptr", place), ("i32", str(align)), (e.vector("i1"), self._tail), (vector, spare))
+                raw = e.call(
+                    vector, name, ("ptr", place), ("i32", str(align)), (e.vector("i1"), self._tail), (vector, spare)
+                )
             else:
                 raw = e.put(f"load {vector}, ptr {place}, align {align}")
             values.append(from_memory(e, leaf.dtype, raw, True))

@@ -42,7 +42,9 @@ def lanes_function(name: str, count: int, width: int) -> str:
     """The definition of `lanes_name`: a C function of `count` arguments applied to each lane of vectors."""
     vector = f"<{width} x double>"
     lines = [f"declare double @{name}({', '.join(['double'] * count)}) nounwind"]
-    lines.append(f"define internal {vector} @lanes_{name}({', '.join(f'{vector} %a{i}' for i in range(count))}) noinline #0 {{")
+    lines.append(
+        f"define internal {vector} @lanes_{name}({', '.join(f'{vector} %a{i}' for i in range(count))}) noinline #0 {{"
+    )
     value = "poison"
     for lane in range(width):
         lines.extend(f"  %x{lane}_{i} = extractelement {vector} %a{i}, i64 {lane}" for i in range(count))

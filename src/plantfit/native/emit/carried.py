@@ -1,4 +1,5 @@
-"""Values that loops and branches hand on: numbers in stack slots, which LLVM promotes to registers, and arrays in memory."""
+"""Values that loops and branches hand on: numbers in stack slots, which LLVM promotes to registers, and arrays in
+memory."""
 
 from collections.abc import Sequence
 

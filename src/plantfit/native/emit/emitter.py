@@ -14,7 +14,9 @@ STACK = 1 << 19  # bytes of arrays that one call may keep on the stack
 class Emitter(FunctionText):
     """`varies` tells whether a node differs between lanes; `constant_storage` finds the memory of a `constant` node."""
 
-    def __init__(self, width: int, vectors: int, varies: Callable[[Node], bool], constant_storage: Callable[[Node], Storage]):
+    def __init__(
+        self, width: int, vectors: int, varies: Callable[[Node], bool], constant_storage: Callable[[Node], Storage]
+    ):
         super().__init__(width, vectors)
         self.varies = varies
         self.mask: Lanes | None = None  # of the active lanes; None: all
@@ -90,7 +92,8 @@ class Emitter(FunctionText):
 
     @contextmanager
     def each_vector(self, wanted: Callable[[str], str]) -> Iterator[str]:
-        """Within, one vector of a block after another is worked off, those for whose place `wanted` gives a true i1; the place."""
+        """Within, one vector of a block after another is worked off, those for whose place `wanted` gives a true i1;
+        the place."""
         (counter,) = self.filled_slots("i64", ["0"])
         body, some, following, end = (self.name(stem) for stem in ("vector", "some", "next", "done"))
         self.line(f"br label %{body}")

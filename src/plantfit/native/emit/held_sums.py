@@ -51,7 +51,10 @@ class HeldSums:
         for factors, minus in term.parts:
             rows = e.operands(factors, varying)
             if len(factors) == 2:
-                totals = [fused(e, (minus, False), kind, suffix, [*row, total]) for row, total in zip(rows, totals, strict=True)]
+                totals = [
+                    fused(e, (minus, False), kind, suffix, [*row, total])
+                    for row, total in zip(rows, totals, strict=True)
+                ]
             else:
                 how = "fsub" if minus else "fadd"
                 totals = [e.put(f"{how} {kind} {total}, {row[0]}") for row, total in zip(rows, totals, strict=True)]
@@ -74,7 +77,8 @@ class HeldSums:
         self._held[group] = _Held(before, totals)
 
     def renew(self, group: TableSums, u: str, before: str, moved: str) -> None:
-        """Deliver the sums of the lanes of vector u that moved away from `before`, and begin new ones; all for a place that lanes share."""
+        """Deliver the sums of the lanes of vector u that moved away from `before`, and begin new ones; all for a
+        place that lanes share."""
         e, wide = self.e, self.e.varies(group.index)
         there = self._somewhere(group, before)
         self._deliver(group, u, before, e.both([moved], [there])[0] if wide else there)
@@ -90,7 +94,8 @@ class HeldSums:
         return self.e.put(f"icmp ne {self.e.type_of(dtype, wide)} {before}, {nowhere(dtype, wide)}")
 
     def _deliver(self, group: TableSums, u: str, place: str, where: str) -> None:
-        """Add the sums of vector u to the entries at its places, in the lanes `where`; those of all vectors to a place that lanes share."""
+        """Add the sums of vector u to the entries at its places, in the lanes `where`; those of all vectors to a
+        place that lanes share."""
         e = self.e
         if e.varies(group.index):
             for term in group.terms:
@@ -105,7 +110,12 @@ class HeldSums:
         for term in group.terms:
             target = e.storage(term.table)
             pointers = common_addresses(e, target, group.index.dtype, place, term.offset)
-            store_at(e, target, pointers, self._added(group, term, load_at(e, target, pointers), map(str, range(len(pointers)))))
+            store_at(
+                e,
+                target,
+                pointers,
+                self._added(group, term, load_at(e, target, pointers), map(str, range(len(pointers)))),
+            )
         e.line(f"br label %{end}")
         e.label(end)
 

@@ -1,4 +1,5 @@
-"""Arithmetic, comparisons and casts: each node becomes one LLVM instruction per vector, or a scalar one when it does not vary."""
+"""Arithmetic, comparisons and casts: each node becomes one LLVM instruction per vector, or a scalar one when it does
+not vary."""
 
 from plantfit.native.emit.emitter import Emitter
 from plantfit.native.emit.llvm_text import BYTES, REGISTER, SUFFIX, float_literal
@@ -6,10 +7,18 @@ from plantfit.native.graph.nodes import BOOL, F64, U32, Node
 from plantfit.native.unsupported import NativeUnsupported
 
 _BINARY_F64 = {"add": "fadd", "sub": "fsub", "mul": "fmul", "div": "fdiv"}
-_BINARY_INT = {"add": "add", "sub": "sub", "mul": "mul", "div": "sdiv", "rem": "srem", "and": "and", "or": "or", "xor": "xor",
+_BINARY_INT = {"add": "add", "sub": "sub", "mul": "mul", "div": "sdiv", "rem": "srem", "and": "and", "or": "or",
+               "xor": "xor",
                "shl": "shl", "srl": "lshr", "sra": "ashr"}  # fmt: skip
 _UNSIGNED = {"div": "udiv", "rem": "urem"}
-_UNARY_F64 = {"floor": "floor", "ceil": "ceil", "abs": "fabs", "sqrt": "sqrt", "roundeven": "roundeven", "round": "round"}
+_UNARY_F64 = {
+    "floor": "floor",
+    "ceil": "ceil",
+    "abs": "fabs",
+    "sqrt": "sqrt",
+    "roundeven": "roundeven",
+    "round": "round",
+}
 _FLOAT_TEST = {"eq": "oeq", "ne": "une", "lt": "olt", "le": "ole", "gt": "ogt", "ge": "oge"}
 _INT_TEST = {"eq": "eq", "ne": "ne", "lt": "slt", "le": "sle", "gt": "sgt", "ge": "sge"}
 _UINT_TEST = {"eq": "eq", "ne": "ne", "lt": "ult", "le": "ule", "gt": "ugt", "ge": "uge"}
@@ -79,7 +88,9 @@ def _to_int(e: Emitter, node: Node, value: str, vector: bool) -> str:
         name = f"llvm.fptosi.sat.{lanes}{SUFFIX[REGISTER[node.dtype]]}.{lanes}f64"
         return e.call(target, name, (source, value))
     ordered = e.put(f"fcmp ord {source} {value}, {float_literal(0.0, vector)}")
-    value = e.put(f"select {e.type_of(BOOL, vector)} {ordered}, {source} {value}, {source} {float_literal(0.0, vector)}")
+    value = e.put(
+        f"select {e.type_of(BOOL, vector)} {ordered}, {source} {value}, {source} {float_literal(0.0, vector)}"
+    )
     return e.put(f"fptosi {source} {value} to {target}")
 
 

@@ -1,6 +1,7 @@
 """The kernel of a loop body: loops over groups, blocks of lanes and steps, around the code of the body.
 
-The last block of a group overlaps the one before, so that no block is partly empty. A group narrower than a block is masked.
+The last block of a group overlaps the one before, so that no block is partly empty. A group narrower than a block is
+masked.
 """
 
 from collections.abc import Sequence
@@ -24,7 +25,8 @@ from plantfit.native.passes.uniformity import Uniformity
 
 @dataclass(frozen=True)
 class Program:
-    """A traced loop body. Input leaves are numbered: constants, carry, rows; `carry` and `ys` give the results by leaf."""
+    """A traced loop body. Input leaves are numbered: constants, carry, rows; `carry` and `ys` give the results by
+    leaf."""
 
     prologue: Region
     body: Region
@@ -62,7 +64,8 @@ def make_kernel(program: Program, shape: Shape) -> Kernel:
 
 
 def count_nodes(program: Program, lanes: Sequence[bool]) -> tuple[int, int]:
-    """(nodes of the body that are one number for all lanes, the others), given which input leaves vary over the lanes."""
+    """(nodes of the body that are one number for all lanes, the others), given which input leaves vary over the
+    lanes."""
     uniformity = _analysed(program, lanes)
     varying = sum(map(uniformity.varies, nodes := list(walk(program.body))))
     return len(nodes) - varying, varying
@@ -94,12 +97,16 @@ class _Kernel:
         self.program, self.shape = program, shape
         kinds = [(*c, False) for c in (*program.constants, *program.carry)] + [(*r, True) for r in program.rows]
         self.inputs = [Leaf(*kind, *varies) for kind, varies in zip(kinds, shape.varies, strict=True)]
-        outputs = [Leaf(*c, False, True, True) for c in program.carry] + [Leaf(*y, True, True, True) for y in program.ys]
+        outputs = [Leaf(*c, False, True, True) for c in program.carry] + [
+            Leaf(*y, True, True, True) for y in program.ys
+        ]
         self.uniformity = _analysed(program, [leaf.lanes for leaf in self.inputs])
         self.e = Emitter(shape.width, shape.vectors, self.uniformity.varies, self._constant_storage)
         self.buffers = Buffers(self.e, self.inputs, outputs, shape.narrow)
         self.sums = HeldSums(self.e, table_sums(program.body))
-        self.regions = RegionEmitter(self.e, (program.prologue, program.body), table_reads(program.body), self.sums, self._read)
+        self.regions = RegionEmitter(
+            self.e, (program.prologue, program.body), table_reads(program.body), self.sums, self._read
+        )
         self.first_carry, self.first_row = len(program.constants), len(program.constants) + len(program.carry)
 
     def text(self) -> str:
@@ -111,13 +118,15 @@ class _Kernel:
             [
                 *sorted(e.declared),
                 *(lanes_function(name, count, e.width) for name, count in sorted(e.libm.items())),
-                f"define internal void @kernel({', '.join([*pointers, 'ptr %sizes', 'i64 %K', 'i64 %G', 'i64 %B'])}) noinline #0 {{",
+                f"define internal void @kernel({', '.join([*pointers, 'ptr %sizes', 'i64 %K', 'i64 %G', 'i64 %B'])}) "
+                f"noinline #0 {{",
                 "entry:",
                 *e.slots,
                 *e.lines,
                 "}",
                 handler(len(self.inputs), len(self.buffers.outputs)),
-                f'attributes #0 = {{ nounwind "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}" "no-stack-arg-probe" }}',
+                f'attributes #0 = {{ nounwind "prefer-vector-width"="{bits}" "min-legal-vector-width"="{bits}" '
+                f'"no-stack-arg-probe" }}',
                 "",
             ]
         )
@@ -195,7 +204,9 @@ class _Kernel:
         if not leaf.lanes and not leaf.groups:
             return Storage(f"%in{node.data}", leaf.dtype, leaf.size, True)
         storage = self.e.reserve(leaf.dtype, leaf.size, not leaf.lanes)
-        each_entry(self.e, leaf.size, lambda entry: write_entry(self.e, storage, entry, self.buffers.read(node.data, entry)))
+        each_entry(
+            self.e, leaf.size, lambda entry: write_entry(self.e, storage, entry, self.buffers.read(node.data, entry))
+        )
         return storage
 
     def _begin(self) -> list[Place]:
@@ -230,7 +241,9 @@ class _Kernel:
     def _finish(self, places: Sequence[Place]) -> None:
         """Write the carry after the last step."""
         e = self.e
-        for param, place, (k, first, size) in zip(self.program.body.params, places, _carried(self.program), strict=True):
+        for param, place, (k, first, size) in zip(
+            self.program.body.params, places, _carried(self.program), strict=True
+        ):
             for entry in range(first, first + (1 if size is None else size)):
                 values = read_entry(e, place, entry) if isinstance(place, Storage) else load_slots(e, param, place)
                 if not e.varies(param):

@@ -89,7 +89,9 @@ class FunctionText:
     def selected(self, dtype: str, vector: bool, masks: Lanes, yes: Lanes, no: Lanes) -> Lanes:
         """`yes` where the mask is set, else `no`."""
         condition, kind = self.type_of(BOOL, vector), self.type_of(dtype, vector)
-        return [self.put(f"select {condition} {c}, {kind} {a}, {kind} {b}") for c, a, b in zip(masks, yes, no, strict=True)]
+        return [
+            self.put(f"select {condition} {c}, {kind} {a}, {kind} {b}") for c, a, b in zip(masks, yes, no, strict=True)
+        ]
 
 
 def literal(node: Node) -> str:

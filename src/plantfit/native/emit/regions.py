@@ -1,12 +1,20 @@
 """The code of regions: nodes in order, loops, branches, cached table reads and held sums.
 
-Lanes that leave a loop or take another branch are masked; a loop runs until no lane is active, a branch if some lane takes it.
+Lanes that leave a loop or take another branch are masked; a loop runs until no lane is active, a branch if some lane
+takes it.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
-from plantfit.native.emit.array_access import emit_add_at, emit_load, emit_pack, emit_update, lent_to_branches, updated_in_place
+from plantfit.native.emit.array_access import (
+    emit_add_at,
+    emit_load,
+    emit_pack,
+    emit_update,
+    lent_to_branches,
+    updated_in_place,
+)
 from plantfit.native.emit.c_library import emit_libm, emit_patched
 from plantfit.native.emit.carried import Place, fetch, initial_places, renew, renew_number, renew_one
 from plantfit.native.emit.emitter import Emitter
@@ -46,11 +54,16 @@ def _from_outside(region: Region) -> list[Node]:
 
 
 class RegionEmitter:
-    """Writes regions. `cached` gives the table reads to cache, `sums` those to hold, `read` defines a load from the buffers, `tops` are
-    the regions that contain all others."""
+    """Writes regions. `cached` gives the table reads to cache, `sums` those to hold, `read` defines a load from the
+    buffers, `tops` are the regions that contain all others."""
 
     def __init__(
-        self, emitter: Emitter, tops: Sequence[Region], cached: dict[Node, TableReads], sums: HeldSums, read: Callable[[Node], None]
+        self,
+        emitter: Emitter,
+        tops: Sequence[Region],
+        cached: dict[Node, TableReads],
+        sums: HeldSums,
+        read: Callable[[Node], None],
     ):
         self.e, self._sums, self._read = emitter, sums, read
         self._places = TablePlaces(emitter, cached, sums)
@@ -158,7 +171,8 @@ class RegionEmitter:
     # -- branches -----------------------------------------------------------------------------------
 
     def _cond(self, node: Node, lent: Mapping[int, Node]) -> None:
-        """Branches one after another, each skipped when no active lane takes it; results that are `lent` stay in that array's memory."""
+        """Branches one after another, each skipped when no active lane takes it; results that are `lent` stay in
+        that array's memory."""
         e, (index,) = self.e, node.args
         varying = e.varies(index)
         gets = self._gets.get(node, [])
@@ -188,7 +202,8 @@ class RegionEmitter:
             fetch(e, get, place)
 
     def _seldom(self, region: Region, gets: Sequence[Node]) -> bool:
-        """Whether a branch is worked off vector by vector: it searches for something, as few lanes do at a time, and gives numbers."""
+        """Whether a branch is worked off vector by vector: it searches for something, as few lanes do at a time, and
+        gives numbers."""
         e = self.e
         arrays = any(n.size is not None and e.varies(n) for n in (*_from_outside(region), *gets))
         return e.vectors > 1 and not arrays and any(node.op == "while" for node in walk(region))

@@ -1,7 +1,7 @@
 """Arrays in memory: their layout, and loads and stores of entries at fixed places.
 
-An array that differs between lanes is interleaved, [entry][lane]; a flat array has one number per entry for all lanes. A bool
-is a byte in memory and a bit in a register.
+An array that differs between lanes is interleaved, [entry][lane]; a flat array has one number per entry for all lanes.
+A bool is a byte in memory and a bit in a register.
 """
 
 from collections.abc import Callable, Sequence
@@ -73,7 +73,8 @@ def from_memory(f: FunctionText, dtype: str, value: str, vector: bool) -> str:
 
 
 def each_entry(f: FunctionText, size: int, do: Callable[[int | str], None]) -> None:
-    """`do` for every entry of an array: with its number, of a long array inside a loop with the register that counts."""
+    """`do` for every entry of an array: with its number, of a long array inside a loop with the register that
+    counts."""
     if size <= UNROLLED:
         for entry in range(size):
             do(entry)
@@ -120,7 +121,10 @@ def store_at(f: FunctionText, s: Storage, pointers: Lanes, values: Lanes) -> Non
 def read_entry(f: FunctionText, s: Storage, entry: int | str) -> Lanes:
     """An entry: one scalar (flat) or its vectors."""
     kind = _memory_type(f, s.dtype, not s.flat)
-    raw = [f.put(f"load {kind}, ptr {entry_pointer(f, s, entry, u)}, align {s.align}") for u in range(1 if s.flat else f.vectors)]
+    raw = [
+        f.put(f"load {kind}, ptr {entry_pointer(f, s, entry, u)}, align {s.align}")
+        for u in range(1 if s.flat else f.vectors)
+    ]
     return [from_memory(f, s.dtype, v, not s.flat) for v in raw]
 
 

@@ -1,4 +1,5 @@
-"""What is kept while lanes stay at their places in tables: entries that were read there, and sums that are to be added there.
+"""What is kept while lanes stay at their places in tables: entries that were read there, and sums that are to be added
+there.
 
 Few lanes move in a step. So where some do, the vectors that hold them are renewed, one after another.
 """
@@ -30,7 +31,9 @@ class Kept:
     @property
     def made(self) -> set[Node]:
         """The nodes that are made where an index changes, or in sums."""
-        return {n for group in self.reads.values() for n in group.nodes} | {n for group in self.sums.values() for n in group.inside}
+        return {n for group in self.reads.values() for n in group.nodes} | {
+            n for group in self.sums.values() for n in group.inside
+        }
 
 
 class TablePlaces:
@@ -40,7 +43,8 @@ class TablePlaces:
         self.e, self._cached, self._sums = emitter, cached, sums
 
     def of(self, region: Region, *, apart: bool) -> Kept:
-        """What a region keeps: table reads unless vectors are worked off `apart`, and sums where all lanes are active."""
+        """What a region keeps: table reads unless vectors are worked off `apart`, and sums where all lanes are
+        active."""
         groups = [] if apart else [self._cached[n] for n in region.code if n in self._cached]
         reads = {group.index: group for group in groups if self.e.varies(group.index)}
         return Kept(reads, self._sums.of(region) if self.e.mask is None else {})
@@ -73,7 +77,13 @@ class TablePlaces:
             e.define(node, row.load_all())
 
     def _vector_by_vector(
-        self, index: Node, before: Row, now: list[str], reads: TableReads | None, sums: TableSums | None, slots: Mapping[Node, Row]
+        self,
+        index: Node,
+        before: Row,
+        now: list[str],
+        reads: TableReads | None,
+        sums: TableSums | None,
+        slots: Mapping[Node, Row],
     ) -> None:
         e, kind = self.e, self.e.type_of(index.dtype, True)
         places = Row(e, index.dtype, now)
@@ -92,7 +102,9 @@ class TablePlaces:
                 self._read(reads, u, places.load(u), given, slots)
             before.store(u, places.load(u))
 
-    def _read(self, reads: TableReads, u: str, place: str, given: Mapping[Node, Row], slots: Mapping[Node, Row]) -> None:
+    def _read(
+        self, reads: TableReads, u: str, place: str, given: Mapping[Node, Row], slots: Mapping[Node, Row]
+    ) -> None:
         """The entries of vector u at its new places, and what follows from them."""
         e, found = self.e, {reads.index: place}
         for node in reads.nodes:
@@ -101,7 +113,9 @@ class TablePlaces:
                 address = vector_of_addresses(e, storage, reads.index.dtype, place, node.data, u)
                 (found[node],) = gather(e, storage, [address])
             else:
-                args = [found[a] if a in found else given[a].load(u) if a in given else e.lanes(a)[0] for a in node.args]
+                args = [
+                    found[a] if a in found else given[a].load(u) if a in given else e.lanes(a)[0] for a in node.args
+                ]
                 found[node] = instruction(e, node, args, True)
             if node in slots:
                 slots[node].store(u, found[node])

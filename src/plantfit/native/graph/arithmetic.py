@@ -110,7 +110,11 @@ class Arithmetic:
         return yes if yes is no else self.op("select", condition, yes, no, dtype=yes.dtype)
 
     def logical_not(self, a: Node) -> Node:
-        ones = self.graph.const(True, BOOL) if a.dtype == BOOL else self.integer(-1 if a.dtype != U32 else 0xFFFFFFFF, a.dtype)
+        ones = (
+            self.graph.const(True, BOOL)
+            if a.dtype == BOOL
+            else self.integer(-1 if a.dtype != U32 else 0xFFFFFFFF, a.dtype)
+        )
         return self.op("xor", a, ones)
 
     # -- semantics of lax ---------------------------------------------------------------------------
@@ -148,7 +152,11 @@ class Arithmetic:
         """a to a whole power by repeated squaring."""
         if exponent < 0:
             inverse = self.op("div", self.number(1.0), a)
-            return self.power(inverse, -exponent) if exponent > -4 else self.op("div", self.number(1.0), self.power(a, -exponent))
+            return (
+                self.power(inverse, -exponent)
+                if exponent > -4
+                else self.op("div", self.number(1.0), self.power(a, -exponent))
+            )
         result, square = self.graph.const(1, a.dtype), a
         while exponent:
             if exponent & 1:

@@ -1,7 +1,7 @@
 """The intermediate representation between jaxpr and LLVM: nodes in static single assignment form, in nested regions.
 
-A node is a number per lane (`size` None) or a small array in memory (`size` entries). Regions nest as loops and branches do;
-the region of depth 0 is the prologue, which runs once ahead of the time loop.
+A node is a number per lane (`size` None) or a small array in memory (`size` entries). Regions nest as loops and
+branches do; the region of depth 0 is the prologue, which runs once ahead of the time loop.
 """
 
 import struct
@@ -14,7 +14,13 @@ import numpy as np
 
 F64, I64, I32, U32, BOOL = "f64", "i64", "i32", "u32", "bool"
 INTEGERS = (I32, I64, U32)
-NUMPY = {F64: np.dtype(np.float64), I64: np.dtype(np.int64), I32: np.dtype(np.int32), U32: np.dtype(np.uint32), BOOL: np.dtype(np.bool_)}
+NUMPY = {
+    F64: np.dtype(np.float64),
+    I64: np.dtype(np.int64),
+    I32: np.dtype(np.int32),
+    U32: np.dtype(np.uint32),
+    BOOL: np.dtype(np.bool_),
+}
 
 
 @dataclass(eq=False, slots=True, repr=False)
@@ -79,8 +85,11 @@ class Graph:
     def number(self, value: float) -> Node:
         return self.const(value, F64)
 
-    def make(self, op: str, args: tuple[Node, ...] = (), dtype: str = F64, data: Any = None, size: int | None = None) -> Node:
-        """A node in the current region, or an equal one that exists already; `data` must be hashable or hold regions."""
+    def make(
+        self, op: str, args: tuple[Node, ...] = (), dtype: str = F64, data: Any = None, size: int | None = None
+    ) -> Node:
+        """A node in the current region, or an equal one that exists already; `data` must be hashable or hold
+        regions."""
         if op in ("loop", "while", "cond"):
             return self._place(Node(op, args, dtype, data, size, self.stack[-1].depth), self.stack[-1])
         key = op, tuple(map(id, args)), dtype, data, size

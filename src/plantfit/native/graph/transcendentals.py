@@ -1,9 +1,9 @@
 """Elementary functions as graph nodes: range reduction and polynomials, within 2 ulp.
 
-Log, sine and cosine: the coefficients of fdlibm (Sun Microsystems, 1993: e_log.c, k_sin.c, k_cos.c). Exponential: the Taylor
-series to degree 13, whose remainder on |r| <= ln(2)/2 is below 5e-18. Reductions by multiples of ln 2 and pi/2 follow Cody and
-Waite, Software Manual for the Elementary Functions (1980), with fused multiply-add. NaN and infinities pass through; XLA runs
-with subnormal numbers flushed to zero, and so does this.
+Log, sine and cosine: the coefficients of fdlibm (Sun Microsystems, 1993: e_log.c, k_sin.c, k_cos.c). Exponential: the
+Taylor series to degree 13, whose remainder on |r| <= ln(2)/2 is below 5e-18. Reductions by multiples of ln 2 and pi/2
+follow Cody and Waite, Software Manual for the Elementary Functions (1980), with fused multiply-add. NaN and infinities
+pass through; XLA runs with subnormal numbers flushed to zero, and so does this.
 """
 
 import math
@@ -123,7 +123,8 @@ def log1p(m: Arithmetic, x: Node) -> Node:
 
 
 def tanh(m: Arithmetic, x: Node) -> Node:
-    """tanh |x| = -t / d, d = t + 2, t = exp(-2 |x|) - 1, with the sign of x; compensated for the rounding of d and of the quotient."""
+    """tanh |x| = -t / d, d = t + 2, t = exp(-2 |x|) - 1, with the sign of x; compensated for the rounding of d and
+    of the quotient."""
     t = expm1(m, m.mul(m.number(-2.0), m.absolute(x)))
     d = m.op("add", t, m.number(2.0))
     lost = m.op("add", m.op("sub", m.number(2.0), d), t)

@@ -104,7 +104,9 @@ def in_memory(m: Arithmetic, value: Value) -> Memory:
     if not flat:
         raise NativeUnsupported("an index into an empty array")
     first = flat[0]
-    if first.op == "cload" and all(n.op == "cload" and n.data == (first.data[0], first.data[1] + i) for i, n in enumerate(flat)):
+    if first.op == "cload" and all(
+        n.op == "cload" and n.data == (first.data[0], first.data[1] + i) for i, n in enumerate(flat)
+    ):
         leaf, offset = first.data
         return Memory(m.graph.make("constant", (), first.dtype, leaf, size=offset + len(flat)), value.shape, offset)
     static = (

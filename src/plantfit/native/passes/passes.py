@@ -1,5 +1,5 @@
-"""Passes over a traced graph: dead code elimination, sums into tables, shared reciprocals, contraction to fused multiply-add, signs
-taken by what uses them, and reads of step data moved to the branch that needs them.
+"""Passes over a traced graph: dead code elimination, sums into tables, shared reciprocals, contraction to fused
+multiply-add, signs taken by what uses them, and reads of step data moved to the branch that needs them.
 
 Contraction is decided here and not by LLVM, so that a lane gives the same bits in every batch.
 """
@@ -52,7 +52,9 @@ def _eliminate_dead_code(regions: Sequence[Region]) -> None:
 
 def _sink_rows(region: Region) -> None:
     """What a step reads only for one branch is read there."""
-    readers: dict[int, list[tuple[Node, int] | None]] = {}  # by node: the branches that read it, None for the region itself
+    readers: dict[
+        int, list[tuple[Node, int] | None]
+    ] = {}  # by node: the branches that read it, None for the region itself
 
     def note(node: Node, place: tuple[Node, int] | None) -> None:
         places = readers.setdefault(id(node), [])

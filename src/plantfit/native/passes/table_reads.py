@@ -1,4 +1,5 @@
-"""Table reads to cache between steps: loads, and what follows from them alone, are repeated only when an index has changed.
+"""Table reads to cache between steps: loads, and what follows from them alone, are repeated only when an index has
+changed.
 
 A state moves slowly through a table, so the entries around it are read again only when some lane has left its cell.
 """
@@ -8,7 +9,21 @@ from dataclasses import dataclass
 
 from plantfit.native.graph.nodes import Node, Region, all_regions, count_uses, regions_of
 
-_UNCACHED = {"load", "loop", "while", "cond", "get", "pack", "update", "add_at", "libm", "patched", "xload", "constant", "cload"}
+_UNCACHED = {
+    "load",
+    "loop",
+    "while",
+    "cond",
+    "get",
+    "pack",
+    "update",
+    "add_at",
+    "libm",
+    "patched",
+    "xload",
+    "constant",
+    "cload",
+}
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,6 +1,7 @@
 """Sums into tables. Reading an entry, adding to it and writing it back is one node, `add_at`.
 
-A state moves slowly through a table, so what is added to a carried table is summed in registers while a lane stays at its place.
+A state moves slowly through a table, so what is added to a carried table is summed in registers while a lane stays at
+its place.
 """
 
 from collections import Counter
@@ -72,7 +73,9 @@ def table_sums(body: Region) -> list[TableSums]:
     return [_grouped(homes[home], index, terms, tables, uses) for (home, index), terms in groups.items()]
 
 
-def _grouped(home: Region, index: Node, terms: list[tuple[Node, int]], tables: dict[Node, Node], uses: Counter[int]) -> TableSums:
+def _grouped(
+    home: Region, index: Node, terms: list[tuple[Node, int]], tables: dict[Node, Node], uses: Counter[int]
+) -> TableSums:
     own, inside = set(home.code), set[Node]()
     uses = Counter(uses)
 
@@ -97,7 +100,9 @@ def _grouped(home: Region, index: Node, terms: list[tuple[Node, int]], tables: d
     return TableSums(home, index, tuple(found), frozenset(inside))
 
 
-def _parts(added: Node, minus: bool, once: Callable[[Node], bool], inside: set[Node]) -> Iterator[tuple[tuple[Node, ...], bool]]:
+def _parts(
+    added: Node, minus: bool, once: Callable[[Node], bool], inside: set[Node]
+) -> Iterator[tuple[tuple[Node, ...], bool]]:
     """What a number that is needed only here is a sum of; the nodes that are then not made go into `inside`."""
     if added.op == "fma" and once(added):
         a, b, rest = added.args
@@ -115,7 +120,8 @@ def _parts(added: Node, minus: bool, once: Callable[[Node], bool], inside: set[N
 
 
 def _sums_between(array: Node, result: Node, region: Region) -> list[tuple[Node, Region]] | None:
-    """The sums that lead from an array to a result of the region, with the regions that hold them; None where something else reads it."""
+    """The sums that lead from an array to a result of the region, with the regions that hold them; None where
+    something else reads it."""
     found: list[tuple[Node, Region]] = []
     while array is not result:
         readers = [n for n in region.code if array in n.args or any(_reads(array, inner) for inner in regions_of(n))]

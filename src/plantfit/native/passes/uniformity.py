@@ -6,7 +6,8 @@ from plantfit.native.graph.nodes import Node, Region
 
 
 class Uniformity:
-    """Answers `varies(node)` for nodes that have been analysed; `leaf_varies` answers for inputs ("cload", "constant", "xload")."""
+    """Answers `varies(node)` for nodes that have been analysed; `leaf_varies` answers for inputs ("cload",
+    "constant", "xload")."""
 
     def __init__(self, leaf_varies: Callable[[Node], bool]):
         self.leaf_varies = leaf_varies
@@ -20,7 +21,9 @@ class Uniformity:
         for node in region.code:
             self._varies[node] = self._one(node)
 
-    def analyse_loop(self, region: Region, params: Sequence[Node], begin: list[bool], *, test: Region | None = None) -> None:
+    def analyse_loop(
+        self, region: Region, params: Sequence[Node], begin: list[bool], *, test: Region | None = None
+    ) -> None:
         """A loop body with its carried parameters, to the fixed point; `begin`: which initial values vary."""
         varies = list(begin)
         while True:
@@ -30,7 +33,9 @@ class Uniformity:
                 self.analyse(test)
                 diverges = self.varies(test.results[0])
             self.analyse(region)
-            after = [diverges or a or self.varies(r) for a, r in zip(varies, region.results, strict=False)]  # rows may follow
+            after = [
+                diverges or a or self.varies(r) for a, r in zip(varies, region.results, strict=False)
+            ]  # rows may follow
             if after == varies:
                 return
             varies = after

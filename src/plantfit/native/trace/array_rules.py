@@ -13,7 +13,9 @@ from plantfit.native.trace.scalar_rules import SCALAR_RULES
 from plantfit.native.unsupported import NativeUnsupported
 
 
-def _broadcast_in_dim(m: Arithmetic, a: Value, *, out_shape: tuple[int, ...], broadcast_dimensions: Sequence[int], **_: Any) -> np.ndarray:
+def _broadcast_in_dim(
+    m: Arithmetic, a: Value, *, out_shape: tuple[int, ...], broadcast_dimensions: Sequence[int], **_: Any
+) -> np.ndarray:
     a = entries(m, a)
     shape = [1] * len(out_shape)
     for axis, place in enumerate(broadcast_dimensions):
@@ -25,7 +27,9 @@ def _reshape(m: Arithmetic, a: Value, *, out_shape: tuple[int, ...], **_: Any) -
     return Memory(a.node, out_shape, a.offset) if isinstance(a, Memory) else a.reshape(out_shape)
 
 
-def _slice(m: Arithmetic, a: Value, *, start_indices: Sequence[int], limit_indices: Sequence[int], strides: Any, **_: Any) -> np.ndarray:
+def _slice(
+    m: Arithmetic, a: Value, *, start_indices: Sequence[int], limit_indices: Sequence[int], strides: Any, **_: Any
+) -> np.ndarray:
     steps = strides or (1,) * len(start_indices)
     return entries(m, a)[tuple(slice(i, j, k) for i, j, k in zip(start_indices, limit_indices, steps, strict=True))]
 
@@ -35,7 +39,9 @@ def _iota(m: Arithmetic, *, out_shape: tuple[int, ...], out_dtype: str, dimensio
 
 
 def _reduction(join: Callable) -> Callable:
-    def rule(m: Arithmetic, a: Value, *, axes: Sequence[int], out_shape: tuple[int, ...], out_dtype: str, **_: Any) -> np.ndarray:
+    def rule(
+        m: Arithmetic, a: Value, *, axes: Sequence[int], out_shape: tuple[int, ...], out_dtype: str, **_: Any
+    ) -> np.ndarray:
         a = entries(m, a)
         rest = [i for i in range(a.ndim) if i not in axes]
         flat = np.transpose(a, (*rest, *axes)).reshape(*out_shape, -1)
@@ -54,7 +60,9 @@ def _reduction(join: Callable) -> Callable:
 
 
 def _arg_extreme(kind: str) -> Callable:
-    def rule(m: Arithmetic, a: Value, *, axes: Sequence[int], out_shape: tuple[int, ...], out_dtype: str, **_: Any) -> np.ndarray:
+    def rule(
+        m: Arithmetic, a: Value, *, axes: Sequence[int], out_shape: tuple[int, ...], out_dtype: str, **_: Any
+    ) -> np.ndarray:
         rows = np.moveaxis(entries(m, a), axes[0], -1)
 
         def one(index: tuple[int, ...]) -> Node:
@@ -87,7 +95,9 @@ def _cumulative(join: Callable) -> Callable:
     return rule
 
 
-def _dot_general(m: Arithmetic, a: Value, b: Value, *, dimension_numbers: Any, out_shape: tuple[int, ...], **_: Any) -> np.ndarray:
+def _dot_general(
+    m: Arithmetic, a: Value, b: Value, *, dimension_numbers: Any, out_shape: tuple[int, ...], **_: Any
+) -> np.ndarray:
     (ca, cb), (ba, bb) = dimension_numbers
     a, b = entries(m, a), entries(m, b)
     fa = [i for i in range(a.ndim) if i not in (*ca, *ba)]
@@ -114,7 +124,9 @@ def _stack(m: Arithmetic, *parts: Value, axis: int, **_: Any) -> np.ndarray:
     return np.stack([entries(m, p) for p in parts], axis=axis)
 
 
-def _pad(m: Arithmetic, a: Value, fill: np.ndarray, *, padding_config: Any, out_shape: tuple[int, ...], **_: Any) -> np.ndarray:
+def _pad(
+    m: Arithmetic, a: Value, fill: np.ndarray, *, padding_config: Any, out_shape: tuple[int, ...], **_: Any
+) -> np.ndarray:
     a, node = entries(m, a), fill.item()
     out = array_of(out_shape, lambda _: node)
     for index in np.ndindex(*a.shape):

@@ -1,4 +1,5 @@
-"""What stands in equations of a jaxpr that jax writes differently from version to version, told by what all versions have."""
+"""What stands in equations of a jaxpr that jax writes differently from version to version, told by what all versions
+have."""
 
 from typing import Any, NamedTuple
 
@@ -9,14 +10,16 @@ from jax.extend.core import ClosedJaxpr
 
 
 class ScanParts(NamedTuple):
-    """The operands of a scan: first those that all steps share, then what is carried; rows are the rest. Results: carried, then rows."""
+    """The operands of a scan: first those that all steps share, then what is carried; rows are the rest. Results:
+    carried, then rows."""
 
     consts: int
     carry: int
 
 
 class WhileParts(NamedTuple):
-    """The operands of a while loop: those that its test alone reads, those that its body alone reads; what is carried is the rest."""
+    """The operands of a while loop: those that its test alone reads, those that its body alone reads; what is
+    carried is the rest."""
 
     of_test: int
     of_body: int
@@ -34,7 +37,8 @@ def scan_parts(equation: Any) -> ScanParts:
 
 
 def while_parts(equation: Any) -> WhileParts:
-    """How many operands are what: all results are carried, and what is carried comes last in the test and in the body."""
+    """How many operands are what: all results are carried, and what is carried comes last in the test and in the
+    body."""
     carry = len(equation.outvars)
     test, body = (equation.params[name].jaxpr for name in ("cond_jaxpr", "body_jaxpr"))
     return WhileParts(len(test.invars) - carry, len(body.invars) - carry)

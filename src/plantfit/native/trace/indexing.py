@@ -67,7 +67,9 @@ def _read(m: Arithmetic, value: Value, starts: Sequence[Node], steps: Sequence[i
     return load(m, memory, _flat(m, starts, memory.shape), offset)
 
 
-def _write(m: Arithmetic, value: Value, starts: Sequence[Node], steps: Sequence[int], new: Node, allowed: Node) -> Value:
+def _write(
+    m: Arithmetic, value: Value, starts: Sequence[Node], steps: Sequence[int], new: Node, allowed: Node
+) -> Value:
     """The array with the entry at starts + steps replaced where `allowed`; starts are in range."""
     if isinstance(value, np.ndarray) and all(s.op == "const" for s in starts):
         place = tuple(int(s.data) + k for s, k in zip(starts, steps, strict=True))
@@ -103,7 +105,8 @@ def _fitting(m: Arithmetic, starts: Sequence[np.ndarray], shape: Sequence[int], 
 
 
 def gather(
-    m: Arithmetic, value: Value, indices: Value, *, dimension_numbers: GatherDimensionNumbers, slice_sizes: Sequence[int], mode: Any,
+    m: Arithmetic, value: Value, indices: Value, *, dimension_numbers: GatherDimensionNumbers,
+    slice_sizes: Sequence[int], mode: Any,
     fill_value: Any, out_shape: tuple[int, ...], **_: Any,
 ) -> np.ndarray:  # fmt: skip
     """lax.gather; windows out of range are clamped, or filled in the mode that says so."""
@@ -120,15 +123,28 @@ def gather(
 def _fill(dtype: str, value: Any) -> Any:
     if value is not None:
         return value
-    return {"f64": np.nan, "i64": np.iinfo(np.int64).min, "i32": np.iinfo(np.int32).min, "u32": np.iinfo(np.uint32).max, "bool": True}[
-        dtype
-    ]
+    return {
+        "f64": np.nan,
+        "i64": np.iinfo(np.int64).min,
+        "i32": np.iinfo(np.int32).min,
+        "u32": np.iinfo(np.uint32).max,
+        "bool": True,
+    }[dtype]
 
 
 def scatter(
-    m: Arithmetic, value: Value, indices: Value, updates: Value, *, how: str, dimension_numbers: Any, mode: Any, **_: Any
+    m: Arithmetic,
+    value: Value,
+    indices: Value,
+    updates: Value,
+    *,
+    how: str,
+    dimension_numbers: Any,
+    mode: Any,
+    **_: Any,
 ) -> Value | Sparse:
-    """lax.scatter ("set") and scatter_add ("add"), entry by entry in order; windows out of range are dropped or clamped, by the mode.
+    """lax.scatter ("set") and scatter_add ("add"), entry by entry in order; windows out of range are dropped or
+    clamped, by the mode.
 
     What is added to zeros stays sparse.
     """
@@ -138,7 +154,9 @@ def scatter(
     locate = _locator(m, d, shape, indices, _window_sizes(d, len(shape), updates.shape), mode)
     places = ((locate(index), updates.item(index)) for index in np.ndindex(*updates.shape))
     if how == "add" and _all_zero(value):
-        return Sparse(shape, tuple((_flat(m, _moved(m, at.starts, at.steps), shape), new, at.inside) for at, new in places))
+        return Sparse(
+            shape, tuple((_flat(m, _moved(m, at.starts, at.steps), shape), new, at.inside) for at, new in places)
+        )
     for at, new in places:
         if how == "add":
             old = _read(m, value, at.starts, at.steps)
@@ -150,7 +168,9 @@ def scatter(
 def _all_zero(value: Value) -> bool:
     """Whether an array is known to be zeros of float64."""
     return (
-        isinstance(value, np.ndarray) and value.size > 0 and all(n.op == "const" and n.dtype == F64 and n.data == 0.0 for n in value.flat)
+        isinstance(value, np.ndarray)
+        and value.size > 0
+        and all(n.op == "const" and n.dtype == F64 and n.data == 0.0 for n in value.flat)
     )
 
 
@@ -164,7 +184,12 @@ class _Location:
 
 
 def _locator(
-    m: Arithmetic, d: GatherDimensionNumbers, shape: Sequence[int], indices: np.ndarray, slice_sizes: Sequence[int], mode: Any
+    m: Arithmetic,
+    d: GatherDimensionNumbers,
+    shape: Sequence[int],
+    indices: np.ndarray,
+    slice_sizes: Sequence[int],
+    mode: Any,
 ) -> Callable[[tuple[int, ...]], _Location]:
     """Locates, for an index into the result of a gather or the updates of a scatter, the entry that is read or written.
 

@@ -8,7 +8,19 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.native.graph.arithmetic import Arithmetic
 from plantfit.native.graph.nodes import BOOL, F64, I32, I64, Graph, Node, Region
-from plantfit.native.graph.values import Memory, Sparse, Value, array_of, constant, dtype_of, entries, in_memory, load, store, whole
+from plantfit.native.graph.values import (
+    Memory,
+    Sparse,
+    Value,
+    array_of,
+    constant,
+    dtype_of,
+    entries,
+    in_memory,
+    load,
+    store,
+    whole,
+)
 from plantfit.native.trace.array_rules import ARRAY_RULES
 from plantfit.native.trace.equation_parts import expanded, scan_parts, while_parts
 from plantfit.native.trace.scalar_rules import scalar_operation
@@ -57,7 +69,9 @@ class Tracer:
 
     def run(self, jaxpr: Jaxpr, consts: Sequence[Value], args: Sequence[Value]) -> list[Value]:
         """The results of a jaxpr; raises NativeUnsupported for a primitive without a native form."""
-        known: dict[Any, Value] = dict(zip(jaxpr.constvars, consts, strict=True)) | dict(zip(jaxpr.invars, args, strict=True))
+        known: dict[Any, Value] = dict(zip(jaxpr.constvars, consts, strict=True)) | dict(
+            zip(jaxpr.invars, args, strict=True)
+        )
 
         def read(atom: Any) -> Value:
             return constant(self.m, atom.val) if isinstance(atom, Literal) else known[atom]
@@ -87,7 +101,11 @@ class Tracer:
             dtype_of(v.aval.dtype)
         structural = ARRAY_RULES.get(name)
         if structural is not None:
-            return [structural(self.m, *args, out_shape=shapes[0], out_dtype=dtype_of(equation.outvars[0].aval.dtype), **params)]
+            return [
+                structural(
+                    self.m, *args, out_shape=shapes[0], out_dtype=dtype_of(equation.outvars[0].aval.dtype), **params
+                )
+            ]
         return [self._elementwise(name, shapes[0], args, params)]
 
     def _elementwise(self, name: str, shape: tuple[int, ...], args: list[Value], params: dict) -> np.ndarray:
@@ -150,7 +168,9 @@ class Tracer:
         node = self.graph.make("while", tuple(begin), F64, (test, region))
         return self._results(node, init, moving, region.params)
 
-    def _scan(self, equation: Any, args: list[Value], *, jaxpr: ClosedJaxpr, length: int, reverse: bool, **_: Any) -> list[Value]:
+    def _scan(
+        self, equation: Any, args: list[Value], *, jaxpr: ClosedJaxpr, length: int, reverse: bool, **_: Any
+    ) -> list[Value]:
         num_consts, num_carry = scan_parts(equation)
         consts, init, xs = args[:num_consts], args[num_consts : num_consts + num_carry], args[num_consts + num_carry :]
         rows = [v.aval for v in jaxpr.jaxpr.outvars[num_carry:]]
@@ -183,14 +203,18 @@ class Tracer:
         size = int(np.prod(memory.shape[1:]))
         start = self.m.mul(self.m.convert(k, I32), self.m.integer(size, I32))
         shape = memory.shape[1:]
-        return array_of(shape, lambda index: load(self.m, memory, start, int(np.ravel_multi_index(index, shape)) if shape else 0))
+        return array_of(
+            shape, lambda index: load(self.m, memory, start, int(np.ravel_multi_index(index, shape)) if shape else 0)
+        )
 
     def _with_row(self, memory: Memory, k: Node, row: Value) -> Memory:
         """The array with row k replaced."""
         flat = entries(self.m, row).reshape(-1)
         allowed = self.graph.const(True, BOOL)
         for i, node in enumerate(flat):
-            place = self.m.add(self.m.mul(self.m.convert(k, I32), self.m.integer(len(flat), I32)), self.m.integer(i, I32))
+            place = self.m.add(
+                self.m.mul(self.m.convert(k, I32), self.m.integer(len(flat), I32)), self.m.integer(i, I32)
+            )
             memory = store(self.m, memory, place, node, allowed)
         return memory
 

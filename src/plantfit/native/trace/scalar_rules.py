@@ -12,7 +12,8 @@ from plantfit.native.graph.values import dtype_of
 from plantfit.native.unsupported import NativeUnsupported
 
 _LIBM = {
-    "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh", "cbrt", "erf", "erfc", "lgamma", "pow", "nextafter",
+    "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "asinh", "acosh", "atanh", "cbrt", "erf", "erfc", "lgamma",
+    "pow", "nextafter",
     "exp2", "log2",
 }  # fmt: skip
 _OWN = {
@@ -75,14 +76,22 @@ def _shift_rule(kind: str) -> Callable:
         bits = 64 if a.dtype == I64 else 32
         if kind == "sra":  # lax: a count out of range leaves the sign bit
             return m.op("sra", a, _count_or_top(m, count, bits - 1))
-        inside = m.op("and", m.compare("ge", count, m.integer(0, count.dtype)), m.compare("lt", count, m.integer(bits, count.dtype)))
-        return m.select(inside, m.op(kind, a, m.select(inside, count, m.integer(0, count.dtype))), m.integer(0, a.dtype))
+        inside = m.op(
+            "and",
+            m.compare("ge", count, m.integer(0, count.dtype)),
+            m.compare("lt", count, m.integer(bits, count.dtype)),
+        )
+        return m.select(
+            inside, m.op(kind, a, m.select(inside, count, m.integer(0, count.dtype))), m.integer(0, a.dtype)
+        )
 
     return rule
 
 
 def _count_or_top(m: Arithmetic, count: Node, top: int) -> Node:
-    inside = m.op("and", m.compare("ge", count, m.integer(0, count.dtype)), m.compare("le", count, m.integer(top, count.dtype)))
+    inside = m.op(
+        "and", m.compare("ge", count, m.integer(0, count.dtype)), m.compare("le", count, m.integer(top, count.dtype))
+    )
     return m.select(inside, count, m.integer(top, count.dtype))
 
 
@@ -117,7 +126,8 @@ SCALAR_RULES: dict[str, Callable] = {
     "select_n": _select_n,
     "convert_element_type": lambda m, a, *, new_dtype, **_: m.convert(a, dtype_of(new_dtype)),
     **{
-        f"{name}_to": lambda m, a, b, name=name, **_: m.compare(name, _total_order(m, a), _total_order(m, b)) for name in ("eq", "lt", "le")
+        f"{name}_to": lambda m, a, b, name=name, **_: m.compare(name, _total_order(m, a), _total_order(m, b))
+        for name in ("eq", "lt", "le")
     },
     "bitcast_convert_type": lambda m, a, *, new_dtype, **_: _bits(m, a, dtype_of(new_dtype)),
     "is_finite": lambda m, a, **_: m.compare("lt", m.absolute(a), m.number(np.inf)),
@@ -129,7 +139,9 @@ SCALAR_RULES: dict[str, Callable] = {
     "shift_right_logical": _shift_rule("srl"),
     "shift_right_arithmetic": _shift_rule("sra"),
     **{
-        name: lambda m, a, b, name=name, **_: m.compare(name, a, b) if a.dtype != BOOL or name in ("eq", "ne") else _ordered(m, name, a, b)
+        name: lambda m, a, b, name=name, **_: (
+            m.compare(name, a, b) if a.dtype != BOOL or name in ("eq", "ne") else _ordered(m, name, a, b)
+        )
         for name in ("eq", "ne", "lt", "le", "gt", "ge")
     },
 }

@@ -22,32 +22,49 @@ from plantfit.optimize.settings import choice, integer, number
 
 from jax import Array
 
-PERFECT, NEARLY = 1e-20, 1e-14  # cost of a perfect fit by least squares, and by a gradient, as a share of the sample's median cost
+PERFECT, NEARLY = (
+    1e-20,
+    1e-14,
+)  # cost of a perfect fit by least squares, and by a gradient, as a share of the sample's median cost
 PIECE = 64  # points of a sample that are evaluated in one go
 FEW_JACOBIANS = 25  # what one least-squares search takes, median of the problems in tests/optimize
 
 
 class Rule(NamedTuple):
-    """Without derivatives: the first rule whose `holds(dimension, budget)` is true names the method; `why` ends the sentence."""
+    """Without derivatives: the first rule whose `holds(dimension, budget)` is true names the method; `why` ends the
+    sentence."""
 
     holds: Callable[[int, int], bool]
     method: Population | Host
     why: str
 
 
-# Evidence. Many coordinates: section 5 of Hansen's tutorial, a full covariance learns in order d^2 evaluations, of which
-# 100 d is the least that 100 coordinates can use. Few evaluations: restarts come after the first search has converged,
-# which takes 100 to 1000 d evaluations (Hansen 2009, BBOB). Else: BIPOP was the best of 31 methods over all functions
-# of BBOB-2009 beyond 100 d evaluations (Hansen, Auger, Ros, Finck and Posik 2010, GECCO companion, 1689).
+# Evidence. Many coordinates: section 5 of Hansen's tutorial, a full covariance learns in order d^2 evaluations, of
+# which 100 d is the least that 100 coordinates can use. Few evaluations: restarts come after the first search has
+# converged, which takes 100 to 1000 d evaluations (Hansen 2009, BBOB). Else: BIPOP was the best of 31 methods over all
+# functions of BBOB-2009 beyond 100 d evaluations (Hansen, Auger, Ros, Finck and Posik 2010, GECCO companion, 1689).
 RULES = (
-    Rule(lambda d, _: d > 100, DecodingCmaEs(), "CMA-ES that learns scales before directions, because there are more than 100 parameters"),
-    Rule(lambda d, budget: budget < 100 * d, CmaEs(), "CMA-ES, because the budget is below 100 evaluations for each parameter"),
-    Rule(lambda d, budget: True, BipopCmaEs(), "CMA-ES with restarts of two kinds, because the budget has room for several searches"),
+    Rule(
+        lambda d, _: d > 100,
+        DecodingCmaEs(),
+        "CMA-ES that learns scales before directions, because there are more than 100 parameters",
+    ),
+    Rule(
+        lambda d, budget: budget < 100 * d,
+        CmaEs(),
+        "CMA-ES, because the budget is below 100 evaluations for each parameter",
+    ),
+    Rule(
+        lambda d, budget: True,
+        BipopCmaEs(),
+        "CMA-ES with restarts of two kinds, because the budget has room for several searches",
+    ),
 )
 
 
 def by_residuals(objective: Objective, budget: int) -> bool:
-    """Whether least squares is the local search: there are residuals, and the budget holds one search with their Jacobian."""
+    """Whether least squares is the local search: there are residuals, and the budget holds one search with their
+    Jacobian."""
     if objective.residuals_and_jacobian is None:
         return False
     dear = budget < FEW_JACOBIANS * objective.jacobian_charge and objective.gradient_charge < objective.jacobian_charge
@@ -56,7 +73,8 @@ def by_residuals(objective: Objective, budget: int) -> bool:
 
 @dataclass(frozen=True)
 class Auto:
-    """A spread sample, then local searches from its best points until the best answer repeats and little of the box is unseen.
+    """A spread sample, then local searches from its best points until the best answer repeats and little of the box is
+    unseen.
 
     With residuals the local search is least squares, with only a gradient, or a budget of few Jacobians, L-BFGS-B;
     without derivatives `choose` goes by RULES. Multi-start with a sampled global phase:
@@ -65,11 +83,17 @@ class Auto:
 
     needs: ClassVar[Needs] = Needs()
     share: float = number(0.15, 0.0, 0.9, "largest share of the budget for the sample before the local searches")
-    second: float = number(0.2, 0.0, 0.9, "share of the budget for a second sample, where least-squares searches end in several optima")
+    second: float = number(
+        0.2, 0.0, 0.9, "share of the budget for a second sample, where least-squares searches end in several optima"
+    )
     agree: int = integer(3, 1, 1_000_000, "stop after so many independent starts ended in the best basin")
     searches: int = integer(8, 1, 1_000_000, "fewest local searches")
-    unseen: float = number(0.02, 1e-6, 1.0, "stop only when at most this share of the box is expected to lead to optima not seen yet")
-    solve_linear: str = choice("yes", ("yes", "no"), "solve for parameters in which the outputs are affine at every point")
+    unseen: float = number(
+        0.02, 1e-6, 1.0, "stop only when at most this share of the box is expected to lead to optima not seen yet"
+    )
+    solve_linear: str = choice(
+        "yes", ("yes", "no"), "solve for parameters in which the outputs are affine at every point"
+    )
     max_steps: int = integer(200, 1, 1_000_000, "most steps of one local search")
 
     def choose(self, objective: Objective, budget: int) -> tuple[Population | Host, str]:
@@ -78,12 +102,19 @@ class Auto:
         By numbers that a resumed search sees again, never by the clock: what an evaluation takes shows in the budget.
         """
         if objective.separable is not None:
-            why = "Least squares in which every recording searches on its own, because no two recordings share a free parameter."
+            why = (
+                "Least squares in which every recording searches on its own, because no two recordings share a free "
+                "parameter."
+            )
             return self, why
         if by_residuals(objective, budget):
             return self, "Least squares from many starts, because the problem gives residuals with exact derivatives."
         if objective.residuals_and_jacobian is not None:
-            return self, f"L-BFGS-B, because the budget holds fewer than {FEW_JACOBIANS} evaluations of all derivatives of the residuals."
+            return (
+                self,
+                f"L-BFGS-B, because the budget holds fewer than {FEW_JACOBIANS} evaluations of all derivatives of the "
+                f"residuals.",
+            )
         if objective.value_and_gradient is not None:
             return self, "L-BFGS-B from many starts, because the problem gives a gradient but no residuals."
         rule = next(r for r in RULES if r.holds(objective.dimension, budget))
@@ -100,17 +131,30 @@ class Auto:
         points, costs = self._sample(objective, self.share * budget, counter, spread, rng)
         finite = costs[np.isfinite(costs)]
         # a cost this far below the ordinary one is a perfect fit up to rounding
-        basins.floor = (PERFECT if together else NEARLY) * abs(float(np.median(finite))) if len(finite) else basins.floor
+        basins.floor = (
+            (PERFECT if together else NEARLY) * abs(float(np.median(finite))) if len(finite) else basins.floor
+        )
         starts = self._starts(objective, budget, counter, basins, spread, points, costs, rng, together)
         if objective.separable is not None:
-            return separable_least_squares(counter, next(starts).x, agree=self.agree, max_steps=2 * self.agree * self.max_steps)
+            return separable_least_squares(
+                counter, next(starts).x, agree=self.agree, max_steps=2 * self.agree * self.max_steps
+            )
         limits = {"agree": self.agree, "searches": self.searches, "unseen": self.unseen, "max_steps": self.max_steps}
         if together:
             return LocalSearches(counter, starts, basins, **limits).run()
-        return one_after_another(counter, starts, lambda x, steps: self._search(objective, counter, x, budget, steps), basins, **limits)
+        return one_after_another(
+            counter, starts, lambda x, steps: self._search(objective, counter, x, budget, steps), basins, **limits
+        )
 
     def _sample(
-        self, objective: Objective, allowed: float, counter: Counter, spread: Spread, rng: np.random.Generator, *, large: bool = False
+        self,
+        objective: Objective,
+        allowed: float,
+        counter: Counter,
+        spread: Spread,
+        rng: np.random.Generator,
+        *,
+        large: bool = False,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Spread points (n, d) and their costs (n,); with the affine parameters solved for where the search does so."""
         projected = counter.projected
@@ -152,8 +196,9 @@ class Auto:
         rng: np.random.Generator,
         together: bool,
     ) -> Iterator[Start]:
-        """Best sample, warm starts, further samples far from each other, then in turn the next sample, a step away from the best
-        point, a new point of the spread. A second, larger sample is drawn when twice `searches` starts met several optima."""
+        """Best sample, warm starts, further samples far from each other, then in turn the next sample, a step away
+        from the best point, a new point of the spread. A second, larger sample is drawn when twice `searches` starts
+        met several optima."""
         order = self._order(counter, spread, points, costs)
         warm = [] if objective.start is None else list(np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0))
         first = [Start(points[i]) for i in islice(order, self.searches)]
@@ -173,6 +218,9 @@ class Auto:
             if np.isfinite(counter.best_cost):
                 width = 10 ** rng.uniform(-2, -0.5)
                 given += 1
-                yield Start(np.clip(counter.best_x + width * rng.standard_normal(objective.dimension), 0.0, 1.0), independent=False)
+                yield Start(
+                    np.clip(counter.best_x + width * rng.standard_normal(objective.dimension), 0.0, 1.0),
+                    independent=False,
+                )
             given += 1
             yield Start(spread.points(rng.random((CHUNK, objective.dimension)), rng)[rng.integers(CHUNK)])

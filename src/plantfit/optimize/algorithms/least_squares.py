@@ -24,8 +24,8 @@ class LeastSquares:
 
     Where the objective evaluates several Jacobians at once, searches run side by side (Levenberg-Marquardt with
     projected steps): 10 times less CPU time in problems of 2 to 30 parameters and up to 1000 samples, in which the
-    arithmetic of one search costs more than the model, 2 times less at 20 000 samples. Parameters in which the residuals are
-    affine are then solved for at every point (`Objective.projected`).
+    arithmetic of one search costs more than the model, 2 times less at 20 000 samples. Parameters in which the
+    residuals are affine are then solved for at every point (`Objective.projected`).
 
     A robust loss decides which point is best; the cost reported with it stays mean(residuals**2), so
     that its history need not fall.
@@ -36,8 +36,12 @@ class LeastSquares:
     loss: str = choice("linear", ("linear", "soft_l1", "huber", "cauchy"), "robust losses give outliers less weight")
     f_scale: float = number(1.0, 1e-300, 1e300, "residual at which a robust loss begins to differ from least squares")
     max_steps: int = integer(200, 1, 1_000_000, "most steps of one local search")
-    solve_linear: str = choice("yes", ("yes", "no"), "solve for parameters in which the outputs are affine at every point")
-    side_by_side: int = integer(WIDTH, 1, 1000, "searches whose steps are evaluated together, for plain least squares of moderate size")
+    solve_linear: str = choice(
+        "yes", ("yes", "no"), "solve for parameters in which the outputs are affine at every point"
+    )
+    side_by_side: int = integer(
+        WIDTH, 1, 1000, "searches whose steps are evaluated together, for plain least squares of moderate size"
+    )
 
     def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:
         loss = Loss(self.loss, self.f_scale)
@@ -52,7 +56,9 @@ class LeastSquares:
             marked = (Start(x, asked=k < warm) for k, x in enumerate(starts))
             return LocalSearches(counter, marked, basins, self.agree, self.max_steps, width=self.side_by_side).run()
         if objective.separable is not None and self.loss == "linear":
-            return separable_least_squares(counter, next(starts), agree=self.agree, max_steps=2 * self.agree * self.max_steps)
+            return separable_least_squares(
+                counter, next(starts), agree=self.agree, max_steps=2 * self.agree * self.max_steps
+            )
         return one_after_another(
             counter,
             (Start(x, asked=k < warm) for k, x in enumerate(starts)),

@@ -58,9 +58,16 @@ class NelderMead:
             kept = known.pop(x.tobytes(), None)
             return float(counter.costs(x)[0]) if kept is None else kept
 
-        options: Any = {"adaptive": True, "initial_simplex": self._simplex(start.x), "xatol": PRECISION, "fatol": enough}
+        options: Any = {
+            "adaptive": True,
+            "initial_simplex": self._simplex(start.x),
+            "xatol": PRECISION,
+            "fatol": enough,
+        }
         options |= {"maxfev": self.max_steps, "maxiter": self.max_steps}
-        answer = scipy.optimize.minimize(cost, start.x, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start.x), options=options)
+        answer = scipy.optimize.minimize(
+            cost, start.x, method="Nelder-Mead", bounds=[(0.0, 1.0)] * len(start.x), options=options
+        )
         return Found(np.asarray(answer.x), float(answer.fun))
 
     def _simplex(self, start: np.ndarray) -> np.ndarray:

@@ -32,13 +32,13 @@ class ParticleSwarm:
     v <- w v + c1 r1 (p - x) + c2 r2 (g - x), with r1 and r2 drawn anew for every coordinate (Kennedy and
     Eberhart 1995; inertia w: Shi and Eberhart 1998). The defaults are the constriction coefficients
     chi = 2 / |2 - phi - sqrt(phi^2 - 4 phi)| and chi phi / 2 at phi = 4.1 (Clerc and Kennedy 2002, eq. 4.15).
-    Faults that were measured: with r1 and r2 shared by all coordinates the swarm moves in few directions and stagnates (10-D
-    sphere 3e-5 instead of 1e-25); a periodic box loses an optimum on a bound (61 instead of 0). Neither is offered. The
-    global swarm contracts around one leader and then has no way out of its basin (10-D Rastrigin ends near 5). On pure noise
-    26 % of the final coordinates lie in the central fifth of the box and 5 % on a bound.
-    At a bound "absorb" sets the coordinate onto it and turns half the velocity around, "reflect" mirrors both.
-    Converged when the swarm is smaller than 1e-10 of the cube and its costs agree to 1e-12 of their first
-    spread; stagnated after 100 + 20 d generations without a better point.
+    Faults that were measured: with r1 and r2 shared by all coordinates the swarm moves in few directions and stagnates
+    (10-D sphere 3e-5 instead of 1e-25); a periodic box loses an optimum on a bound (61 instead of 0). Neither is
+    offered. The global swarm contracts around one leader and then has no way out of its basin (10-D Rastrigin ends near
+    5). On pure noise 26 % of the final coordinates lie in the central fifth of the box and 5 % on a bound. At a bound
+    "absorb" sets the coordinate onto it and turns half the velocity around, "reflect" mirrors both. Converged when the
+    swarm is smaller than 1e-10 of the cube and its costs agree to 1e-12 of their first spread; stagnated after 100 + 20
+    d generations without a better point.
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=3)

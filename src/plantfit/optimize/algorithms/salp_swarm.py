@@ -52,14 +52,15 @@ class SalpSwarm:
 
     `variant` "published" follows the authors' program: the first half of the chain leads and l starts at 2. "paper"
     follows the printed equations: one leader, l starts at 1, and the sign, tested as c3 >= 0, is always plus.
-    Both read the bounds in units: the + lb_j makes jumps depend on where the box lies. On a 10-D sphere "published" ends
-    at 3e-12 in [-5, 5] and at 3e-9 in [100, 110], "paper" at 2e-2 and 1.1; on pure noise 34 % of the final coordinates of
-    "published" lie exactly on a bound in [100, 110] (8 % in [-5, 5]). "shift_invariant" is "published" without the lb_j and
-    ends at 1e-11 in every box; its clipped jumps still leave 11 % of the final coordinates on a bound on noise. Castelli,
-    Manzoni, Mariot, Nobile and Tangherloni 2022 (Expert Systems with Applications 189:116029) describe these flaws; use
-    another method unless a result must be replicated. Parameters searched on a log scale are taken as linear.
-    `leaders` is the share of the chain that leads, at least one salp: half in the authors' program, varied by Aljarah, Mafarja,
-    Heidari, Faris, Zhang and Mirjalili 2018 (Applied Soft Computing 71:964). "paper" has one leader whatever it says.
+    Both read the bounds in units: the + lb_j makes jumps depend on where the box lies. On a 10-D sphere "published"
+    ends at 3e-12 in [-5, 5] and at 3e-9 in [100, 110], "paper" at 2e-2 and 1.1; on pure noise 34 % of the final
+    coordinates of "published" lie exactly on a bound in [100, 110] (8 % in [-5, 5]). "shift_invariant" is "published"
+    without the lb_j and ends at 1e-11 in every box; its clipped jumps still leave 11 % of the final coordinates on a
+    bound on noise. Castelli, Manzoni, Mariot, Nobile and Tangherloni 2022 (Expert Systems with Applications 189:116029)
+    describe these flaws; use another method unless a result must be replicated. Parameters searched on a log scale are
+    taken as linear. `leaders` is the share of the chain that leads, at least one salp: half in the authors' program,
+    varied by Aljarah, Mafarja, Heidari, Faris, Zhang and Mirjalili 2018 (Applied Soft Computing 71:964). "paper" has
+    one leader whatever it says.
     """
 
     needs: ClassVar[Needs] = Needs(schedule_bound=True, raw_box=True, minimum_population=2)
@@ -67,9 +68,12 @@ class SalpSwarm:
     variant: str = choice(
         "published",
         ("published", "paper", "shift_invariant"),
-        "published: the authors' program; paper: the printed equations; shift_invariant: jumps do not depend on where the box lies",
+        "published: the authors' program; paper: the printed equations; shift_invariant: jumps do not depend on where "
+        "the box lies",
     )
-    leaders: float = number(0.5, 0.0, 1.0, "share of the chain that leads, at least one salp; not in variant paper, which has one")
+    leaders: float = number(
+        0.5, 0.0, 1.0, "share of the chain that leads, at least one salp; not in variant paper, which has one"
+    )
 
     def __post_init__(self) -> None:
         if self.variant == "shift_invariant":

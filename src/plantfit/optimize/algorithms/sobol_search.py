@@ -29,7 +29,9 @@ class SobolSearch:
         d = objective.dimension
         if d > MOST_DIMENSIONS:
             raise SearchError(f"Sobol points exist up to {MOST_DIMENSIONS} dimensions, not {d}; choose 'random'.")
-        warm = np.zeros((0, d)) if objective.start is None else np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0)
+        warm = (
+            np.zeros((0, d)) if objective.start is None else np.clip(np.asarray(objective.start, dtype=float), 0.0, 1.0)
+        )
         warm = warm[:budget]
         if len(warm):
             counter.costs(warm)

@@ -14,21 +14,30 @@ DOUBT = 0.1  # share of the box that may be unseen when the budget ends a run th
 class Basins:
     """Counts local searches and how many independent ones reached the best cost.
 
-    Two costs are the same when they agree to `relative` of the best, or to `floor` (a perfect fit has cost 0, to which nothing
-    is relative). The best cost is that of all searches, also of one that was cut off: hits are counted against the answer that
-    is returned. Only a search that came to its own end is evidence; one that a limit of steps or the budget cut off is not.
+    Two costs are the same when they agree to `relative` of the best, or to `floor` (a perfect fit has cost 0, to which
+    nothing is relative). The best cost is that of all searches, also of one that was cut off: hits are counted against
+    the answer that is returned. Only a search that came to its own end is evidence; one that a limit of steps or the
+    budget cut off is not.
 
-    Keeps in `extra`: `starts` (searches that came to their end), `cut_searches`, `skipped_starts` (points that could not be
-    simulated), `basin_hits` (independent searches that ended at the best cost), `optima` (different costs at which independent
-    searches ended), `unseen`, `local_costs` (of the searches that ended), `basin_cost` (the lowest of all), `elsewhere` (points (d,) of
-    the best cost that are far from the best point and from each other), `nearly` (points (d,) like these where searches ended at other
-    costs, up to half as much again).
+    Keeps in `extra`: `starts` (searches that came to their end), `cut_searches`, `skipped_starts` (points that could
+    not be simulated), `basin_hits` (independent searches that ended at the best cost), `optima` (different costs at
+    which independent searches ended), `unseen`, `local_costs` (of the searches that ended), `basin_cost` (the lowest of
+    all), `elsewhere` (points (d,) of the best cost that are far from the best point and from each other), `nearly`
+    (points (d,) like these where searches ended at other costs, up to half as much again).
     """
 
     def __init__(self, extra: dict[str, Any], relative: float = 1e-6, floor: float = 1e-20):
         self.extra, self.relative, self.floor = extra, relative, floor
         self.extra.update(
-            starts=0, cut_searches=0, skipped_starts=0, basin_hits=0, optima=0, unseen=1.0, local_costs=[], elsewhere=[], nearly=[]
+            starts=0,
+            cut_searches=0,
+            skipped_starts=0,
+            basin_hits=0,
+            optima=0,
+            unseen=1.0,
+            local_costs=[],
+            elsewhere=[],
+            nearly=[],
         )
         self._independent: list[float] = []
         self._ends: list[tuple[float, np.ndarray]] = []
@@ -63,8 +72,8 @@ class Basins:
         return self._share(self._unknown)
 
     def _share(self, unknown: int) -> float:
-        """w (w + 1) / (n (n - 1)) after n independent searches that ended in w optima: Boender and Rinnooy Kan 1987, Mathematical
-        Programming 37:59, eq. 14 (Bayes with a uniform prior on number and shares of the optima)."""
+        """w (w + 1) / (n (n - 1)) after n independent searches that ended in w optima: Boender and Rinnooy Kan 1987,
+        Mathematical Programming 37:59, eq. 14 (Bayes with a uniform prior on number and shares of the optima)."""
         n, w = len(self._independent) + unknown, self.extra["optima"] + unknown
         return min(1.0, w * (w + 1) / (n * (n - 1))) if n > 1 else 1.0
 
@@ -74,13 +83,14 @@ class Basins:
         return min(self.extra["local_costs"], default=np.inf)
 
     def agreed(self, agree: int, searches: int = 0, unseen: float = 1.0) -> bool:
-        """Whether so many independent searches, of so many or more, ended at the best cost of all, with nothing cut off below it
-        and no more than this share, or `DOUBT`, unseen."""
+        """Whether so many independent searches, of so many or more, ended at the best cost of all, with nothing cut
+        off below it and no more than this share, or `DOUBT`, unseen."""
         seen = self.extra["optima"] < 2 or self.unseen <= max(unseen, DOUBT)
         return self.hits >= agree and self.searches >= searches and seen
 
     def enough(self, agree: int, searches: int = 0, unseen: float = 1.0) -> bool:
-        """Whether, of the searches that ended, so many agree on their best cost, of so many or more, and at most this share is unseen.
+        """Whether, of the searches that ended, so many agree on their best cost, of so many or more, and at most this
+        share is unseen.
 
         A search that was cut off below that cost is not looked at here: whoever asks has to let it go on first.
         """

@@ -7,7 +7,9 @@ import numpy as np
 ENOUGH = 1e-4  # share of the predicted decrease that makes a step good
 FINISHED = 1e-12  # relative decrease that an undamped step promises at an optimum
 NEAR = 1e-6  # relative promised decrease from which on it is worth looking whether the optimum is reached
-ROUNDING = 1e-4  # relative promised decrease below which a search that finds no better point has met the limits of float64
+ROUNDING = (
+    1e-4  # relative promised decrease below which a search that finds no better point has met the limits of float64
+)
 REFUSED = 3  # refused steps in a row, each with a promise below ROUNDING of NEAR, that show these limits
 HOPELESS = 1e16  # damping at which no step leads down any more
 DAMPING, EASIEST = 1e-3, 1e-14
@@ -17,7 +19,8 @@ RANK = 1e-13  # singular value, as a share of the largest, below which a directi
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """Residuals r (n, k) and derivatives (n, k, d) at n points, in k rows whose mean square is the cost; full cube points (n, D)."""
+    """Residuals r (n, k) and derivatives (n, k, d) at n points, in k rows whose mean square is the cost; full cube
+    points (n, D)."""
 
     r: np.ndarray
     jacobian: np.ndarray
@@ -35,10 +38,10 @@ class Rows:
 class Lanes:
     """Searches under way; leading axis: search.
 
-    `x` (n, d) cube points of the coordinates that are searched, `points` (n, D) the full ones, `squares` r'r, `scale` the column norms
-    so far. `refused` counts steps in a row that led nowhere at the limits of float64; `most` limits the steps. `independent` and
-    `asked` (the user's own start) are facts of the start; `mark` is r'r when the limit was set, `again` tells that a search was
-    set aside before.
+    `x` (n, d) cube points of the coordinates that are searched, `points` (n, D) the full ones, `squares` r'r, `scale`
+    the column norms so far. `refused` counts steps in a row that led nowhere at the limits of float64; `most` limits
+    the steps. `independent` and `asked` (the user's own start) are facts of the start; `mark` is r'r when the limit was
+    set, `again` tells that a search was set aside before.
     """
 
     x: np.ndarray
@@ -63,7 +66,8 @@ class Lanes:
         n, scale, none = len(x), np.linalg.norm(rows.jacobian, axis=1), np.zeros(len(x), int)
         limit = np.where(asked, np.iinfo(int).max, most)
         return cls(
-            x, rows.points, rows.squares, rows.r, rows.jacobian, scale, np.full(n, DAMPING), np.full(n, 2.0), none, none, limit,
+            x, rows.points, rows.squares, rows.r, rows.jacobian, scale, np.full(n, DAMPING), np.full(n, 2.0), none,
+            none, limit,
             independent, asked, rows.squares, np.zeros(n, bool),
         )  # fmt: skip
 
@@ -83,12 +87,13 @@ class Lanes:
         return ((self.x <= 0.0) & (slope > 0)) | ((self.x >= 1.0) & (slope < 0))
 
     def propose(self) -> tuple[np.ndarray, np.ndarray]:
-        """A damped Gauss-Newton step (n, d) of every lane inside the box, and the decrease (n,) that its linear model promises.
+        """A damped Gauss-Newton step (n, d) of every lane inside the box, and the decrease (n,) that its linear model
+        promises.
 
-        Scaled by the largest column norms so far (More 1978, Lecture Notes in Mathematics 630:105, sec. 6) and solved by the QR
-        decomposition of the rows on top of the damping (the same, sec. 3): J'J would lose half of the digits. Coordinates that are
-        held stay; those that a step would carry outside end on the bound and the others are solved for again (projected
-        Newton: Bertsekas 1982, SIAM J. Control Optim. 20:221).
+        Scaled by the largest column norms so far (More 1978, Lecture Notes in Mathematics 630:105, sec. 6) and solved
+        by the QR decomposition of the rows on top of the damping (the same, sec. 3): J'J would lose half of the digits.
+        Coordinates that are held stay; those that a step would carry outside end on the bound and the others are solved
+        for again (projected Newton: Bertsekas 1982, SIAM J. Control Optim. 20:221).
         """
         n, d = self.x.shape
         scale = np.maximum(self.scale, np.maximum(FLAT * self.scale.max(axis=1, keepdims=True), 1e-150))
@@ -114,7 +119,8 @@ class Lanes:
         return p / scale, -np.sum(change * (2.0 * self.r + change), axis=1)
 
     def take(self, promised: np.ndarray, trial: np.ndarray, rows: Rows) -> np.ndarray:
-        """Accept or refuse every step, choose the next dampings (Nielsen 1999, IMM-REP-1999-05, eq. 2.5); which lanes ended (n,)."""
+        """Accept or refuse every step, choose the next dampings (Nielsen 1999, IMM-REP-1999-05, eq. 2.5); which
+        lanes ended (n,)."""
         squares = rows.squares
         with np.errstate(invalid="ignore", divide="ignore"):
             gained = self.squares - squares
@@ -140,8 +146,9 @@ class Lanes:
     def promise(self) -> np.ndarray:
         """Decrease of r'r (n,) that the undamped Gauss-Newton step of the coordinates that are not held promises.
 
-        Relative to r'r it is the square of the relative offset of Bates and Watts 1981, Technometrics 23:179: how far the residual is
-        from being orthogonal to all that the coordinates can change. Columns that change nothing over the whole box do not count.
+        Relative to r'r it is the square of the relative offset of Bates and Watts 1981, Technometrics 23:179: how far
+        the residual is from being orthogonal to all that the coordinates can change. Columns that change nothing over
+        the whole box do not count.
         """
         norms, size = np.linalg.norm(self.jacobian, axis=1), np.sqrt(self.squares)
         counts = ~self.held & (2.0 * norms > FINISHED * size[:, None])

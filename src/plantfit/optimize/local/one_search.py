@@ -14,7 +14,8 @@ ON_BOUND = 1.1e-10  # just above the distance that scipy keeps at its start
 
 @dataclass(frozen=True)
 class Found:
-    """Where a local search stands: point (d,), cost, whether its start could be simulated, and whether it came to its own end.
+    """Where a local search stands: point (d,), cost, whether its start could be simulated, and whether it came to its
+    own end.
 
     A search that is not `finished` was cut off by its limit of steps.
     """
@@ -137,9 +138,22 @@ def lbfgsb(counter: Counter, start: np.ndarray, max_steps: int, memory: int = 20
     def scaled(x: np.ndarray) -> tuple[float, np.ndarray]:
         value, gradient = known.pop(x.tobytes(), None) or counter.value_and_gradient(np.clip(x, 0.0, 1.0))
         # a failed trial looks like a high plateau, so that the line search comes back
-        return (value / unit, gradient / unit) if np.isfinite(value) else (1e6 * (abs(first) / unit + 1), np.zeros_like(gradient))
+        return (
+            (value / unit, gradient / unit)
+            if np.isfinite(value)
+            else (1e6 * (abs(first) / unit + 1), np.zeros_like(gradient))
+        )
 
-    options: Any = {"maxcor": memory, "maxls": 40, "ftol": 1e-15, "gtol": 1e-10, "maxiter": max_steps, "maxfun": 4 * max_steps}
-    answer = scipy.optimize.minimize(scaled, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start), options=options)
+    options: Any = {
+        "maxcor": memory,
+        "maxls": 40,
+        "ftol": 1e-15,
+        "gtol": 1e-10,
+        "maxiter": max_steps,
+        "maxfun": 4 * max_steps,
+    }
+    answer = scipy.optimize.minimize(
+        scaled, start, jac=True, method="L-BFGS-B", bounds=[(0.0, 1.0)] * len(start), options=options
+    )
     # status 1: the limit of steps or evaluations
     return Found(np.clip(answer.x, 0.0, 1.0), float(answer.fun) * unit, finished=answer.status != 1)

@@ -1,7 +1,8 @@
 """Which local searches go on: after 6, 12, 24, ... steps each is compared with all that came so far.
 
-Searches that lead to the best of many optima are among the best after few steps, as a rule; most steps go into slow descents to high
-costs (docs/search-suite.md). Successive halving without waiting: Li and others 2020, Proceedings of MLSys 2:230.
+Searches that lead to the best of many optima are among the best after few steps, as a rule; most steps go into slow
+descents to high costs (docs/search-suite.md). Successive halving without waiting: Li and others 2020, Proceedings of
+MLSys 2:230.
 """
 
 from dataclasses import dataclass, field

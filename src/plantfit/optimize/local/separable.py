@@ -17,7 +17,9 @@ COARSE, FINE = 1e-5, 1e-8  # relative decrease that ends a search, and the last 
 SAME = 0.01  # relative difference of costs that counts as the same answer
 HOPELESS = 1e16  # damping that ends a search
 DAMPING = 1e-2
-LONG = 100  # evaluations of a search after which another start is tried first; twice as many each time this happens again
+LONG = (
+    100  # evaluations of a search after which another start is tried first; twice as many each time this happens again
+)
 LARGEST = 1e150  # whose square is a number
 FLAT = 1e-3  # smallest scale of a coordinate, as a share of the largest
 
@@ -92,7 +94,8 @@ class Block:
         self.done = not usable(residuals, jacobian)
 
     def next(self, rng: np.random.Generator, agree: int) -> None:
-        """After a search: a new start, until the best answer was found `agree` times; then the best to its last digits."""
+        """After a search: a new start, until the best answer was found `agree` times; then the best to its last
+        digits."""
         if self.tolerance == FINE:
             return
         self.patience = LONG if self.done else 2 * self.patience
@@ -108,7 +111,8 @@ class Block:
 
     @property
     def crawls(self) -> bool:
-        """Whether this search has become long: some crawl on for ten times the evaluations of the others and end nowhere."""
+        """Whether this search has become long: some crawl on for ten times the evaluations of the others and end
+        nowhere."""
         return self.length >= self.patience and self.tolerance != FINE
 
     @property
@@ -126,9 +130,10 @@ class Block:
 def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, max_steps: int) -> Status:
     """The best answers of all blocks; the first search begins at `start`, later ones at random points.
 
-    A block is searched until its best answer was found `agree` times, to within one percent of the cost, and that answer is then
-    led to its last digits: the status is converged when this was done for every block. Of the searches only those that came to
-    their own end are counted as hits. Further starts are drawn from a generator seeded with `start`.
+    A block is searched until its best answer was found `agree` times, to within one percent of the cost, and that
+    answer is then led to its last digits: the status is converged when this was done for every block. Of the searches
+    only those that came to their own end are counted as hits. Further starts are drawn from a generator seeded with
+    `start`.
     """
     groups = counter.objective.separable
     assert groups is not None
@@ -151,7 +156,9 @@ def separable_least_squares(counter: Counter, start: np.ndarray, *, agree: int, 
     counter.blocks(x)
     hits = [sum(c <= b.answer[0] * (1.0 + SAME) for c in b.ended) for b in blocks]
     cut = max(len(b.found) - len(b.ended) for b in blocks)
-    counter.extra.update(blocks=len(blocks), starts=min(len(b.ended) for b in blocks), basin_hits=min(hits), cut_searches=cut)
+    counter.extra.update(
+        blocks=len(blocks), starts=min(len(b.ended) for b in blocks), basin_hits=min(hits), cut_searches=cut
+    )
     return Status.converged if all(b.finished for b in blocks) else Status.budget
 
 

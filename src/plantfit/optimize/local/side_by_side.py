@@ -13,7 +13,9 @@ from plantfit.optimize.local.one_search import Found
 from plantfit.optimize.local.rungs import FIRST, Rungs
 from plantfit.optimize.loop.counter import BudgetSpent, Counter
 
-WIDTH = 8  # searches side by side unless told otherwise: beyond it a step gains little and a small budget is spread thin
+WIDTH = (
+    8  # searches side by side unless told otherwise: beyond it a step gains little and a small budget is spread thin
+)
 REACH = 30  # a search begins beside others only when each may take so many steps
 AGAIN = 0.1  # share of the steps for searches that were set aside
 
@@ -39,11 +41,14 @@ def project(counter: Counter, solve_linear: str) -> bool:
 
 
 def solved_at_once(counter: Counter, basins: Basins) -> bool:
-    """Whether nothing is left to search because the residuals are affine in all coordinates; the answer is then booked."""
+    """Whether nothing is left to search because the residuals are affine in all coordinates; the answer is then
+    booked."""
     if counter.projected is None or len(counter.projected.kept):
         return False
     rows = counter.projected_rows(np.zeros((1, 0)))
-    basins.add(Found(rows.points[0], float(rows.squares[0] / rows.r.shape[1]), started=bool(np.isfinite(rows.squares[0]))))
+    basins.add(
+        Found(rows.points[0], float(rows.squares[0] / rows.r.shape[1]), started=bool(np.isfinite(rows.squares[0])))
+    )
     counter.extra["linear"] = True
     return basins.searches > 0
 
@@ -61,8 +66,9 @@ def one_after_another(
 ) -> Status:
     """Run `search(x, steps)` from one start after another until enough agree (`Basins.enough`).
 
-    A search that was cut off goes on before an answer above it is called converged, and when `agree` of them stand below all that
-    ended: then searches need more steps here, and later ones get them. One that the user asked for goes on at once.
+    A search that was cut off goes on before an answer above it is called converged, and when `agree` of them stand
+    below all that ended: then searches need more steps here, and later ones get them. One that the user asked for goes
+    on at once.
     """
     try:
         _until_enough(starts, search, basins, agree, max_steps, searches, unseen)
@@ -73,7 +79,8 @@ def one_after_another(
 
 
 def _until_enough(
-    starts: Iterator[Start], search: Callable[[np.ndarray, int], Found], basins: Basins, agree: int, max_steps: int, searches: int,
+    starts: Iterator[Start], search: Callable[[np.ndarray, int], Found], basins: Basins, agree: int, max_steps: int,
+    searches: int,
     unseen: float,
 ) -> None:  # fmt: skip
     aside: list[tuple[Found, int, bool]] = []
@@ -104,13 +111,14 @@ def _until_enough(
 class LocalSearches:
     """Searches from `starts`, `width` at a time but no more than are wanted; one that ends makes room for the next.
 
-    No start is admitted any more once `agree` independent searches ended at the best cost, of `searches` or more, and the share of
-    the box whose optimum none has seen is below `unseen` (`Basins.enough`). What was admitted is run to its end all the same: the
-    searches that end first are those on plateaus. Once several optima are known, a search is set aside where it falls behind the
-    others (`Rungs`), in any case after `max_steps`, never one that the user asked for. Of those that fell behind the best one goes
-    on for a share of the steps, and all of them before the search converges. The best of those that took `max_steps` goes on when
-    everything else has ended and none of that is better, and when `agree` of them stand below all that ended: then searches need
-    more steps here, and later ones get them.
+    No start is admitted any more once `agree` independent searches ended at the best cost, of `searches` or more, and
+    the share of the box whose optimum none has seen is below `unseen` (`Basins.enough`). What was admitted is run to
+    its end all the same: the searches that end first are those on plateaus. Once several optima are known, a search is
+    set aside where it falls behind the others (`Rungs`), in any case after `max_steps`, never one that the user asked
+    for. Of those that fell behind the best one goes on for a share of the steps, and all of them before the search
+    converges. The best of those that took `max_steps` goes on when everything else has ended and none of that is
+    better, and when `agree` of them stand below all that ended: then searches need more steps here, and later ones get
+    them.
     """
 
     counter: Counter
@@ -124,10 +132,13 @@ class LocalSearches:
     aside: list[Lanes] = field(default_factory=list)  # after `max_steps`
     behind: list[Lanes] = field(default_factory=list)
     rungs: Rungs = field(default_factory=Rungs)
-    steps: dict[bool, int] = field(default_factory=lambda: {False: 0, True: 0})  # of searches once set aside, and of others
+    steps: dict[bool, int] = field(
+        default_factory=lambda: {False: 0, True: 0}
+    )  # of searches once set aside, and of others
 
     def run(self) -> Status:
-        """Converged when enough searches agree on the answer; where the budget ends them first, as `Basins.agreed` says."""
+        """Converged when enough searches agree on the answer; where the budget ends them first, as `Basins.agreed`
+        says."""
         lanes: Lanes | None = None
         try:
             while True:
@@ -156,7 +167,9 @@ class LocalSearches:
         """The lanes with others beside them, where there is room and more are wanted."""
         while not self._enough() or self.behind:
             under_way = 0 if lanes is None else len(lanes)
-            most = min(self.width, max(self.agree, self.searches), max(1, int(self.counter.remaining / (REACH * self._charge))))
+            most = min(
+                self.width, max(self.agree, self.searches), max(1, int(self.counter.remaining / (REACH * self._charge)))
+            )
             room = most - under_way
             if lanes is not None and room <= 0:
                 break
@@ -184,7 +197,9 @@ class LocalSearches:
         x = np.clip(np.stack(points), 0.0, 1.0)
         if self.counter.projected is not None:
             x = x[:, self.counter.projected.kept]
-        begun = Lanes.begin(x, self._evaluate(x), np.asarray(independent), np.asarray(asked), min(FIRST, self.max_steps))
+        begun = Lanes.begin(
+            x, self._evaluate(x), np.asarray(independent), np.asarray(asked), min(FIRST, self.max_steps)
+        )
         works = np.isfinite(begun.squares)
         for failed in x[~works]:
             self.basins.add(Found(failed, np.inf, started=False))
@@ -222,7 +237,11 @@ class LocalSearches:
 
     def _pass(self, lanes: Lanes, late: np.ndarray) -> np.ndarray:
         """Which of the lanes `late` (n,), at their limits, go on; these are then doubled."""
-        passed, cost, mark = np.zeros(len(late), dtype=bool), lanes.squares / lanes.r.shape[1], lanes.mark / lanes.r.shape[1]
+        passed, cost, mark = (
+            np.zeros(len(late), dtype=bool),
+            lanes.squares / lanes.r.shape[1],
+            lanes.mark / lanes.r.shape[1],
+        )
         for rung in np.unique(lanes.steps[late]):
             here = lanes.steps[late] == rung
             if rung < self.max_steps:
@@ -240,7 +259,8 @@ class LocalSearches:
         self.basins.add(Found(lane.points[0], self._cost(lane), finished=finished), bool(lane.independent[0]))
 
     def _aside_is_better(self) -> bool:
-        """Whether a search that was set aside may hold the answer: it stands no higher than the best of those that ended."""
+        """Whether a search that was set aside may hold the answer: it stands no higher than the best of those that
+        ended."""
         return bool(self.aside) and min(map(self._cost, self.aside)) <= self.basins.best_ended
 
     def _reopen(self) -> Lanes:

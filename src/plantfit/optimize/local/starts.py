@@ -39,10 +39,11 @@ APART = (0.25, 0.125, 0.0625)  # of the mean random distance
 
 @dataclass(frozen=True)
 class Spread:
-    """How starts are spread over a box: by units and, where a coordinate spans zero or several decades, by magnitude and sign.
+    """How starts are spread over a box: by units and, where a coordinate spans zero or several decades, by magnitude
+    and sign.
 
-    A box of +-1000 around a value of 0.2 holds no uniform point of the right size. `lower`, `upper` (d,) are the bounds in units,
-    `wide` (d,) the coordinates that are spread by magnitude as well.
+    A box of +-1000 around a value of 0.2 holds no uniform point of the right size. `lower`, `upper` (d,) are the bounds
+    in units, `wide` (d,) the coordinates that are spread by magnitude as well.
     """
 
     lower: np.ndarray
@@ -76,7 +77,8 @@ class Spread:
         return np.where(by_magnitude & self.wide, self._by_magnitude(u), u)
 
     def _by_magnitude(self, u: np.ndarray) -> np.ndarray:
-        """Cube points whose coordinates are even in the logarithm of their magnitude, half of each sign where both are possible."""
+        """Cube points whose coordinates are even in the logarithm of their magnitude, half of each sign where both
+        are possible."""
         both = (self.lower < 0) & (self.upper > 0)
         negative = np.where(both, u < 0.5, self.upper <= 0)
         t = np.where(both, np.abs(2.0 * u - 1.0), u)
@@ -101,13 +103,17 @@ class Spread:
 def far_apart(points: np.ndarray, costs: np.ndarray) -> Iterator[int]:
     """Indices of finite points (n, d) in the order in which searches should begin there.
 
-    First those farther from every better one of them than a quarter of the mean random distance sqrt(d / 6), best first; of the
-    others those farther than half of that from all before them, and so on: many small basins next to the best one do not keep
-    searches from the rest of the box. They are worked out as they are asked for: of a large sample few are.
+    First those farther from every better one of them than a quarter of the mean random distance sqrt(d / 6), best
+    first; of the others those farther than half of that from all before them, and so on: many small basins next to the
+    best one do not keep searches from the rest of the box. They are worked out as they are asked for: of a large sample
+    few are.
     """
     left = [int(i) for i in np.argsort(costs, kind="stable") if np.isfinite(costs[i])]
     columns = np.ascontiguousarray(points.T)
-    nearest, apart = np.full(len(points), np.inf), np.empty_like(columns)  # squared distance of every point to what is chosen
+    nearest, apart = (
+        np.full(len(points), np.inf),
+        np.empty_like(columns),
+    )  # squared distance of every point to what is chosen
     for share in APART:
         limit, others = share**2 * points.shape[1] / 6, []
         for i in left:

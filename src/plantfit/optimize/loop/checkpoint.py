@@ -30,7 +30,12 @@ class Checkpoint:
     def to_bytes(self) -> bytes:
         """An npz archive without pickles; seconds and `extra` travel as JSON."""
         table: dict[str, Any] = {"history": self.history}
-        head = {"format": FORMAT, "identity": self.identity, "arrays": len(self.arrays), "finished": [_head(r) for r in self.finished]}
+        head = {
+            "format": FORMAT,
+            "identity": self.identity,
+            "arrays": len(self.arrays),
+            "finished": [_head(r) for r in self.finished],
+        }
         table["head"] = np.array(json.dumps(head))
         for i, array in enumerate(self.arrays):
             table[f"array{i}"] = array
@@ -49,7 +54,9 @@ class Checkpoint:
                 if head.get("format") != FORMAT:
                     raise ValueError("written by another version")
                 arrays = tuple(table[f"array{i}"] for i in range(head["arrays"]))
-                runs = tuple(_run(h, table[f"x{i}"], table[f"n{i}"], table[f"f{i}"]) for i, h in enumerate(head["finished"]))
+                runs = tuple(
+                    _run(h, table[f"x{i}"], table[f"n{i}"], table[f"f{i}"]) for i, h in enumerate(head["finished"])
+                )
                 return Checkpoint(head["identity"], runs, arrays, table["history"])
         except Exception as error:
             # a damaged archive can fail in zipfile, numpy or json; all mean the same to the caller
@@ -66,4 +73,6 @@ def _head(run: RunResult) -> dict[str, Any]:
 
 
 def _run(head: dict[str, Any], x: np.ndarray, evaluations: np.ndarray, cost: np.ndarray) -> RunResult:
-    return RunResult(**{**head, "status": Status(head["status"])}, x=x, history_evaluations=evaluations, history_cost=cost)
+    return RunResult(
+        **{**head, "status": Status(head["status"])}, x=x, history_evaluations=evaluations, history_cost=cost
+    )

@@ -95,7 +95,9 @@ class Counter:
 
     def _chunk(self, x: np.ndarray, size: int) -> np.ndarray:
         costs, filled = self.objective.costs, _filled(x, size)
-        found = _compiled(costs.function)(filled, costs.data) if isinstance(costs, CostOfData) else _compiled(costs)(filled)
+        found = (
+            _compiled(costs.function)(filled, costs.data) if isinstance(costs, CostOfData) else _compiled(costs)(filled)
+        )
         f = np.array(found, dtype=float)[: len(x)]
         return np.where(np.isfinite(f), f, np.inf)
 
@@ -119,7 +121,9 @@ class Counter:
         """
         whole, few = self.objective.residuals_and_jacobian, self.objective.compressed
         if whole is None:
-            raise SearchError("The method needs residuals, but the problem has none; choose 'lbfgsb', 'cmaes' or 'pso'.")
+            raise SearchError(
+                "The method needs residuals, but the problem has none; choose 'lbfgsb', 'cmaes' or 'pso'."
+            )
         self._charge(self.objective.jacobian_charge)
         r, jacobian = (np.array(a, dtype=float) for a in (few if compressed and few is not None else whole)(x))
         # residuals whose squares overflow cannot be compared either
@@ -131,10 +135,11 @@ class Counter:
         return r, jacobian
 
     def rows(self, x: np.ndarray, width: int) -> Rows:
-        """Residuals and derivatives at n points (n, d) in rows, at most `width` points; a failed point has NaN residuals.
+        """Residuals and derivatives at n points (n, d) in rows, at most `width` points; a failed point has NaN
+        residuals.
 
-        The objective sees `width` points every time, filled up with the first, so that it is compiled once; of a long search of
-        one point after another it sees the points as they come.
+        The objective sees `width` points every time, filled up with the first, so that it is compiled once; of a long
+        search of one point after another it sees the points as they come.
         """
         assert self.objective.batch_rows is not None
         self._charge(len(x) * self.objective.jacobian_charge)
@@ -168,7 +173,11 @@ class Counter:
         """Those of the first n points as plain arrays, recorded."""
         r, jacobian, points = (np.asarray(a, dtype=float)[:n] for a in (rows.r, rows.jacobian, rows.points))
         # residuals whose squares overflow cannot be compared either
-        works = np.all(np.abs(r) < 1e150, axis=1) & np.all(np.isfinite(jacobian), axis=(1, 2)) & np.all(np.isfinite(points), axis=1)
+        works = (
+            np.all(np.abs(r) < 1e150, axis=1)
+            & np.all(np.isfinite(jacobian), axis=(1, 2))
+            & np.all(np.isfinite(points), axis=1)
+        )
         rows = Rows(np.where(works[:, None], r, np.nan), np.where(works[:, None, None], jacobian, 0.0), points)
         costs = rows.squares / r.shape[1]
         for k in range(n):

@@ -47,7 +47,9 @@ def minimise(
     name = method if isinstance(method, str) else name_of(method)
     chosen = make(method, **(settings or {})) if isinstance(method, str) else method
     if not isinstance(method, str) and settings:
-        raise SearchError(f"Settings {sorted(settings)} were given beside a ready method {name!r}; put them into the method.")
+        raise SearchError(
+            f"Settings {sorted(settings)} were given beside a ready method {name!r}; put them into the method."
+        )
     for what, value, low in (("runs", runs, 1), ("budget", budget, 1), ("seed", seed, 0), ("first_run", first_run, 0)):
         _whole(what, value, low)
     if stagnation is not None:
@@ -57,8 +59,12 @@ def minimise(
     _check_objective(objective)
     identity = _identity(name, chosen, objective, runs, first_run, budget, seed, target, stagnation)
     if resume is not None and resume.identity != identity:
-        raise SearchError(f"The checkpoint belongs to another search ({resume.identity}), not to {identity}; start the search anew.")
-    plan = Plan(objective, name, identity, runs, first_run, budget, seed, target, stagnation, progress, checkpoint, resume, stop)
+        raise SearchError(
+            f"The checkpoint belongs to another search ({resume.identity}), not to {identity}; start the search anew."
+        )
+    plan = Plan(
+        objective, name, identity, runs, first_run, budget, seed, target, stagnation, progress, checkpoint, resume, stop
+    )
     extra: dict[str, Any] = {}
     if hasattr(chosen, "choose"):
         chosen, reason = chosen.choose(objective, budget)  # type: ignore[union-attr]
@@ -89,11 +95,17 @@ def check_needs(name: str, method: Population | Host, objective: Objective) -> N
     """Raise SearchError when the method needs what the objective does not offer."""
     needs = method.needs
     if needs.gradient and objective.value_and_gradient is None:
-        raise SearchError(f"Method {name!r} needs a gradient, but the problem has none; choose 'cmaes', 'pso' or 'auto'.")
+        raise SearchError(
+            f"Method {name!r} needs a gradient, but the problem has none; choose 'cmaes', 'pso' or 'auto'."
+        )
     if needs.residuals and objective.residuals_and_jacobian is None:
-        raise SearchError(f"Method {name!r} needs residuals, but the problem has none; choose 'lbfgsb', 'cmaes' or 'auto'.")
+        raise SearchError(
+            f"Method {name!r} needs residuals, but the problem has none; choose 'lbfgsb', 'cmaes' or 'auto'."
+        )
     if needs.raw_box and (objective.lower is None or objective.upper is None):
-        raise SearchError(f"Method {name!r} reads the bounds in units, but the problem does not give them; choose another method.")
+        raise SearchError(
+            f"Method {name!r} reads the bounds in units, but the problem does not give them; choose another method."
+        )
 
 
 def _identity(name: str, method: Any, objective: Objective, *numbers: Any) -> str:

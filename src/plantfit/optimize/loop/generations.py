@@ -1,6 +1,7 @@
 """Generations of a population method as compiled blocks: the carry of all runs, and the function that takes it on.
 
-The key of generation g of a run is fold_in(key of the run, g), so any generation can be computed again from the carry alone.
+The key of generation g of a run is fold_in(key of the run, g), so any generation can be computed again from the carry
+alone.
 """
 
 from collections.abc import Callable
@@ -46,7 +47,8 @@ class Limits(NamedTuple):
 
 
 class Given(NamedTuple):
-    """What all generations of a group take: keys of the runs (runs,), points to begin from (k, d), limits, and data of the cost."""
+    """What all generations of a group take: keys of the runs (runs,), points to begin from (k, d), limits, and data
+    of the cost."""
 
     keys: Array
     start: Array
@@ -67,7 +69,8 @@ def chunk_of(rows: int) -> int:
 
 
 def strong(a: Any) -> Array:
-    """An array whose type does not give way: weak ones of a first state would make jax compile what follows a second time."""
+    """An array whose type does not give way: weak ones of a first state would make jax compile what follows a second
+    time."""
     a = jnp.asarray(a)  # a plug-in may begin with a plain number
     return lax.convert_element_type(a, a.dtype)
 
@@ -76,7 +79,9 @@ def first_carry(method: Population, facts: Facts, key: Array) -> Carry:
     """One run before its first generation; `key` is that of the run."""
     zero = jnp.zeros((), int)
     state = method.init(jax.random.fold_in(key, 2**31), facts)
-    return jax.tree.map(strong, Carry(state, jnp.full(facts.dimension, 0.5), jnp.asarray(jnp.inf), zero, zero, zero, zero))
+    return jax.tree.map(
+        strong, Carry(state, jnp.full(facts.dimension, 0.5), jnp.asarray(jnp.inf), zero, zero, zero, zero)
+    )
 
 
 def program(objective: Objective, method: Population, facts: Facts) -> Program:
@@ -94,7 +99,11 @@ class _Known:
 
     def __init__(self, facts: Facts):
         self.facts = Facts(facts.dimension, facts.budget, *(None if a is None else np.array(a) for a in facts[2:]))
-        self._key = facts.dimension, facts.budget, *(None if a is None else (a.shape, a.dtype, a.tobytes()) for a in self.facts[2:])
+        self._key = (
+            facts.dimension,
+            facts.budget,
+            *(None if a is None else (a.shape, a.dtype, a.tobytes()) for a in self.facts[2:]),
+        )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, _Known) and self._key == other._key
@@ -140,13 +149,22 @@ class Generations:
     period: int | None  # generations between two calls of the method's `refresh`
 
     def advance(
-        self, carry: Carry, keys: Array, start: Array, first: Array, last: Array, budget: Array, target: Array, patience: Array, data: Any
+        self,
+        carry: Carry,
+        keys: Array,
+        start: Array,
+        first: Array,
+        last: Array,
+        budget: Array,
+        target: Array,
+        patience: Array,
+        data: Any,
     ) -> tuple[Carry, Array, Array]:
         """Run generations first..last-1: the carry, a history, and the generation that was reached.
 
-        The history (BLOCK, runs, 2) holds evaluations and best cost after each generation; the generation reached is less than
-        `last` when all runs have ended. The number of generations is data, not shape, so that results cannot depend on how blocks
-        are cut.
+        The history (BLOCK, runs, 2) holds evaluations and best cost after each generation; the generation reached is
+        less than `last` when all runs have ended. The number of generations is data, not shape, so that results cannot
+        depend on how blocks are cut.
         """
         given = Given(keys, start, Limits(budget, target, patience), data)
 
@@ -199,11 +217,16 @@ class Generations:
     def _chunk_costs(self, x: Array, data: Any) -> Array:
         f = self.costs(x, data) if self.of_data else self.costs(x)
         if f.shape != (len(x),):
-            raise SearchError(f"The cost returned shape {f.shape} for {len(x)} candidates; it must return one cost for each.")
+            raise SearchError(
+                f"The cost returned shape {f.shape} for {len(x)} candidates; it must return one cost for each."
+            )
         return f
 
-    def _counted(self, carry: Carry, x: Array, f: Array, counts: Array, info: dict[str, Array], limits: Limits) -> Carry:
-        """The carry with the best of candidates x (runs, rows, d) of costs f (runs, rows), and how runs end with them."""
+    def _counted(
+        self, carry: Carry, x: Array, f: Array, counts: Array, info: dict[str, Array], limits: Limits
+    ) -> Carry:
+        """The carry with the best of candidates x (runs, rows, d) of costs f (runs, rows), and how runs end with
+        them."""
         no = jnp.zeros(len(counts), bool)
         row = jnp.argmin(f, axis=1)
         lowest = jnp.take_along_axis(f, row[:, None], axis=1)[:, 0]

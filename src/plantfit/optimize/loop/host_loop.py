@@ -77,6 +77,7 @@ def _run(plan: Plan, method: Host, run: int, reporter: _Reporter, extra: dict[st
         curve.append((counter.spent, counter.best_cost))
     at, costs = np.array(curve, dtype=float).reshape(-1, 2).T
     return RunResult(
-        plan.name, run, plan.seed, counter.best_x, counter.best_cost, counter.spent, time.perf_counter() - began, status,
+        plan.name, run, plan.seed, counter.best_x, counter.best_cost, counter.spent, time.perf_counter() - began,
+        status,
         at, costs, counter.failures, {**extra, **counter.extra},
     )  # fmt: skip

@@ -135,8 +135,11 @@ def traced(template: Population, names: Sequence[str], options: Options = ()) ->
     return _KINDS[hasattr(template, "refresh"), hasattr(template, "live")](template, tuple(names), options)
 
 
-def traceable(template: Population, names: Sequence[str], options: Options, facts: Facts) -> tuple[tuple[str, ...], Options]:
-    """Those settings, of numbers and of words, that can be data: they decide no shape, and numbers no branch of Python."""
+def traceable(
+    template: Population, names: Sequence[str], options: Options, facts: Facts
+) -> tuple[tuple[str, ...], Options]:
+    """Those settings, of numbers and of words, that can be data: they decide no shape, and numbers no branch of
+    Python."""
     numbers = [n for n in names if _traces(template, (n,), (), facts)]
     while numbers and not _traces(template, numbers, (), facts):
         numbers.pop()
@@ -176,7 +179,15 @@ def _traces(template: Population, names: Sequence[str], options: Options, facts:
 
     try:
         jax.eval_shape(generation, jax.random.key(0), tuple(_as_data(v) for v in values))
-    except (TypeError, ValueError, IndexError, AttributeError, SearchError, jax.errors.JAXTypeError, jax.errors.JAXIndexError):
+    except (
+        TypeError,
+        ValueError,
+        IndexError,
+        AttributeError,
+        SearchError,
+        jax.errors.JAXTypeError,
+        jax.errors.JAXIndexError,
+    ):
         return False
     return True
 
@@ -193,13 +204,16 @@ class Sweep:
     Compiles once. Raises SearchError when the budget does not cover a generation.
     """
 
-    def __init__(self, objective: Objective, template: Population, names: Sequence[str], options: Options, budget: int, seed: int):
+    def __init__(
+        self, objective: Objective, template: Population, names: Sequence[str], options: Options, budget: int, seed: int
+    ):
         self.objective, self.budget, self.seed = objective, budget, seed
         facts = Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start)
         self.rows = template.rows(facts)
         if not template.needs.minimum_population <= self.rows <= budget:
             raise SearchError(
-                f"A population of {self.rows} does not fit: the method needs at least {template.needs.minimum_population} "
+                f"A population of {self.rows} does not fit: the method needs at least "
+                f"{template.needs.minimum_population} "
                 f"and the budget of {budget} must cover one generation."
             )
         self.width = max(2, min(LANES, SIDE_BY_SIDE // self.rows))
@@ -207,24 +221,37 @@ class Sweep:
         self.values = method.values
         self._advance = program(objective, method, facts).advance
         self._data = objective.costs.data if isinstance(objective.costs, CostOfData) else ()
-        self._begin = jax.jit(lambda keys, values: lax.map(lambda kv: first_carry(_Begun(method, kv[1]), facts, kv[0]), (keys, values)))  # type: ignore[arg-type]
+        self._begin = jax.jit(
+            lambda keys, values: lax.map(lambda kv: first_carry(_Begun(method, kv[1]), facts, kv[0]), (keys, values))
+        )  # type: ignore[arg-type]
         start = np.zeros((0, facts.dimension)) if objective.start is None else np.clip(objective.start, 0.0, 1.0)
         self._start = jnp.asarray(start[: self.rows])
 
     def run(
-        self, jobs: Sequence[Job], *, stop: Callable[[], bool] | None = None, progress: Callable[[float], None] | None = None
+        self,
+        jobs: Sequence[Job],
+        *,
+        stop: Callable[[], bool] | None = None,
+        progress: Callable[[float], None] | None = None,
     ) -> list[Outcome]:
-        """Outcomes in the order of the jobs. `progress` hears evaluations as they are spent; `stop` raises Interrupted."""
+        """Outcomes in the order of the jobs. `progress` hears evaluations as they are spent; `stop` raises
+        Interrupted."""
         found: list[Outcome] = []
         for i in range(0, len(jobs), self.width):
             found += self._group(jobs[i : i + self.width], stop, progress)
         return found
 
-    def _group(self, jobs: Sequence[Job], stop: Callable[[], bool] | None, progress: Callable[[float], None] | None) -> list[Outcome]:
+    def _group(
+        self, jobs: Sequence[Job], stop: Callable[[], bool] | None, progress: Callable[[float], None] | None
+    ) -> list[Outcome]:
         members = len(jobs)
         filled = [*jobs, *[jobs[-1]] * (self.width - members)]
-        keys = jax.vmap(lambda r: jax.random.fold_in(jax.random.key(self.seed), r))(jnp.asarray([j.run for j in filled], jnp.uint32))
-        values = tuple(np.stack([_as_data(v) for v in column]) for column in zip(*[j.values for j in filled], strict=True))
+        keys = jax.vmap(lambda r: jax.random.fold_in(jax.random.key(self.seed), r))(
+            jnp.asarray([j.run for j in filled], jnp.uint32)
+        )
+        values = tuple(
+            np.stack([_as_data(v) for v in column]) for column in zip(*[j.values for j in filled], strict=True)
+        )
         carry = self._begin(keys, values)
         carry = carry._replace(ending=jnp.where(jnp.arange(self.width) < members, carry.ending, PADDING))
         done, block, blocks, spent = 0, 1, [], 0.0
@@ -233,7 +260,9 @@ class Sweep:
                 raise Interrupted("The search was stopped; what was finished is kept.")
             tick = time.perf_counter()
             upto = done + block
-            carry, marks, reached = self._advance(carry, keys, self._start, done, upto, self.budget, -np.inf, 2**62, self._data)
+            carry, marks, reached = self._advance(
+                carry, keys, self._start, done, upto, self.budget, -np.inf, 2**62, self._data
+            )
             blocks.append(np.asarray(marks)[: int(reached) - done])
             done = int(reached)
             pace = REPORT_SECONDS / max(time.perf_counter() - tick, 1e-6)

@@ -16,7 +16,9 @@ from jax import Array
 
 
 @lru_cache(maxsize=128)
-def _compiled(method: Population, rows: int, dimension: int) -> tuple[Callable, Callable, Callable | None, Callable | None]:
+def _compiled(
+    method: Population, rows: int, dimension: int
+) -> tuple[Callable, Callable, Callable | None, Callable | None]:
     def ask(key: Array, state: Any, g: Array) -> tuple[Array, Any]:
         return method.ask(jax.random.fold_in(key, g), state)
 

@@ -22,10 +22,18 @@ import jax
 import jax.numpy as jnp
 
 SIDE_BY_SIDE = 1024  # most candidates evaluated at once
-STATES = 10 << 20  # most bytes of states side by side: more fall out of the cache and a generation takes up to 1.7 times as long
+STATES = (
+    10 << 20
+)  # most bytes of states side by side: more fall out of the cache and a generation takes up to 1.7 times as long
 REPORT_SECONDS = 0.5
 
-ENDINGS = (Status.running, Status.converged, Status.stagnated, Status.target, Status.budget)  # in the order of `generations`
+ENDINGS = (
+    Status.running,
+    Status.converged,
+    Status.stagnated,
+    Status.target,
+    Status.budget,
+)  # in the order of `generations`
 
 
 def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> list[RunResult]:
@@ -34,7 +42,9 @@ def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> lis
     facts = Facts(objective.dimension, plan.budget, objective.lower, objective.upper, objective.start)
     rows = method.rows(facts)
     if rows < method.needs.minimum_population:
-        raise SearchError(f"Method {plan.name!r} needs a population of at least {method.needs.minimum_population}, not {rows}.")
+        raise SearchError(
+            f"Method {plan.name!r} needs a population of at least {method.needs.minimum_population}, not {rows}."
+        )
     if plan.budget < rows:
         raise SearchError(
             f"A budget of {plan.budget} does not cover one generation of method {plan.name!r}; "
@@ -75,7 +85,11 @@ class _Group:
         carry = carry._replace(ending=jnp.where(jnp.arange(self.width) < members, carry.ending, PADDING))
         if arrays:
             carry = jax.tree.unflatten(jax.tree.structure(carry), [jnp.asarray(a) for a in arrays])
-        start = np.zeros((0, plan.objective.dimension)) if plan.objective.start is None else np.clip(plan.objective.start, 0.0, 1.0)
+        start = (
+            np.zeros((0, plan.objective.dimension))
+            if plan.objective.start is None
+            else np.clip(plan.objective.start, 0.0, 1.0)
+        )
         target = -np.inf if plan.target is None else plan.target
         patience = 2**62 if plan.stagnation is None else plan.stagnation
         done = len(history)
@@ -114,7 +128,9 @@ class _Group:
         spent = before + float(np.sum(np.where(over, plan.budget, evaluations)))
         total = float(plan.runs * plan.budget)
         progress = estimate(len(self.finished) + int(np.sum(over)), plan.runs, spent, resumed, total, best, seconds)
-        plan.progress(dataclasses.replace(progress, evaluations=before + float(np.sum(evaluations)), seconds=earlier + seconds))
+        plan.progress(
+            dataclasses.replace(progress, evaluations=before + float(np.sum(evaluations)), seconds=earlier + seconds)
+        )
 
     def _results(self, carry: Carry, members: int, history: np.ndarray, times: dict[str, float]) -> list[RunResult]:
         results = []
@@ -151,5 +167,9 @@ class _Group:
 
 def plain_settings(method: Any) -> str:
     """Settings as text that is equal exactly when the settings are."""
-    fields = {f.name: getattr(method, f.name) for f in dataclasses.fields(method)} if dataclasses.is_dataclass(method) else repr(method)
+    fields = (
+        {f.name: getattr(method, f.name) for f in dataclasses.fields(method)}
+        if dataclasses.is_dataclass(method)
+        else repr(method)
+    )
     return json.dumps(fields, sort_keys=True, default=repr)

@@ -16,7 +16,9 @@ class Progress:
     seconds_left: float | None
 
 
-def estimate(runs_done: int, runs: int, evaluations: float, skipped: float, budget_total: float, best: float, seconds: float) -> Progress:
+def estimate(
+    runs_done: int, runs: int, evaluations: float, skipped: float, budget_total: float, best: float, seconds: float
+) -> Progress:
     """A `Progress` whose remaining time assumes the pace so far; `skipped` evaluations came from a checkpoint
     or were saved by runs that ended early, and cost no time."""
     worked = evaluations - skipped

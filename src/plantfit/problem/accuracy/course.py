@@ -1,7 +1,8 @@
 """States along the steps of a record, one step after another, as a compiled loop over blocks of one length.
 
-A mesh has another number of steps in every round of its making. A loop over all of them would be compiled anew for each number, so it is
-compiled for one block of `BLOCK` steps, and records are worked off in such blocks, the last one filled with steps of length 0.
+A mesh has another number of steps in every round of its making. A loop over all of them would be compiled anew for each
+number, so it is compiled for one block of `BLOCK` steps, and records are worked off in such blocks, the last one filled
+with steps of length 0.
 """
 
 from typing import Any
@@ -41,7 +42,8 @@ class Course:
     def states(self, x0: np.ndarray, u0: np.ndarray, u1: np.ndarray, length: np.ndarray, values: Any) -> np.ndarray:
         """States (C, K + 1, n) at all ends of steps; from one on that cannot be taken they are not finite.
 
-        From first states (C, n), inputs at both ends of the steps (C, K, c), lengths (C, K) in seconds and parameters, each (C, ...).
+        From first states (C, n), inputs at both ends of the steps (C, K, c), lengths (C, K) in seconds and parameters,
+        each (C, ...).
         """
         count, steps = length.shape
         found = np.empty((count, steps + 1, x0.shape[1]))
@@ -49,7 +51,9 @@ class Course:
         for begin in range(0, steps, BLOCK):
             stop = min(begin + BLOCK, steps)
             a, b, h = (_filled(v[:, begin:stop]) for v in (u0, u1, length))
-            found[:, begin + 1 : stop + 1] = np.asarray(self.compiled(found[:, begin], a, b, h, values))[:, : stop - begin]
+            found[:, begin + 1 : stop + 1] = np.asarray(self.compiled(found[:, begin], a, b, h, values))[
+                :, : stop - begin
+            ]
         return found
 
 

@@ -1,4 +1,5 @@
-"""How exact the slope of the residuals by the dead time of a held input is: steps are cut at the jumps, and samples are crossed by them."""
+"""How exact the slope of the residuals by the dead time of a held input is: steps are cut at the jumps, and samples
+are crossed by them."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -29,7 +30,11 @@ class HeldDelay(NamedTuple):
         """Bounds (s) at which a jump falls on a sample, with the side (1 or -1) of each that is inside."""
         c = problem.space.coordinates[self.place]
         ends = [(c.lower, 1.0), (c.upper, -1.0)]
-        return [(b, side) for b, side in ends if len(self.jumps) and np.any(np.isin(_rounded(self.jumps + b), _rounded(self.t)))]
+        return [
+            (b, side)
+            for b, side in ends
+            if len(self.jumps) and np.any(np.isin(_rounded(self.jumps + b), _rounded(self.t)))
+        ]
 
     def on_samples(self, problem: Problem, z: np.ndarray) -> np.ndarray:
         """The cube points z with the dead time moved, so that jumps fall on samples."""
@@ -53,8 +58,11 @@ def held_delays(problem: Problem) -> list[HeldDelay]:
     return list(found.values())
 
 
-def slope_error(problem: Problem, z: np.ndarray, *, places: Sequence[int], sides: tuple[float, ...] = (1.0, -1.0)) -> float:
-    """Step error of the residuals' slope by these coordinates together at a cube point, from the worse side, as a share of the slope."""
+def slope_error(
+    problem: Problem, z: np.ndarray, *, places: Sequence[int], sides: tuple[float, ...] = (1.0, -1.0)
+) -> float:
+    """Step error of the residuals' slope by these coordinates together at a cube point, from the worse side, as a
+    share of the slope."""
     values = np.array(problem.space.physical(z))
     width = DELAY_SHARE * (problem.space.upper - problem.space.lower)[list(places)]
     simulator = problem.predictor.stepping()
@@ -69,7 +77,12 @@ def slope_error(problem: Problem, z: np.ndarray, *, places: Sequence[int], sides
     shares = []
     for side in sides:
         exact = slope(fine, side)
-        shares.append(np.sqrt(np.mean((slope(problem, side) - exact) ** 2)) * q / (q - 1.0) / max(np.sqrt(np.mean(exact**2)), 1e-300))
+        shares.append(
+            np.sqrt(np.mean((slope(problem, side) - exact) ** 2))
+            * q
+            / (q - 1.0)
+            / max(np.sqrt(np.mean(exact**2)), 1e-300)
+        )
     return float(np.max(shares))
 
 

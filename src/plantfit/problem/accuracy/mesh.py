@@ -1,15 +1,16 @@
 """Where steps end between samples: a mesh of its own for every recording, made at candidates and frozen afterwards.
 
-Every interval between two times of a `Drive` is halved as often as its share of the error asks for: a mesh is a set of dyadic
-fractions of the intervals. The error e_k of one step is that against two of half its length from the same state. What it does to all
-later outputs is |e_k|_G = sqrt(e_k' G_(k+1) e_k) with the observability Gramian of the linearised steps,
+Every interval between two times of a `Drive` is halved as often as its share of the error asks for: a mesh is a set of
+dyadic fractions of the intervals. The error e_k of one step is that against two of half its length from the same state.
+What it does to all later outputs is |e_k|_G = sqrt(e_k' G_(k+1) e_k) with the observability Gramian of the linearised
+steps,
 
     G_k = A_k' G_(k+1) A_k + C_k' C_k,                                                                   (1)
 
-A_k the Jacobian of step k and C_k that of the scaled outputs where they are scored: a goal-oriented estimate (R. Becker and
-R. Rannacher, Acta Numerica 10 (2001) 1, sec. 2) for all outputs at once. A step of order q in n parts adds |e_k|_G / n^q; the fewest
-steps for a given sum have n proportional to the (q+1)th root of |e_k|_G. How far that sum is from the error itself shows a run with all
-steps halved.
+A_k the Jacobian of step k and C_k that of the scaled outputs where they are scored: a goal-oriented estimate (R. Becker
+and R. Rannacher, Acta Numerica 10 (2001) 1, sec. 2) for all outputs at once. A step of order q in n parts adds |e_k|_G
+/ n^q; the fewest steps for a given sum have n proportional to the (q+1)th root of |e_k|_G. How far that sum is from the
+error itself shows a run with all steps halved.
 
 A mesh is data: costs, gradients and Jacobians are exact for it, whatever candidates are simulated side by side.
 """
@@ -34,7 +35,10 @@ import jax
 import jax.numpy as jnp
 
 ROUNDS = 40  # refinements of one mesh, at most
-LOST, ROUGH = 0.3, 0.01  # errors of a step as shares of the state: behind it nothing is known, and too large for the estimate to hold
+LOST, ROUGH = (
+    0.3,
+    0.01,
+)  # errors of a step as shares of the state: behind it nothing is known, and too large for the estimate to hold
 NEGLIGIBLE = 1e-9  # error of a step as a share of the state, below which halving it changes nothing
 FAR = 10.0  # times the tolerance, above which only the worst steps are halved
 WORST = 8.0  # times less than the worst, down to which steps are among them
@@ -47,23 +51,25 @@ AIM = 0.5  # of the tolerance that a refinement aims at
 
 
 def can_mesh(problem: Problem) -> bool:
-    """Whether a mesh can be made: sparse records of a smooth model without late states, and a stepper that has a step on arrays
-    (`place_on_arrays` of `simulate.steps.registry.Stepper`)."""
+    """Whether a mesh can be made: sparse records of a smooth model without late states, and a stepper that has a
+    step on arrays (`place_on_arrays` of `simulate.steps.registry.Stepper`)."""
     if not problem.predictor.has_steps:
         return False
     simulator = problem.predictor.stepping()
     model = simulator.vector.model
     samples = sum(len(problem.experiments[n].recording) for n in problem.whole_drives)
-    return bool(STEPPERS[simulator.stepper].place_on_arrays and model.smooth and not model.state_delays and samples <= SPARSE)
+    return bool(
+        STEPPERS[simulator.stepper].place_on_arrays and model.smooth and not model.state_delays and samples <= SPARSE
+    )
 
 
 @dataclass(frozen=True)
 class Effects:
     """What the steps of a record do to its measured samples at one candidate.
 
-    `error` (m,) of the scaled outputs, by halving all steps; `share` (N - 1,) is the largest |e_k|_G (eq. 1) in every interval of the
-    drive, `local` (N - 1,) the error of a step there as a share of the largest state. Not finite where the record could not be followed;
-    `local` is then that of the first step from which on it could not, 0 behind it.
+    `error` (m,) of the scaled outputs, by halving all steps; `share` (N - 1,) is the largest |e_k|_G (eq. 1) in every
+    interval of the drive, `local` (N - 1,) the error of a step there as a share of the largest state. Not finite where
+    the record could not be followed; `local` is then that of the first step from which on it could not, 0 behind it.
     """
 
     error: np.ndarray
@@ -118,7 +124,8 @@ def _compiled(vector: VectorModel, stepper: str, interpolated: tuple[str, ...]) 
 
 
 def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, float]) -> list[Effects]:
-    """Of the steps of one moving recording at cube points (C, d), for all its measured samples, in `units` of the outputs."""
+    """Of the steps of one moving recording at cube points (C, d), for all its measured samples, in `units` of the
+    outputs."""
     own, drive = problem.predictor.stepping(), problem.whole_drives[name]
     made = _compiled(own.vector, own.stepper, own.interpolated)
     trees = [problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name) for z in zs]
@@ -129,11 +136,15 @@ def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, flo
         x0 = np.asarray(made.initial(p, drive.first_input, drive.first_output))
         rank, sample, u0, u1, length = _grid(made, p, drive)
         coarse, fine = _followed(made, x0, (u0, u1, length), values)
-        local, jacobian = _single_steps(STEPPERS[own.stepper].on_arrays, made.rates, fine[:, :-1], (u0, u1, length), values)
+        local, jacobian = _single_steps(
+            STEPPERS[own.stepper].on_arrays, made.rates, fine[:, :-1], (u0, u1, length), values
+        )
         channels = _channels(made, p, drive)[:, places]
         own_rank = rank[:, places]
         rows = np.arange(len(zs))[:, None]
-        (y, _), (better, slopes) = (tuple(np.asarray(a) for a in made.outputs(x[rows, own_rank], channels, values)) for x in (coarse, fine))
+        (y, _), (better, slopes) = (
+            tuple(np.asarray(a) for a in made.outputs(x[rows, own_rank], channels, values)) for x in (coarse, fine)
+        )
         error = (y - better) * counts
         slopes = np.where(counts[:, :, None] > 0, slopes * counts[:, :, None], 0.0)
         squares = np.zeros((len(zs), length.shape[1] + 1, x0.shape[1], x0.shape[1]))
@@ -145,14 +156,17 @@ def effects(problem: Problem, zs: np.ndarray, name: str, units: Mapping[str, flo
         np.maximum.at(relative, (rows, sample), _relative(local, fine))
     q = 2.0 ** STEPPERS[own.stepper].order
     factor = q / (q - 1.0)
-    return [Effects(e[counts > 0] * factor, s[:-1] * factor, v[:-1]) for e, s, v in zip(error, share, relative, strict=True)]
+    return [
+        Effects(e[counts > 0] * factor, s[:-1] * factor, v[:-1]) for e, s, v in zip(error, share, relative, strict=True)
+    ]
 
 
 def effects_along(problem: Problem, z: np.ndarray, name: str, units: Mapping[str, float]) -> Effects | None:
-    """As `effects` at one cube point z (d,), but every step begins at a state of the tight solution, not where the steps before had led.
+    """As `effects` at one cube point z (d,), but every step begins at a state of the tight solution, not where the
+    steps before had led.
 
-    Errors go on by the linearised steps. None for late inputs, and where the tight solver cannot follow: steps that are too long may lead
-    beside an unstable course, where no state says anything about the model's.
+    Errors go on by the linearised steps. None for late inputs, and where the tight solver cannot follow: steps that are
+    too long may lead beside an unstable course, where no state says anything about the model's.
     """
     own, drive = problem.predictor.stepping(), problem.whole_drives[name]
     if drive.delayed:
@@ -168,10 +182,14 @@ def effects_along(problem: Problem, z: np.ndarray, name: str, units: Mapping[str
     alike = tuple(rows[n] for n in own.vector.parameters)
     rank = rank[0]
     with np.errstate(all="ignore"):
-        local, jacobian = _single_steps(STEPPERS[own.stepper].on_arrays, made.rates, x[None, :-1], (u0, u1, length), alike)
+        local, jacobian = _single_steps(
+            STEPPERS[own.stepper].on_arrays, made.rates, x[None, :-1], (u0, u1, length), alike
+        )
         forwards = propagators(jacobian, length)
         places, counts = _scored(problem, name, units)
-        _, slopes = (np.asarray(a) for a in made.outputs(x[None, rank[places]], _channels(made, rows, drive)[:, places], alike))
+        _, slopes = (
+            np.asarray(a) for a in made.outputs(x[None, rank[places]], _channels(made, rows, drive)[:, places], alike)
+        )
         slopes = np.where(counts[:, :, None] > 0, slopes[0] * counts[:, :, None], 0.0)
         off = np.zeros_like(x)
         for k in range(length.shape[1]):
@@ -185,21 +203,28 @@ def effects_along(problem: Problem, z: np.ndarray, name: str, units: Mapping[str
 
 
 def _scored(problem: Problem, name: str, units: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Places (m,) of measured samples among the times of the drive, and one over the unit of each output (m, o), 0 where not measured."""
+    """Places (m,) of measured samples among the times of the drive, and one over the unit of each output (m, o), 0
+    where not measured."""
     recording, drive = problem.experiments[name].recording, problem.whole_drives[name]
     scored = [drive.places(np.flatnonzero(np.isfinite(recording[o]))) for o in problem.outputs]
     places = np.unique(np.concatenate(scored))
-    return places, np.stack([np.isin(places, s) / units[o] for s, o in zip(scored, problem.outputs, strict=True)], axis=1)
+    return places, np.stack(
+        [np.isin(places, s) / units[o] for s, o in zip(scored, problem.outputs, strict=True)], axis=1
+    )
 
 
 def _grid(made: _Compiled, p: Mapping[str, np.ndarray], drive: Drive) -> tuple[np.ndarray, ...]:
-    """Rank (C, N) of the times among K + 1 ends of steps, sample (C, K) before each, inputs (C, K, c) at both ends, and lengths (C, K)."""
+    """Rank (C, N) of the times among K + 1 ends of steps, sample (C, K) before each, inputs (C, K, c) at both ends,
+    and lengths (C, K)."""
     if drive.delayed:
         return tuple(np.asarray(a) for a in made.steps(p, drive))
     count = len(next(iter(p.values()))) if p else 1
     t, length = np.asarray(drive.t), np.diff(drive.t)
     begin = [*(np.asarray(v)[:-1] for v in drive.value), t[:-1]]
-    end = [*(np.asarray(v)[:-1] + np.asarray(s)[:-1] * length for v, s in zip(drive.value, drive.slope, strict=True)), t[1:]]
+    end = [
+        *(np.asarray(v)[:-1] + np.asarray(s)[:-1] * length for v, s in zip(drive.value, drive.slope, strict=True)),
+        t[1:],
+    ]
     alike = (np.arange(len(t)), np.arange(len(length)), np.stack(begin, axis=1), np.stack(end, axis=1), length)
     return tuple(np.broadcast_to(a, (count, *a.shape)) for a in alike)
 
@@ -213,7 +238,9 @@ def _channels(made: _Compiled, p: Mapping[str, np.ndarray], drive: Drive) -> np.
     return np.broadcast_to(own, (count, *own.shape))
 
 
-def _followed(made: _Compiled, x0: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any) -> tuple[np.ndarray, np.ndarray]:
+def _followed(
+    made: _Compiled, x0: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any
+) -> tuple[np.ndarray, np.ndarray]:
     """States (C, K + 1, n) at the ends of these steps, by them and by half of them."""
     u0, u1, length = inputs
     middle = 0.5 * (u0 + u1)
@@ -222,13 +249,21 @@ def _followed(made: _Compiled, x0: np.ndarray, inputs: tuple[np.ndarray, ...], v
     return made.course.states(x0, u0, u1, length, values), fine[:, ::2]
 
 
-def _single_steps(step: Step, rates: Rates, x: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any) -> tuple[np.ndarray, np.ndarray]:
+def _single_steps(
+    step: Step, rates: Rates, x: np.ndarray, inputs: tuple[np.ndarray, ...], values: Any
+) -> tuple[np.ndarray, np.ndarray]:
     """Errors (C, K, n) of single steps from these states (C, K, n), and Jacobians there (C, K, n, n).
 
-    All steps of all candidates are rows, which are worked off `ROWS` at once, so that rates are compiled for one number of rows.
+    All steps of all candidates are rows, which are worked off `ROWS` at once, so that rates are compiled for one number
+    of rows.
     """
     shape, (u0, u1, length) = x.shape, inputs
-    x, u0, u1, length = x.reshape(-1, shape[2]), u0.reshape(-1, u0.shape[2]), u1.reshape(-1, u1.shape[2]), length.reshape(-1)
+    x, u0, u1, length = (
+        x.reshape(-1, shape[2]),
+        u0.reshape(-1, u0.shape[2]),
+        u1.reshape(-1, u1.shape[2]),
+        length.reshape(-1),
+    )
     local, jacobian = np.empty(x.shape), np.empty((*x.shape, shape[2]))
     for begin in range(0, len(x), ROWS):
         stop = min(begin + ROWS, len(x))
@@ -278,12 +313,13 @@ def mesh_at(
     quarter: bool = False,
     most: float = np.inf,
 ) -> Problem:
-    """The problem on a mesh with one step in each interval, whose error at the cube points zs (C, d) is below `tolerance` (rms) in `units`.
+    """The problem on a mesh with one step in each interval, whose error at the cube points zs (C, d) is below
+    `tolerance` (rms) in `units`.
 
-    It is made anew, from samples and known times alone, or with `quarter` from a quarter of the steps there are: halving too long steps
-    can change nothing and say nothing. It is below at this `part` of the points at least; points that no mesh lets
-    follow are left out. The problem itself where one step between samples is enough. A mesh that has come to more than `most` steps
-    a sample is left as it is.
+    It is made anew, from samples and known times alone, or with `quarter` from a quarter of the steps there are:
+    halving too long steps can change nothing and say nothing. It is below at this `part` of the points at least; points
+    that no mesh lets follow are left out. The problem itself where one step between samples is enough. A mesh that has
+    come to more than `most` steps a sample is left as it is.
     """
     own = problem.predictor.stepping()
     base = problem.with_simulator(Simulator(own.vector, own.stepper, 1, own.interpolated))
@@ -314,15 +350,21 @@ def evenly(problem: Problem, factor: int) -> Problem:
 
 
 def errors_at(problem: Problem, zs: np.ndarray, units: Mapping[str, float], factor: int = 1) -> np.ndarray:
-    """Step errors (C,) of the measured samples at cube points (C, d), rms in `units`, with `factor` (a power of 2) times as many steps."""
+    """Step errors (C,) of the measured samples at cube points (C, d), rms in `units`, with `factor` (a power of 2)
+    times as many steps."""
     even = evenly(problem, factor)
     found = [effects(even, zs, name, units) for name in even.whole_drives]
     with np.errstate(all="ignore"):
-        return np.array([np.sqrt(np.mean(np.concatenate([r.error for r in row]) ** 2)) for row in zip(*found, strict=True)])
+        return np.array(
+            [np.sqrt(np.mean(np.concatenate([r.error for r in row]) ** 2)) for row in zip(*found, strict=True)]
+        )
 
 
-def _refined(problem: Problem, zs: np.ndarray, units: Mapping[str, float], tolerance: float, part: float) -> tuple[Any, bool]:
-    """Times of a finer mesh by recording, None where this one is fine enough; and whether all recordings could be followed somewhere."""
+def _refined(
+    problem: Problem, zs: np.ndarray, units: Mapping[str, float], tolerance: float, part: float
+) -> tuple[Any, bool]:
+    """Times of a finer mesh by recording, None where this one is fine enough; and whether all recordings could be
+    followed somewhere."""
     finer, changed, seen = {}, False, True
     for name, drive in problem.whole_drives.items():
         along = effects_along(problem, zs[0], name, units) if len(zs) == 1 else None
@@ -349,7 +391,8 @@ def _between(t: np.ndarray, levels: np.ndarray) -> np.ndarray:
 def _levels(found: Effects, tolerance: float) -> np.ndarray | None:
     """Halvings (N - 1,) on the way to an error below a tolerance (rms); None where nothing is known.
 
-    While the error is large, the linearisation says which steps are worst but not how many are needed: only these are halved.
+    While the error is large, the linearisation says which steps are worst but not how many are needed: only these are
+    halved.
     """
     if not found.finite:
         worst = found.local >= np.max(found.local, initial=0.0) / WORST
@@ -374,8 +417,9 @@ def _levels(found: Effects, tolerance: float) -> np.ndarray | None:
 def _followed_further(local: np.ndarray) -> np.ndarray:
     """Halvings (N - 1,) where some steps are far off, from the errors of single steps (N - 1,).
 
-    Behind the first such step the states are not those of the model, and what is worst there is of no interest. It may be far off because
-    earlier errors have led beside an unstable course: the worst of those before it are halved as well.
+    Behind the first such step the states are not those of the model, and what is worst there is of no interest. It may
+    be far off because earlier errors have led beside an unstable course: the worst of those before it are halved as
+    well.
     """
     places = np.arange(len(local))
     cut = int(np.argmax(local > LOST)) if np.any(local > LOST) else len(local)

@@ -1,4 +1,5 @@
-"""How large the error of steps is at a point: step doubling, in scaled residuals and as a share of the spread of the outputs."""
+"""How large the error of steps is at a point: step doubling, in scaled residuals and as a share of the spread of the
+outputs."""
 
 from functools import lru_cache
 
@@ -12,13 +13,16 @@ from plantfit.simulate.steps.registry import STEPPERS
 
 FINE = 0.03  # step error at the answer, as a share of the residual
 FINE_EACH = 0.05  # the same in each recording by itself; the verdict calls more not negligible
-STILL, ROUNDED = 1e-3, 1e-9  # of the level of an output that never moves: what counts as its spread, and what is rounding of it
+STILL, ROUNDED = (
+    1e-3,
+    1e-9,
+)  # of the level of an output that never moves: what counts as its spread, and what is rounding of it
 LEAST = 1e-6  # step error that is asked for at most, as a share of the spread of the measured outputs
 
 
 def step_errors(problem: Problem, z: np.ndarray) -> np.ndarray:
-    """Estimated step error of every scaled residual (m,) at a cube point: residuals at these steps minus those at half of them,
-    times q / (q - 1) with q = 2 ** order."""
+    """Estimated step error of every scaled residual (m,) at a cube point: residuals at these steps minus those at
+    half of them, times q / (q - 1) with q = 2 ** order."""
     simulator = problem.predictor.stepping()
     q = 2.0 ** STEPPERS[simulator.stepper].order
     fine = halved(problem)
@@ -63,7 +67,8 @@ def all_spreads(problem: Problem) -> dict[str, float]:
 
 
 def _spread(y: np.ndarray, scale: float) -> float:
-    """The standard deviation of a measured output; of one that never moves a thousandth of its level, or its scale where that is zero."""
+    """The standard deviation of a measured output; of one that never moves a thousandth of its level, or its scale
+    where that is zero."""
     level = float(np.max(np.abs(y), initial=0.0))
     return next((v for v in (float(np.std(y)) if len(y) else 0.0, STILL * level) if v > ROUNDED * level), scale)
 
@@ -74,7 +79,12 @@ def _measured(problem: Problem, output: str) -> list[np.ndarray]:
 
 def least(problem: Problem) -> float:
     """A step error that is small enough whatever the residuals are (rms of scaled outputs)."""
-    spreads = [(_spread(y, problem.scales[o]) / problem.scales[o]) ** 2 for o in problem.outputs for y in _measured(problem, o) if len(y)]
+    spreads = [
+        (_spread(y, problem.scales[o]) / problem.scales[o]) ** 2
+        for o in problem.outputs
+        for y in _measured(problem, o)
+        if len(y)
+    ]
     return LEAST * float(np.sqrt(np.mean(spreads)))
 
 
@@ -104,5 +114,6 @@ def halved(problem: Problem) -> Problem:
 
 
 def residuals_at(problem: Problem, z: np.ndarray) -> np.ndarray:
-    """Residuals (m,): with whole steps by what a search with them compiles anyway, of finer ones as they were compared before."""
+    """Residuals (m,): with whole steps by what a search with them compiles anyway, of finer ones as they were
+    compared before."""
     return residuals(problem, z) if problem.predictor.stepping().substeps == 1 else residuals_alone(problem, z)

@@ -1,9 +1,9 @@
 """How finely to simulate: step doubling before the fit, at random points of the box and at the answer.
 
-Few equal steps between samples are tried first. Where they are not enough, a model that is smooth gets a mesh (`mesh`), with steps as
-long as each place allows for all candidates, frozen during a search. Where that would be many steps at each of many samples, as sharp
-friction wants them, or the record is too long for a mesh, steps are adaptive: each candidate has its own. Models with jumps get more
-equal steps.
+Few equal steps between samples are tried first. Where they are not enough, a model that is smooth gets a mesh (`mesh`),
+with steps as long as each place allows for all candidates, frozen during a search. Where that would be many steps at
+each of many samples, as sharp friction wants them, or the record is too long for a mesh, steps are adaptive: each
+candidate has its own. Models with jumps get more equal steps.
 """
 
 from collections.abc import Callable
@@ -36,9 +36,11 @@ from plantfit.sobol import Sobol
 COARSE = 0.003  # step error before the fit, as a share of the spread of the measured output
 SLOPE = 0.01  # error of the slope by dead times before the fit, as a share of that slope
 EVEN = 4  # equal steps a sample, up to which no mesh is made
-SPARSE = 100  # samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
+# samples of all recordings together, from which on step doubling alone tells whether equal steps are short enough
+SPARSE = 100
 FINEST = 64  # equal steps a sample over the box, and fineness of adaptive ones
-LOST = 20_000  # evaluations of the tight solver, by which a candidate that explodes has done so; one that needs more is not judged
+# evaluations of the tight solver, by which a candidate that explodes has done so; one that needs more is not judged
+LOST = 20_000
 FALSE = 0.1  # of a cost, from which on a mesh is said to give a false one
 LONG_MESH = 100  # steps of a mesh between two samples, from which on adaptive ones are taken
 SENSITIVE, MOST_FINE = 16, 1000  # their fineness to begin with there, and at most
@@ -46,27 +48,34 @@ LONG = 16  # equal steps a sample that take as long as adaptive ones
 MOST_STEPS = 1_000_000  # of all recordings together, at the answer
 MESH = 0.001  # step error on a mesh before the fit, as a share of the spread of the measured output
 MESH_PART = 0.9  # of the points of the box, at which the steps of sparse records are fine enough
-EXACT = 0.005  # step error on a mesh at the answer, as a share of the residual: where errors are correlated with it, 1 % of the cost
+# step error on a mesh at the answer, as a share of the residual: where errors are correlated with it, 1 % of the cost
+EXACT = 0.005
 ROUNDS = 4  # of choosing steps at one answer
 DEFAULT = "exponential"  # the only stepper that is replaced by adaptive steps
 
 
 def choose_substeps(problem: Problem, points: int = 16) -> Problem:
-    """The problem with the fewest substeps (1, 2, 4 .. 64) whose step error is small over most of the box, or with a mesh.
+    """The problem with the fewest substeps (1, 2, 4 .. 64) whose step error is small over most of the box, or with a
+    mesh.
 
     At the points of a fixed Sobol sequence the median of rms(step error) / std(output) has to fall
-    under 0.3 %; points that cannot be simulated are left out. Where a mesh can be made and 4 equal steps are not enough, it is a mesh with
-    less than 0.1 % at 90 % of the points. Up to 100 samples, 90 % of the points have to be under 0.3 % with equal steps, too.
+    under 0.3 %; points that cannot be simulated are left out. Where a mesh can be made and 4 equal steps are not
+    enough, it is a mesh with less than 0.1 % at 90 % of the points. Up to 100 samples, 90 % of the points have to be
+    under 0.3 % with equal steps, too.
 
-    Where a late input is held, the error of the slope by its dead time has to fall under 1 % too, or the steps are a quarter: steps are
-    cut at the jumps, and the slope is uneven where these cross samples. It is looked at where bounds of the dead time put a jump on a
-    sample (at three of four points), and anywhere if there are jumps at many samples.
+    Where a late input is held, the error of the slope by its dead time has to fall under 1 % too, or the steps are a
+    quarter: steps are cut at the jumps, and the slope is uneven where these cross samples. It is looked at where bounds
+    of the dead time put a jump on a sample (at three of four points), and anywhere if there are jumps at many samples.
     Nothing is done when the user has chosen.
     """
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
     z = Sobol(problem.space.dimension, np.random.default_rng(0)).random(points)
-    problem = _proven(_even_or_meshed(problem, z), z) if can_mesh(problem) else _even_or_adaptive(problem, step_error, z, COARSE)
+    problem = (
+        _proven(_even_or_meshed(problem, z), z)
+        if can_mesh(problem)
+        else _even_or_adaptive(problem, step_error, z, COARSE)
+    )
     delays, rows = held_delays(problem), z[: len(z) // 2]
     most = min(4 * problem.predictor.stepping().substeps, FINEST)
     for delay in delays:
@@ -81,10 +90,11 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
 
 
 def _proven(problem: Problem, z: np.ndarray) -> Problem:
-    """The problem with adaptive steps, which show that a candidate explodes, where its mesh gives false costs at a tenth of the rows of z.
+    """The problem with adaptive steps, which show that a candidate explodes, where its mesh gives false costs at a
+    tenth of the rows of z.
 
-    A mesh is made at points that can be followed; elsewhere it may step over a pole, and a search would end in what is not there. Adaptive
-    steps that are lost where an independent solver is not are none to search with.
+    A mesh is made at points that can be followed; elsewhere it may step over a pole, and a search would end in what is
+    not there. Adaptive steps that are lost where an independent solver is not are none to search with.
     """
     if not problem.mesh or not _can_adapt(problem):
         return problem
@@ -110,27 +120,39 @@ def _explodes(problem: Problem, z: np.ndarray) -> bool:
 
 
 def _refined_until(
-    problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, most: int, part: float = 0.5
+    problem: Problem,
+    error: Callable[[Problem, np.ndarray], float],
+    z: np.ndarray,
+    small: float,
+    most: int,
+    part: float = 0.5,
 ) -> Problem:
-    """The problem with steps halved until `error` is below `small` for this part of the rows of z, or there are `most` substeps."""
+    """The problem with steps halved until `error` is below `small` for this part of the rows of z, or there are
+    `most` substeps."""
     while problem.predictor.stepping().substeps < most and not _small(problem, error, z, small, part):
         problem = problem.with_simulator(problem.predictor.stepping().refined(2))
     return problem
 
 
-def _small(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, part: float = 0.5) -> bool:
+def _small(
+    problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, part: float = 0.5
+) -> bool:
     """Whether `error` is below `small` for this part of the rows of z that can be simulated."""
     return _quantile(problem, error, z, part) < small
 
 
 def _quantile(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, part: float) -> float:
-    """The error that this part of the rows of z stays below, of those that can be simulated; infinite where none can."""
+    """The error that this part of the rows of z stays below, of those that can be simulated; infinite where none
+    can."""
     shares = [s for s in (error(problem, row) for row in z) if np.isfinite(s)]
     return float(np.quantile(shares, part)) if shares else np.inf
 
 
-def _even_or_adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float) -> Problem:
-    """Equal steps that are halved until their error is small, or adaptive ones where a model has them and equal ones would be many."""
+def _even_or_adaptive(
+    problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float
+) -> Problem:
+    """Equal steps that are halved until their error is small, or adaptive ones where a model has them and equal ones
+    would be many."""
     if not _can_adapt(problem):
         return _refined_until(problem, error, z, small, FINEST)
     even = _refined_until(problem, error, z, small, LONG)
@@ -139,12 +161,18 @@ def _even_or_adaptive(problem: Problem, error: Callable[[Problem, np.ndarray], f
 
 
 def _adaptive(
-    problem: Problem, error: Callable[[Problem, np.ndarray], float], z: np.ndarray, small: float, first: int = 1, most: int = FINEST
+    problem: Problem,
+    error: Callable[[Problem, np.ndarray], float],
+    z: np.ndarray,
+    small: float,
+    first: int = 1,
+    most: int = FINEST,
 ) -> Problem:
-    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for, from the `first` fineness on.
+    """The problem with adaptive steps, as fine as the error at half of the rows of z asks for, from the `first`
+    fineness on.
 
-    Where steps are 1e8 times as long as the quickest time constant and more, rounding is larger than the error that a high fineness allows,
-    and a candidate cannot be followed: the finest that can is taken.
+    Where steps are 1e8 times as long as the quickest time constant and more, rounding is larger than the error that a
+    high fineness allows, and a candidate cannot be followed: the finest that can is taken.
     """
     own = problem.predictor.stepping()
     problem = problem.with_mesh({}) if problem.mesh else problem
@@ -169,8 +197,11 @@ def _long(problem: Problem) -> bool:
     return bool(problem.mesh) and _can_adapt(problem) and problem.steps_a_sample > LONG_MESH
 
 
-def _mesh_or_longer(problem: Problem, z: np.ndarray, units: dict[str, float], tolerance: float, part: float = 1.0, **how: bool) -> Problem:
-    """A mesh that is given up where it gets so long that adaptive steps are taken in its place: some points of a box may ask for any."""
+def _mesh_or_longer(
+    problem: Problem, z: np.ndarray, units: dict[str, float], tolerance: float, part: float = 1.0, **how: bool
+) -> Problem:
+    """A mesh that is given up where it gets so long that adaptive steps are taken in its place: some points of a box
+    may ask for any."""
     return mesh_at(problem, z, units, tolerance, part, most=LONG_MESH if _can_adapt(problem) else np.inf, **how)
 
 
@@ -180,7 +211,8 @@ def _can_adapt(problem: Problem) -> bool:
 
 
 def _many(problem: Problem, error: float, small: float) -> bool:
-    """Whether adaptive steps can be had, and this error tells by its order that more than 16 equal ones a sample were needed."""
+    """Whether adaptive steps can be had, and this error tells by its order that more than 16 equal ones a sample
+    were needed."""
     simulator = problem.predictor.stepping()
     more = (error / small) ** (1.0 / STEPPERS[simulator.stepper].order)
     return _can_adapt(problem) and _dense(problem) and not simulator.substeps * more <= LONG
@@ -207,14 +239,17 @@ def _even_or_meshed(problem: Problem, z: np.ndarray) -> Problem:
 
 
 def _dense(problem: Problem) -> bool:
-    """Whether samples are many: steps as long as their distance are then hardly so long that halving them changes nothing."""
+    """Whether samples are many: steps as long as their distance are then hardly so long that halving them changes
+    nothing."""
     return sum(len(problem.experiments[n].recording) for n in problem.whole_drives) > SPARSE
 
 
 def refined_at(problem: Problem, z: np.ndarray) -> Problem:
-    """The problem with steps halved until their error at the cube point z is under 3 % of the residual; a mesh is made anew there.
+    """The problem with steps halved until their error at the cube point z is under 3 % of the residual; a mesh is made
+    anew there.
 
-    Equal steps are halved until it is under 5 % in each recording, too: what many recordings hide in their mean is an error of one.
+    Equal steps are halved until it is under 5 % in each recording, too: what many recordings hide in their mean is an
+    error of one.
     """
     if problem.substeps_chosen or not problem.predictor.has_steps:
         return problem
@@ -248,14 +283,19 @@ def _finer_once(problem: Problem, z: np.ndarray, small: float) -> Problem:
             return problem if factor == 1 else problem.with_simulator(problem.predictor.stepping().refined(factor))
         factor *= 2
     made = _mesh_or_longer(problem, z[None, :], problem.scales, small * EXACT / FINE)
-    return _adaptive(problem, scaled_error, z[None, :], small * EXACT / FINE, SENSITIVE, MOST_FINE) if _long(made) else made
+    return (
+        _adaptive(problem, scaled_error, z[None, :], small * EXACT / FINE, SENSITIVE, MOST_FINE)
+        if _long(made)
+        else made
+    )
 
 
 def steps_for(problem: Problem, z: np.ndarray) -> Problem:
-    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, by a mesh or adaptive ones.
+    """The problem with steps that make its simulation at z exact to 0.1 % of the spread of the outputs, by a mesh or
+    adaptive ones.
 
-    No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation at least. For what
-    is simulated at given values; a search keeps the steps that serve all its candidates.
+    No measured sample is off by more than 0.1 % of the range of its output then, which is twice its standard deviation
+    at least. For what is simulated at given values; a search keeps the steps that serve all its candidates.
     """
     return steps_and_error(problem, z)[0]
 

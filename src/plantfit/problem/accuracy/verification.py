@@ -19,16 +19,21 @@ FINEST = 256
 KEPT = 40  # records followed by the tight solver that are kept
 CLOSE = 0.01  # of the cost: how far the reported one may be from that of the tight solver
 RTOL, ATOL = 1e-9, 1e-11  # of the tight solver, `ATOL` as a share of the largest size of each state
-TIGHTER = (1e-2, 1e-4)  # of these, where the simulation is not what the tight solver gives: either may be the one that is off
+TIGHTER = (
+    1e-2,
+    1e-4,
+)  # of these, where the simulation is not what the tight solver gives: either may be the one that is off
 SURE = 0.3  # of a difference: a change of the tight solution by less, for which it is that of the simulation
-NOTICED = 0.05  # of the residual (rms): what a simulation may be off in a recording before the tight solver is asked again
+NOTICED = (
+    0.05  # of the residual (rms): what a simulation may be off in a recording before the tight solver is asked again
+)
 NOTHING = 1e-5  # of the spread of the measured outputs: a residual (rms) that is nothing, as of data without noise
 
 
 @dataclass(frozen=True)
 class Verified:
-    """Errors of one output of one recording in its unit, over `samples` samples, with `substeps` steps between two (of the fineness
-    `substeps`, where `stepper` is "adaptive")."""
+    """Errors of one output of one recording in its unit, over `samples` samples, with `substeps` steps between two
+    (of the fineness `substeps`, where `stepper` is "adaptive")."""
 
     recording: str
     output: str
@@ -42,12 +47,14 @@ class Verified:
 
 
 def verify(problem: Problem, z: np.ndarray, tolerance: float | None = None) -> list[Verified]:
-    """Compare with solvers of scipy (rtol 1e-9, see `simulate.check.tight`) over the whole of every recording at a cube point (d,).
+    """Compare with solvers of scipy (rtol 1e-9, see `simulate.check.tight`) over the whole of every recording at a cube
+    point (d,).
 
     Static and steady records have no steps and are left out.
 
-    With a `tolerance` (unit of the outputs) the steps of each recording are halved until its largest error is below it, or
-    they are 256. Events, dry friction, backlash and late states are followed too; where the solver cannot, `refused` says so.
+    With a `tolerance` (unit of the outputs) the steps of each recording are halved until its largest error is below it,
+    or they are 256. Events, dry friction, backlash and late states are followed too; where the solver cannot, `refused`
+    says so.
     """
     found = []
     for name, drive in problem.data["drive"].items():
@@ -59,11 +66,14 @@ def verify(problem: Problem, z: np.ndarray, tolerance: float | None = None) -> l
 def error_of(problem: Problem, z: np.ndarray, name: str, evaluations: int = EVALUATIONS) -> StepError:
     """The error of one moving recording at a cube point (d,) against the tight solver.
 
-    Where it is more than 5 % of the residual, the tight solver is asked again with tolerances of 1e-11 and 1e-13, until it agrees with
-    itself: along an unstable course its own errors grow as well.
+    Where it is more than 5 % of the residual, the tight solver is asked again with tolerances of 1e-11 and 1e-13, until
+    it agrees with itself: along an unstable course its own errors grow as well.
     """
     simulator, drive = problem.predictor.stepping(), problem.data["drive"][name]
-    p = {k: np.asarray(v) for k, v in problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name).items()}
+    p = {
+        k: np.asarray(v)
+        for k, v in problem.space.tree(problem.space.physical(np.asarray(z, dtype=float)), name).items()
+    }
     error = check_steps(simulator, p, drive, tight=followed(problem, z, name, evaluations))
     for tighter in TIGHTER:
         if error.stopped is not None or not _noticed(problem, name, p, error):
@@ -94,7 +104,12 @@ def _of_recording(problem: Problem, name: str, z: np.ndarray, tolerance: float |
     while True:
         simulator = variant.predictor.stepping()
         error = error_of(variant, z, name)
-        if tolerance is None or error.stopped is not None or max(error.max_error.values()) < tolerance or simulator.substeps >= FINEST:
+        if (
+            tolerance is None
+            or error.stopped is not None
+            or max(error.max_error.values()) < tolerance
+            or simulator.substeps >= FINEST
+        ):
             count = error.last - error.first + 1
             refused = None if error.stopped is None else error.stopped.sentence
             return [
@@ -116,7 +131,8 @@ def _of_recording(problem: Problem, name: str, z: np.ndarray, tolerance: float |
 
 @dataclass(frozen=True)
 class CheckedCost:
-    """The cost of the data (mean square of the scaled residuals) as simulated, and by the tight solver over all fitted samples.
+    """The cost of the data (mean square of the scaled residuals) as simulated, and by the tight solver over all fitted
+    samples.
 
     `stopped` maps recordings to where the solver could not follow them; `cost_checked` is then infinite.
     """
@@ -138,7 +154,11 @@ class CheckedCost:
     @property
     def off(self) -> float:
         """How far the reported cost is from the checked one, as a share of it."""
-        return abs(self.cost_reported - self.cost_checked) / max(self.cost_checked, 1e-300) if np.isfinite(self.cost_checked) else np.inf
+        return (
+            abs(self.cost_reported - self.cost_checked) / max(self.cost_checked, 1e-300)
+            if np.isfinite(self.cost_checked)
+            else np.inf
+        )
 
     @property
     def confirmed(self) -> bool:
@@ -147,8 +167,8 @@ class CheckedCost:
 
 
 def followed(problem: Problem, z: np.ndarray, name: str, evaluations: int, tighter: float = 1.0) -> Tight:
-    """One moving recording by the tight solver at a cube point (d,), with its tolerances times `tighter`; the last ones are kept with the
-    problem."""
+    """One moving recording by the tight solver at a cube point (d,), with its tolerances times `tighter`; the last
+    ones are kept with the problem."""
     kept, at = problem.once("followed", dict), (name, np.asarray(z, dtype=float).tobytes(), tighter)
     key = (*at, evaluations)
     whole = next((k for k, v in kept.items() if k[:3] == at and not (v.stopped and v.stopped.spent)), key)
@@ -182,14 +202,15 @@ def least_exact(problem: Problem, z: np.ndarray) -> list[str]:
 def checked_cost(
     problem: Problem, z: np.ndarray, *, evaluations: int = EVALUATIONS, recordings: Collection[str] | None = None
 ) -> CheckedCost:
-    """The cost at a cube point (d,) by an independent solver; static and steady records have no steps and count as they are.
+    """The cost at a cube point (d,) by an independent solver; static and steady records have no steps and count as they
+    are.
 
-    `evaluations` of the rate are spent on each recording at most; what lies behind is left out of both costs, and so are all but
-    `recordings` where these are given.
-    Of residuals that are nearly zero, 1 % of a cost is less than the solver's own tolerance; see `CheckedCost.off` for the number.
+    `evaluations` of the rate are spent on each recording at most; what lies behind is left out of both costs, and so
+    are all but `recordings` where these are given. Of residuals that are nearly zero, 1 % of a cost is less than the
+    solver's own tolerance; see `CheckedCost.off` for the number.
 
-    Along an unstable course small errors grow a thousandfold, those of the tight solver, too. So where the costs differ it is asked again
-    with tolerances of 1e-11 and 1e-13, until its own cost changes by little beside the difference.
+    Along an unstable course small errors grow a thousandfold, those of the tight solver, too. So where the costs differ
+    it is asked again with tolerances of 1e-11 and 1e-13, until its own cost changes by little beside the difference.
     """
     reported = np.asarray(residuals(problem, z))
     told = _checked(problem, z, reported, evaluations, recordings, 1.0)
@@ -197,7 +218,9 @@ def checked_cost(
         if told.confirmed or not np.isfinite(told.cost_checked):
             break
         again = _checked(problem, z, reported, evaluations, recordings, tighter)
-        if again.samples != told.samples or not np.isfinite(again.cost_checked):  # it has not come as far: nothing is compared
+        if again.samples != told.samples or not np.isfinite(
+            again.cost_checked
+        ):  # it has not come as far: nothing is compared
             break
         change, told = abs(again.cost_checked - told.cost_checked), again
         if change <= SURE * abs(again.cost_reported - again.cost_checked):
@@ -206,9 +229,15 @@ def checked_cost(
 
 
 def _checked(
-    problem: Problem, z: np.ndarray, reported: np.ndarray, evaluations: int, recordings: Collection[str] | None, tighter: float
+    problem: Problem,
+    z: np.ndarray,
+    reported: np.ndarray,
+    evaluations: int,
+    recordings: Collection[str] | None,
+    tighter: float,
 ) -> CheckedCost:
-    """`checked_cost` by the tight solver with its tolerances times `tighter`; `reported` (m,) are the scaled residuals as simulated."""
+    """`checked_cost` by the tight solver with its tolerances times `tighter`; `reported` (m,) are the scaled
+    residuals as simulated."""
     tight, begin, stopped, spent = reported.copy(), 0, {}, 0
     for name, drive in problem.data["drive"].items():
         moving = isinstance(drive, Drive) and problem.predictor.has_steps
@@ -222,7 +251,9 @@ def _checked(
         for output in problem.outputs:
             index, measured = problem.data["index"][name][output], problem.data["measured"][name][output]
             if found is not None:
-                tight[begin : begin + len(index)] = np.sqrt(weight) * (found.outputs[output][index] - measured) / problem.scales[output]
+                tight[begin : begin + len(index)] = (
+                    np.sqrt(weight) * (found.outputs[output][index] - measured) / problem.scales[output]
+                )
             elif not chosen:
                 tight[begin : begin + len(index)] = np.nan
             begin += len(index)
@@ -251,12 +282,15 @@ def point(problem: Problem, named: dict[str, float]) -> np.ndarray:
         places = [i for i, c in enumerate(space.coordinates) if name in (c.name, c.parameter)]
         if not places:
             raise SpaceError(
-                f"There is no free parameter {name!r}; there are {', '.join(dict.fromkeys(c.parameter for c in space.coordinates))}."
+                f"There is no free parameter {name!r}; there are "
+                f"{', '.join(dict.fromkeys(c.parameter for c in space.coordinates))}."
             )
         for i in places:
             c = space.coordinates[i]
             if not c.lower <= value <= c.upper:
-                raise SpaceError(f"{c.name} = {value:g} is outside its bounds [{c.lower:g}, {c.upper:g}]; give a value inside.")
+                raise SpaceError(
+                    f"{c.name} = {value:g} is outside its bounds [{c.lower:g}, {c.upper:g}]; give a value inside."
+                )
             whole = np.array(space.physical(z))
             whole[i] = value
             z[i] = space.cube(whole)[i]

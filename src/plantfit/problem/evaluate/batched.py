@@ -81,7 +81,9 @@ class BatchedRecords:
         scored = tuple(tuple(drives[name].places(np.asarray(index[name, o])) for o in outputs) for name in names)
         few_edges = Batch(simulator, rows.windows).few_edges(rows.chunks)
         whole = make_rows(tracks, linear) if few_edges and filled(tracks) else None
-        return cls(simulator, space, names, rows, whole, few_edges, scored, np.stack([space.local(name) for name in names]))
+        return cls(
+            simulator, space, names, rows, whole, few_edges, scored, np.stack([space.local(name) for name in names])
+        )
 
     def serves(self, other: "BatchedRecords") -> bool:
         """Whether functions compiled for these records serve the other's as well."""
@@ -90,7 +92,8 @@ class BatchedRecords:
 
     @property
     def compiled_in(self) -> Any:
-        """Which rows are scored and where they lie: records of other lengths may lie elsewhere though the same samples are scored."""
+        """Which rows are scored and where they lie: records of other lengths may lie elsewhere though the same
+        samples are scored."""
         whole = self.whole and self.whole.compiled_in
         return self.names, self.rows.windows, self.few_edges, whole, self.scored, self.picked, self.local
 
@@ -131,12 +134,15 @@ class BatchedRecords:
     @cached_property
     def picked(self) -> tuple[tuple[np.ndarray, ...], ...]:
         """Per record and output: flat places in `rows` of what is scored."""
-        return tuple(tuple(place[i] for i in record) for place, record in zip(self.rows.place, self.scored, strict=True))
+        return tuple(
+            tuple(place[i] for i in record) for place, record in zip(self.rows.place, self.scored, strict=True)
+        )
 
     # -- pure functions of a cube point -------------------------------------------------------------
 
     def cost(self, z: Any, numbers: Numbers, *, reverse: bool = False) -> Any:
-        """Mean squared scaled residual at a cube point (d,), chunk by chunk; differentiable only with `reverse`, and backwards."""
+        """Mean squared scaled residual at a cube point (d,), chunk by chunk; differentiable only with `reverse`, and
+        backwards."""
         p, x0 = self._start(z[self.local], numbers)
         squares = Batch(self.simulator, self.rows.windows).squares(p, x0, numbers.rows, numbers.weight, reverse=reverse)
         return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
@@ -176,12 +182,15 @@ class BatchedRecords:
         return _in_groups(both, zs, WIDE_GRADIENTS)
 
     def _of_whole_records(self, whole: RecordRows, zs: Any, numbers: Numbers) -> Any:
-        """Costs (n,) by one native loop, differentiable backwards; raises NativeUnsupported, also where it is derived."""
+        """Costs (n,) by one native loop, differentiable backwards; raises NativeUnsupported, also where it is
+        derived."""
         p, x0 = jax.vmap(lambda z: self._start(z[self.local], numbers), out_axes=-1)(zs)
         p = jax.tree.map(lambda a: jnp.moveaxis(a, 0, -2), p)
         together = whole.together(zs.shape[0])
         records = numbers.steps_first if together else numbers.records
-        squares = squares_of_records(self.simulator, whole.windows, p, x0, records, numbers.weight, steps_first=together)
+        squares = squares_of_records(
+            self.simulator, whole.windows, p, x0, records, numbers.weight, steps_first=together
+        )
         return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
 
     def residuals(self, z: Any, numbers: Numbers) -> Any:
@@ -192,7 +201,11 @@ class BatchedRecords:
         placed = [r.reshape(-1) / s for r, s in zip(self._placed(z[self.local], numbers), numbers.scale, strict=True)]
         roots = self._roots(numbers)
         return jnp.concatenate(
-            [jnp.take(r, i) * w for record, w in zip(self.picked, roots, strict=True) for r, i in zip(placed, record, strict=True)]
+            [
+                jnp.take(r, i) * w
+                for record, w in zip(self.picked, roots, strict=True)
+                for r, i in zip(placed, record, strict=True)
+            ]
         )
 
     def blocks(self, z: Any, numbers: Numbers) -> list[tuple[Any, Any]]:
@@ -206,7 +219,9 @@ class BatchedRecords:
                 jnp.concatenate([jnp.take(a, i) * w for a, i in zip(r, record, strict=True)]),
                 jnp.concatenate([jnp.take(a, i, axis=0) @ (by * w) for a, i in zip(columns, record, strict=True)]),
             )
-            for record, by, w in zip(self.picked, self._makers(z[self.local], numbers), self._roots(numbers), strict=True)
+            for record, by, w in zip(
+                self.picked, self._makers(z[self.local], numbers), self._roots(numbers), strict=True
+            )
         ]
 
     def only(self, numbers: Numbers, wanted: np.ndarray) -> Numbers:
@@ -240,7 +255,11 @@ class BatchedRecords:
         r = residuals_of_records(self.simulator, whole.windows, p, x0, numbers.steps_first)
         scale = self._row_scales(numbers)
         return jnp.concatenate(
-            [_at(a[:, k], i) * s[k] for k, record in enumerate(self.scored) for a, i, s in zip(r, record, scale, strict=True)]
+            [
+                _at(a[:, k], i) * s[k]
+                for k, record in enumerate(self.scored)
+                for a, i, s in zip(r, record, scale, strict=True)
+            ]
         )
 
     def _row_scales(self, numbers: Numbers) -> list[Any]:
@@ -262,7 +281,8 @@ class BatchedRecords:
         return jax.vmap(jax.jacfwd(flat))(local, numbers.first_input, numbers.first_output)
 
     def _pulled(self, local, numbers: Numbers):
-        """Per output: scaled residuals (MCR,) and derivatives (MCR, e) by all entries of parameters and initial states."""
+        """Per output: scaled residuals (MCR,) and derivatives (MCR, e) by all entries of parameters and initial
+        states."""
         p, x0 = self._start(local, numbers)
         residuals, slopes = Batch(self.simulator, self.rows.windows).slopes(p, x0, numbers.rows)
 
@@ -291,7 +311,10 @@ class BatchedRecords:
     def residuals_and_jacobian(self, z: Any, numbers: Numbers) -> tuple[Any, Any]:
         """Residuals (m,) and dense derivatives (m, d)."""
         blocks = self.blocks(z, numbers)
-        dense = [jnp.zeros((r.shape[0], self.space.dimension)).at[:, own].set(j) for (r, j), own in zip(blocks, self.local, strict=True)]
+        dense = [
+            jnp.zeros((r.shape[0], self.space.dimension)).at[:, own].set(j)
+            for (r, j), own in zip(blocks, self.local, strict=True)
+        ]
         return jnp.concatenate([r for r, _ in blocks]), jnp.concatenate(dense)
 
     # -- inside -------------------------------------------------------------------------------------
@@ -318,7 +341,9 @@ def _in_groups(function: Any, zs: Any, most: int) -> Any:
         return function(zs)
     grouped = jax.lax.map(function, zs[: whole * most].reshape(whole, most, -1))
     first = jax.tree.map(lambda a: a.reshape(whole * most, *a.shape[2:]), grouped)
-    return first if not rest else jax.tree.map(lambda a, b: jnp.concatenate([a, b]), first, function(zs[whole * most :]))
+    return (
+        first if not rest else jax.tree.map(lambda a, b: jnp.concatenate([a, b]), first, function(zs[whole * most :]))
+    )
 
 
 def _at(a: Any, samples: np.ndarray) -> Any:

@@ -1,8 +1,8 @@
 """Small linear least squares within bounds, of any rank: min |r + A (s - at)| over 0 <= s <= 1.
 
-Active set by P. B. Stark, R. L. Parker, Computational Statistics 10 (1995) 129, begun from the unbounded answer. Columns are brought to
-length 1 and singular values below `RANK` of the largest dropped; what these leave open stays where it is, or goes to the middle of
-the box where no bound is met.
+Active set by P. B. Stark, R. L. Parker, Computational Statistics 10 (1995) 129, begun from the unbounded answer.
+Columns are brought to length 1 and singular values below `RANK` of the largest dropped; what these leave open stays
+where it is, or goes to the middle of the box where no bound is met.
 """
 
 from dataclasses import dataclass
@@ -59,7 +59,8 @@ class Orthogonal:
 
 
 class Within(NamedTuple):
-    """An answer s (p,), which of it are free (p,), the others are at a bound, and s - at (p,) with the digits that s has no room for."""
+    """An answer s (p,), which of it are free (p,), the others are at a bound, and s - at (p,) with the digits that s
+    has no room for."""
 
     s: np.ndarray
     free: np.ndarray
@@ -111,7 +112,9 @@ def _step(columns: np.ndarray, r: np.ndarray, at: np.ndarray, s: np.ndarray, fre
         return step
     some, rest = columns[:, free], r + columns @ (s - at)
     scale = np.sqrt(np.sum(some**2, axis=0))
-    if len(some) >= len(scale) and np.all(scale > 0):  # far from dependent, a triangle says the same in a tenth of the time
+    if len(some) >= len(scale) and np.all(
+        scale > 0
+    ):  # far from dependent, a triangle says the same in a tenth of the time
         q, triangle = np.linalg.qr(some / scale)
         diagonal = np.abs(np.diag(triangle))
         if np.min(diagonal) > PLAIN * np.max(diagonal):
@@ -121,7 +124,9 @@ def _step(columns: np.ndarray, r: np.ndarray, at: np.ndarray, s: np.ndarray, fre
     return step
 
 
-def _inner(columns: np.ndarray, r: np.ndarray, at: np.ndarray, s: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _inner(
+    columns: np.ndarray, r: np.ndarray, at: np.ndarray, s: np.ndarray, free: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The best for the free ones; those that meet a bound on the way stay there."""
     free = free.copy()
     while True:

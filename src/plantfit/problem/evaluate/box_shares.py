@@ -1,4 +1,5 @@
-"""Coordinates as shares of their box in physical values, in which residuals can be linear also where the cube is searched by decades."""
+"""Coordinates as shares of their box in physical values, in which residuals can be linear also where the cube is
+searched by decades."""
 
 from dataclasses import dataclass
 

@@ -14,7 +14,8 @@ BLOCK = 65_536  # samples that are factored at once
 
 
 class Compressed(NamedTuple):
-    """|target - regressor b|^2 = |R b - projected|^2 + rest for every b (k,); `n` samples. R is (k, k), projected (k,)."""
+    """|target - regressor b|^2 = |R b - projected|^2 + rest for every b (k,); `n` samples. R is (k, k), projected
+    (k,)."""
 
     R: Any
     projected: Any

@@ -9,11 +9,12 @@ import numpy as np
 class Evaluator(Protocol):
     """Pure functions of (z, arguments), z a point of the unit cube (d,) and `zs` several (n, d); jax compiles them.
 
-    `BatchedRecords` takes records that move through one compiled loop, `RecordByRecord` one record after another, `MovingAndSteady`
-    some each way, and `Smoothed` adds the bends of tables to any of them. With m rows the cost is the mean of their squares.
+    `BatchedRecords` takes records that move through one compiled loop, `RecordByRecord` one record after another,
+    `MovingAndSteady` some each way, and `Smoothed` adds the bends of tables to any of them. With m rows the cost is the
+    mean of their squares.
 
-    A block is a part of the rows that depends on some coordinates only: `local` gives these for every block, `recordings` which
-    recordings it holds, in the order of its rows.
+    A block is a part of the rows that depends on some coordinates only: `local` gives these for every block,
+    `recordings` which recordings it holds, in the order of its rows.
     """
 
     @property
@@ -29,9 +30,11 @@ class Evaluator(Protocol):
 
     @property
     def compiled_in(self) -> Any:
-        """What the programs of the functions depend on beside predictor, space and the shapes of arguments; it can be pickled.
+        """What the programs of the functions depend on beside predictor, space and the shapes of arguments; it can be
+        pickled.
 
-        No measured number is in it: a record with the same times, or any of the same shape, is another argument of the same program.
+        No measured number is in it: a record with the same times, or any of the same shape, is another argument of the
+        same program.
         """
         ...
 
@@ -60,5 +63,6 @@ class Evaluator(Protocol):
         ...
 
     def only(self, arguments: Any, wanted: np.ndarray, /) -> Any:
-        """Arguments for `blocks` with which the blocks that are not `wanted`, (blocks,) of bool, may be anything, to save their time."""
+        """Arguments for `blocks` with which the blocks that are not `wanted`, (blocks,) of bool, may be anything, to
+        save their time."""
         ...

@@ -74,7 +74,9 @@ class MovingAndSteady:
 
     def residuals(self, z: Any, arguments: Any) -> Any:
         """Scaled residuals (m,), recording by recording, output by output."""
-        return jnp.concatenate([self.moving.residuals(z, arguments[0]), self.steady.residuals(z, arguments[1])])[self._order]
+        return jnp.concatenate([self.moving.residuals(z, arguments[0]), self.steady.residuals(z, arguments[1])])[
+            self._order
+        ]
 
     def residuals_and_jacobian(self, z: Any, arguments: Any) -> tuple[Any, Any]:
         """Residuals (m,) and dense derivatives (m, d)."""
@@ -83,7 +85,8 @@ class MovingAndSteady:
         return r, jacobian
 
     def blocks(self, z: Any, arguments: Any) -> list[tuple[Any, Any]]:
-        """For every moving record its residuals and derivatives by its own coordinates; then those of the others by all."""
+        """For every moving record its residuals and derivatives by its own coordinates; then those of the others by
+        all."""
         return [*self.moving.blocks(z, arguments[0]), self.steady.residuals_and_jacobian(z, arguments[1])]
 
     def only(self, arguments: Any, wanted: np.ndarray) -> Any:

@@ -1,7 +1,8 @@
 """Residuals with derivatives at single points, by the compiled function that searches side by side use too.
 
-Every shape that a loop is compiled for costs tenths of a second before its first number. In a small problem a point filled up to
-the width of a search costs microseconds more, so that choosing steps, search, finish and verdict share one shape.
+Every shape that a loop is compiled for costs tenths of a second before its first number. In a small problem a point
+filled up to the width of a search costs microseconds more, so that choosing steps, search, finish and verdict share one
+shape.
 """
 
 from collections.abc import Callable, Iterator
@@ -19,18 +20,22 @@ import jax
 
 WIDTH = 8  # points evaluated together, as many as `plantfit.optimize` searches side by side
 DIFFERENCE = 1e-5  # of the box, to either side
-SMALL = 50_000  # entries of a Jacobian, or steps times coordinates, up to which the points beside the one wanted cost little
+# entries of a Jacobian, or steps times coordinates, up to which the points beside the one wanted cost little
+SMALL = 50_000
 
 
 @lru_cache(maxsize=16)
 def several(function: Callable) -> Callable:
     """Of one compiled function of (z, arguments) that for several z."""
     many = jax.vmap(function, in_axes=(0, None))
-    return Kept(many, f"{function.name} of several", function.description) if isinstance(function, Kept) else jax.jit(many)
+    return (
+        Kept(many, f"{function.name} of several", function.description) if isinstance(function, Kept) else jax.jit(many)
+    )
 
 
 def shared(problem: Problem) -> bool:
-    """Whether single points are evaluated `WIDTH` at once: small problems that are no regression and do not fall apart."""
+    """Whether single points are evaluated `WIDTH` at once: small problems that are no regression and do not fall
+    apart."""
     if problem.predictor.simulator is None or problem.separable is not None:
         return False
     samples = sum(problem.parts.counts.values())
@@ -42,8 +47,8 @@ def shared(problem: Problem) -> bool:
 def residuals_and_jacobian(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """As `Problem.residuals_and_jacobian`: residuals (m,) and derivatives (m, d) at a cube point (d,).
 
-    A simulation may be finite where terms of its derivatives overflow, as x^n does for n = 60: inf/inf. Columns that are no numbers
-    become central differences; those that are none either stay as they are.
+    A simulation may be finite where terms of its derivatives overflow, as x^n does for n = 60: inf/inf. Columns that
+    are no numbers become central differences; those that are none either stay as they are.
     """
     r, jacobian = _exact(problem, z)
     if np.all(np.isfinite(jacobian)) or not np.all(np.isfinite(r)):
@@ -85,7 +90,8 @@ def compressed(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def residuals(problem: Problem, z: np.ndarray) -> np.ndarray:
-    """As `Problem.residuals` (m,); where points share a function, by that, which a search with these steps compiles anyway."""
+    """As `Problem.residuals` (m,); where points share a function, by that, which a search with these steps compiles
+    anyway."""
     data = problem.unsmoothed
     return residuals_and_jacobian(data, z)[0] if shared(data) else np.asarray(data.residuals(z))
 

@@ -4,14 +4,14 @@ With residuals r(z) = r0(n) + A(n) a, n the nonlinear coordinates and a the othe
 
     f(n) = min over the box of a of |r0(n) + A(n) a|^2 / m                                             (1)
 
-G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413. On the free linear coordinates F (those not at a bound), P = I - A_F A_F^+
-and a at its optimum, the residual of (1) is P r and its derivative
+G. H. Golub, V. Pereyra, SIAM J. Numer. Anal. 10 (1973) 413. On the free linear coordinates F (those not at a bound), P
+= I - A_F A_F^+ and a at its optimum, the residual of (1) is P r and its derivative
 
     P J_n - (A_F^+)' [dA_F'/dn_i r]_i                                                                  (2)
 
-L. Kaufman, BIT 15 (1975) 49 leaves the second term out: it is orthogonal to r, so that the gradient stays exact, and small where
-the residual is. Its rows come with `full`; dA/dn_j is exact from Jacobians at two values of each free coordinate, since J_n is
-affine in a as well. Everything is computed from triangles of QR decompositions on the host.
+L. Kaufman, BIT 15 (1975) 49 leaves the second term out: it is orthogonal to r, so that the gradient stays exact, and
+small where the residual is. Its rows come with `full`; dA/dn_j is exact from Jacobians at two values of each free
+coordinate, since J_n is affine in a as well. Everything is computed from triangles of QR decompositions on the host.
 """
 
 from collections.abc import Iterator
@@ -34,13 +34,16 @@ SMALL_STEP = 1e-6  # share of the box: what the second solution may change, beyo
 DIGITS = 1e-8  # of what the linear coordinates move: a cost from one Jacobian counts down to the square of this
 SURE = 1e-6  # relative excess from which on a cost from one Jacobian is sure to be above another
 MADE_UP = 1e-10  # of a kept coordinate's effect: what is left of it beside the solved ones, up to which nothing is
-LARGEST = 1e150  # of numbers that can be squared; a candidate beyond it cannot be simulated, one that is not a number neither
+LARGEST = (
+    1e150  # of numbers that can be squared; a candidate beyond it cannot be simulated, one that is not a number neither
+)
 
 Blocks = list[tuple[np.ndarray, np.ndarray, np.ndarray]]  # as of `Problem.blocks`
 
 
 class Rows(NamedTuple):
-    """Of n candidates: residuals (n, k) and derivatives (n, k, dn) in k = dn + 1 rows, and the whole cube points z (n, d).
+    """Of n candidates: residuals (n, k) and derivatives (n, k, dn) in k = dn + 1 rows, and the whole cube points z (n,
+    d).
 
     Those that are not `whole` (n,) were left after their cost was known: their derivatives are 0.
     """
@@ -60,7 +63,8 @@ class _First(NamedTuple):
 
 
 class _Lane(NamedTuple):
-    """One candidate with its linear coordinates solved for; `root` is a triangle (k, p + dn + 1) of [A, J_n, r] at `before`."""
+    """One candidate with its linear coordinates solved for; `root` is a triangle (k, p + dn + 1) of [A, J_n, r] at
+    `before`."""
 
     z: np.ndarray
     root: np.ndarray
@@ -74,8 +78,8 @@ class _Lane(NamedTuple):
 class Projection:
     """A problem over the coordinates `kept`, places (dn,) in its cube; those at `solved` (p,) are solved for.
 
-    A mean of squares of `rows` is the cost of the problem at z. A candidate that cannot be simulated has NaN rows and costs
-    infinity. With `full` derivatives are those of eq. (2), else Kaufman's.
+    A mean of squares of `rows` is the cost of the problem at z. A candidate that cannot be simulated has NaN rows and
+    costs infinity. With `full` derivatives are those of eq. (2), else Kaufman's.
     """
 
     problem: Problem
@@ -106,8 +110,8 @@ class Projection:
 
     @property
     def charge(self) -> float:
-        """Evaluations of the cost that a row of `rows`, a cost or a `lift` is charged: two Jacobians, with `full` one more for each
-        coordinate solved for and another."""
+        """Evaluations of the cost that a row of `rows`, a cost or a `lift` is charged: two Jacobians, with `full`
+        one more for each coordinate solved for and another."""
         return (2.0 + (1.0 + len(self.solved) if self.full else 0.0)) * self.problem.jacobian_charge
 
     @property
@@ -122,8 +126,8 @@ class Projection:
     def rows(self, zn: Any, below: np.ndarray | None = None) -> Rows:
         """Projected residuals and their derivatives by `kept` coordinates (n, dn).
 
-        A candidate that surely costs more than its entry of `below` (n,) is left once that is known: one residual with its cost,
-        no derivatives.
+        A candidate that surely costs more than its entry of `below` (n,) is left once that is known: one residual with
+        its cost, no derivatives.
         """
         zn, k = self._points(zn), self.dimension + 1
         r, jacobian, z = np.full((len(zn), k), np.nan), np.full((len(zn), k, self.dimension), np.nan), self._begin(zn)
@@ -161,7 +165,8 @@ class Projection:
         return f
 
     def lift(self, zn: Any) -> np.ndarray:
-        """Cube points (n, d) with the linear coordinates solved for; where a candidate cannot be simulated, at their value nearest 0."""
+        """Cube points (n, d) with the linear coordinates solved for; where a candidate cannot be simulated, at their
+        value nearest 0."""
         zn = self._points(zn)
         z = self._begin(zn)
         for i, lane in self._lanes(zn):
@@ -186,7 +191,8 @@ class Projection:
     def _lanes(self, zn: np.ndarray, below: np.ndarray | None = None) -> Iterator[tuple[int, _Lane | _First]]:
         """The candidates that can be simulated, with their numbers.
 
-        By the program that everything else about this problem uses too (`points`): another one takes seconds to compile.
+        By the program that everything else about this problem uses too (`points`): another one takes seconds to
+        compile.
         """
         width = points.WIDTH if points.shared(self.problem) else 1
         for first in range(0, len(zn), width):
@@ -195,8 +201,8 @@ class Projection:
             yield from ((first + i, lane) for i, lane in found)
 
     def _solved(self, begin: np.ndarray, limits: np.ndarray) -> Iterator[tuple[int, _Lane | _First]]:
-        """Solved from the derivatives at `begin` (n, d), and, where the cost is no higher than `limits` (n,), once more at the
-        answers, where rounding no longer counts."""
+        """Solved from the derivatives at `begin` (n, d), and, where the cost is no higher than `limits` (n,), once
+        more at the answers, where rounding no longer counts."""
         p, before, lanes = len(self.solved), begin.copy(), {}
         for i, blocks in enumerate(self._evaluated(begin)):
             root = self._root(begin[i], blocks, with_kept=False)
@@ -216,7 +222,10 @@ class Projection:
             with suppress(np.linalg.LinAlgError):
                 if np.all(np.abs(root) < LARGEST):
                     again = self._polished(root[:, :p], root[:, -1], lanes[i].share)
-                    yield i, _Lane(self._at(before[i], again.s), root, again.free, again.step, before[i], lanes[i].share)
+                    yield (
+                        i,
+                        _Lane(self._at(before[i], again.s), root, again.free, again.step, before[i], lanes[i].share),
+                    )
 
     def _first(self, begin: np.ndarray, root: np.ndarray) -> _First:
         columns = root[:, :-1]
@@ -233,7 +242,9 @@ class Projection:
         every = np.arange(z.shape[1])
         filled = np.concatenate([z, np.repeat(z[:1], points.WIDTH - len(z), axis=0)])
         r, jacobian = points.several(self.problem.compiled["residuals_and_jacobian"])(filled, self.problem.arguments)
-        yield from ([(a, b, every)] for a, b in zip(np.asarray(r)[: len(z)], np.asarray(jacobian)[: len(z)], strict=True))
+        yield from (
+            [(a, b, every)] for a, b in zip(np.asarray(r)[: len(z)], np.asarray(jacobian)[: len(z)], strict=True)
+        )
 
     def _at(self, z: np.ndarray, share: np.ndarray) -> np.ndarray:
         """The cube point with other linear coordinates."""

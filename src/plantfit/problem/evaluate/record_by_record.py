@@ -1,4 +1,5 @@
-"""A problem as functions of a cube point, record by record: for regressions, static models and whatever has no chunks of steps."""
+"""A problem as functions of a cube point, record by record: for regressions, static models and whatever has no
+chunks of steps."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -66,7 +67,8 @@ class RecordByRecord:
         return data["weight"][name] if "weight" in data else 1.0
 
     def cost(self, z: Any, data: Any) -> Any:
-        """Mean of the squared scaled residuals at a cube point (d,); of a regression without looking at its samples again."""
+        """Mean of the squared scaled residuals at a cube point (d,); of a regression without looking at its samples
+        again."""
         if "triangles" not in data:
             return jnp.mean(self.residuals(z, data) ** 2)
         values = self.space.physical(z)
@@ -74,12 +76,16 @@ class RecordByRecord:
         for name in self._present(data):
             base = self.predictor.coefficients(self.space.tree(values, name))
             for output, triangle in data["triangles"][name].items():
-                squares = squares + self._weight(name, data) * triangle.n * mean_square(triangle, base) / data["scale"][output] ** 2
+                squares = (
+                    squares
+                    + self._weight(name, data) * triangle.n * mean_square(triangle, base) / data["scale"][output] ** 2
+                )
                 count = count + triangle.n
         return squares / count
 
     def short_residuals(self, z: Any, data: Any) -> Any:
-        """Residuals of a regression in k + 1 rows for each output of each recording, with the mean square of all of them."""
+        """Residuals of a regression in k + 1 rows for each output of each recording, with the mean square of all of
+        them."""
         values = self.space.physical(z)
         parts, count = [], 0.0
         for name in self._present(data):
@@ -109,7 +115,8 @@ class RecordByRecord:
         return _with_jacobian(self.residuals, z, data)
 
     def blocks(self, z: Any, data: Any) -> list[tuple[Any, Any]]:
-        """Residuals and derivatives in one block, by all coordinates; few rows of the same mean square for a regression."""
+        """Residuals and derivatives in one block, by all coordinates; few rows of the same mean square for a
+        regression."""
         return [_with_jacobian(self.short_residuals if "triangles" in data else self.residuals, z, data)]
 
     def only(self, arguments: Any, wanted: np.ndarray) -> Any:

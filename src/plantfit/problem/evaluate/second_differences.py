@@ -17,9 +17,9 @@ AUTOMATIC = ("cross-validated", "reml")
 class Bends:
     """Second differences rows @ z + offset (k,) of one table along the axis over `signal`, of one set of its entries.
 
-    `rows` (k, q), `columns` (q,) the places of the entries in the cube; those of `recording`, or shared (None). A value is
-    counted from its lower bound in box widths, on the scale that it is searched on, and neighbours are one mean distance of
-    nodes apart, so that tables compare.
+    `rows` (k, q), `columns` (q,) the places of the entries in the cube; those of `recording`, or shared (None). A value
+    is counted from its lower bound in box widths, on the scale that it is searched on, and neighbours are one mean
+    distance of nodes apart, so that tables compare.
     """
 
     parameter: str
@@ -42,7 +42,8 @@ def bends_of(space: Space, tables: Mapping[str, Table]) -> list[Bends]:
 
 
 def second_differences(nodes: np.ndarray) -> np.ndarray:
-    """Rows (n - 2, n) of f'' sqrt(dx) at the inner nodes (n,), lengths in mean distances of nodes: 1, -2, 1 where they are even.
+    """Rows (n - 2, n) of f'' sqrt(dx) at the inner nodes (n,), lengths in mean distances of nodes: 1, -2, 1 where they
+    are even.
 
     The sum of their squares is then the integral of f''^2 by the trapezoidal rule (Green and Silverman, Nonparametric
     Regression and Generalized Linear Models, 1994, section 2.1.2, with lumped masses).
@@ -59,7 +60,10 @@ def _of_parameter(space: Space, name: str, table: Table | None) -> Iterator[Bend
     p = space.parameters[name]
     places = np.array([i for i, c in enumerate(space.coordinates) if c.parameter == name], dtype=int)
     low, high, log = space.lower[places], space.upper[places], space.log[places]
-    low, high = np.where(log, np.log(np.where(log, low, 1.0)), low), np.where(log, np.log(np.where(log, high, 1.0)), high)
+    low, high = (
+        np.where(log, np.log(np.where(log, low, 1.0)), low),
+        np.where(log, np.log(np.where(log, high, 1.0)), high),
+    )
     start, width = (low - low.min()) / (high.max() - low.min()), (high - low) / (high.max() - low.min())
     size = int(np.prod(p.shape))
     for k, recording in enumerate(space.recordings if p.per_recording else (None,)):
@@ -74,17 +78,22 @@ def _of_parameter(space: Space, name: str, table: Table | None) -> Iterator[Bend
 
 def _along(rows: np.ndarray, shape: tuple[int, ...], axis: int) -> np.ndarray:
     """Rows for one axis as rows for all entries of the table, flat in row-major order."""
-    return rows if len(shape) == 1 else np.kron(rows, np.eye(shape[1])) if axis == 0 else np.kron(np.eye(shape[0]), rows)
+    return (
+        rows if len(shape) == 1 else np.kron(rows, np.eye(shape[1])) if axis == 0 else np.kron(np.eye(shape[0]), rows)
+    )
 
 
 def _check(name: str, p: Parameter) -> None:
     if not p.shape or max(p.shape) < 3:
         what = "a single number" if not p.shape else f"a table of {' x '.join(map(str, p.shape))} entries"
         raise SpaceError(
-            f"Parameter {name!r} has smooth = {p.smooth!r}, but it is {what}; take smooth out, or give it three nodes or more."
+            f"Parameter {name!r} has smooth = {p.smooth!r}, but it is {what}; take smooth out, or give it three nodes "
+            f"or more."
         )
     if p.tied is not None:
-        raise SpaceError(f"Parameter {name!r} has smooth = {p.smooth!r}, but it is tied to {p.tied!r}; give smooth to {p.tied!r}.")
+        raise SpaceError(
+            f"Parameter {name!r} has smooth = {p.smooth!r}, but it is tied to {p.tied!r}; give smooth to {p.tied!r}."
+        )
     if isinstance(p.smooth, str):
         good = p.smooth in AUTOMATIC
     else:

@@ -1,10 +1,11 @@
 """Curvature regularisation: bends of tables as further residuals of a problem.
 
-    cost(z) = (sum of squared scaled residuals + sum over tables and axes of strength x sum of squared bends) / m        (1)
+    cost(z) = (sum of squared scaled residuals + sum over tables and axes of strength x sum of squared bends) / m
+    (1)
 
 with m scored samples and the bends of `second_differences`. A bend with standard deviation s (in box widths) as prior
-belief is strength = sigma^2/s^2, sigma that of a scaled residual (Tikhonov; Wahba, Spline Models for Observational Data,
-1990, eq. 1.5.2).
+belief is strength = sigma^2/s^2, sigma that of a scaled residual (Tikhonov; Wahba, Spline Models for Observational
+Data, 1990, eq. 1.5.2).
 """
 
 import dataclasses
@@ -24,12 +25,15 @@ from plantfit.space import Space
 import jax.numpy as jnp
 
 Key = tuple[str, str]  # parameter, and the signal along whose axis it bends
-WEAK = 0.01  # of the outputs' spread: the residual beside which a bend over the whole box weighs, while the strength is not chosen yet
+# of the outputs' spread: the residual beside which a bend over the whole box weighs, while the strength is not chosen
+# yet
+WEAK = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Smoothing:
-    """What is smoothed in a cube of `dimension`, and how strongly; `asked` says how strengths are to be chosen that are not given."""
+    """What is smoothed in a cube of `dimension`, and how strongly; `asked` says how strengths are to be chosen that
+    are not given."""
 
     dimension: int
     bends: tuple[Bends, ...]
@@ -62,7 +66,8 @@ class Smoothing:
 
     @cached_property
     def rows(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Bends of all as rows @ z + offset: rows (K, d), offset (K,), and the place (K,) of each one's strength in `keys`."""
+        """Bends of all as rows @ z + offset: rows (K, d), offset (K,), and the place (K,) of each one's strength in
+        `keys`."""
         rows = np.zeros((sum(len(b.rows) for b in self.bends), self.dimension))
         offset, key, start = np.zeros(len(rows)), np.zeros(len(rows), dtype=int), 0
         for b in self.bends:
@@ -78,7 +83,8 @@ class Smoothing:
 
     @property
     def tables(self) -> tuple[tuple[np.ndarray, int], ...]:
-        """For every smoothed table the places (q,) of its entries, and how many dimensions of it have no bends (lines, planes)."""
+        """For every smoothed table the places (q,) of its entries, and how many dimensions of it have no bends
+        (lines, planes)."""
         found: dict[bytes, list[Bends]] = {}
         for b in self.bends:
             found.setdefault(b.columns.tobytes(), []).append(b)
@@ -106,8 +112,8 @@ class Smoothing:
 class Smoothed:
     """Pure functions of (z, (arguments of `data`, strengths (L,))): those of `data`, the bends after its rows.
 
-    Rows are scaled so that their mean square stays the cost (1); bends stand at the end, in `blocks` at the end of the first block
-    that has their coordinates.
+    Rows are scaled so that their mean square stays the cost (1); bends stand at the end, in `blocks` at the end of the
+    first block that has their coordinates.
     """
 
     data: Evaluator
@@ -166,7 +172,9 @@ class Smoothed:
         r, jacobian = self.data.residuals_and_jacobian(z, arguments[0])
         bends, root = self._bends(z, arguments[1])
         stretch = self._stretch(r.shape[0])[0]
-        return jnp.concatenate([r, bends]) * stretch, jnp.concatenate([jacobian, root[:, None] * self.smoothing.rows[0]]) * stretch
+        return jnp.concatenate([r, bends]) * stretch, jnp.concatenate(
+            [jacobian, root[:, None] * self.smoothing.rows[0]]
+        ) * stretch
 
     def blocks(self, z: Any, arguments: Any) -> list[tuple[Any, Any]]:
         """For every block of `data` its rows and its bends, by its own coordinates."""
@@ -176,7 +184,12 @@ class Smoothed:
         made = []
         for (r, jacobian), own, here in zip(blocks, self.local, self._owners(), strict=True):
             slopes = root[here][:, None] * self.smoothing.rows[0][np.ix_(here, own)]
-            made.append((jnp.r_[r * for_data, bends[here] * for_bends], jnp.concatenate([jacobian * for_data, slopes * for_bends])))
+            made.append(
+                (
+                    jnp.r_[r * for_data, bends[here] * for_bends],
+                    jnp.concatenate([jacobian * for_data, slopes * for_bends]),
+                )
+            )
         return made
 
     def only(self, arguments: Any, wanted: np.ndarray) -> Any:

@@ -13,14 +13,17 @@ TINY = 1e-200  # below it numbers only slow the arithmetic down: their squares a
 
 
 def triangle(rows: np.ndarray, beside: np.ndarray | None = None) -> np.ndarray:
-    """R (min(m, n), n) of `rows` (m, n) with R'R = rows'rows; rows may be few, columns may be zero. NaN and infinity give NaN.
+    """R (min(m, n), n) of `rows` (m, n) with R'R = rows'rows; rows may be few, columns may be zero. NaN and infinity
+    give NaN.
 
     `beside` (m,) is one more column, the last.
     """
     m, n = len(rows), rows.shape[1] + (beside is not None)
     if m <= 2 * ROWS or not 0 < n <= ROWS // 4:
         whole = rows if beside is None else np.column_stack([rows, beside])
-        found = np.linalg.qr(_settled(whole), mode="r") if np.all(np.isfinite(whole)) else np.full((min(m, n), n), np.nan)
+        found = (
+            np.linalg.qr(_settled(whole), mode="r") if np.all(np.isfinite(whole)) else np.full((min(m, n), n), np.nan)
+        )
     else:
         found = _piece_by_piece(rows, beside, m, n)
     found = np.asarray(found)
@@ -49,10 +52,14 @@ def _settled(rows: np.ndarray) -> np.ndarray:
     return np.where(np.abs(rows) < TINY, 0.0, rows)
 
 
-def compressed(blocks: list[tuple[np.ndarray, np.ndarray, np.ndarray]], dimension: int) -> tuple[np.ndarray, np.ndarray]:
-    """Residuals (k,) and derivatives (k, d) with the same mean square, gradient and Gauss-Newton matrix as those of `blocks`.
+def compressed(
+    blocks: list[tuple[np.ndarray, np.ndarray, np.ndarray]], dimension: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Residuals (k,) and derivatives (k, d) with the same mean square, gradient and Gauss-Newton matrix as those of
+    `blocks`.
 
-    A block is residuals (m,), derivatives (m, q) and the q coordinates that they are by; k is about q + 1 for each block.
+    A block is residuals (m,), derivatives (m, q) and the q coordinates that they are by; k is about q + 1 for each
+    block.
     """
     r, jacobian = [], []
     for residuals, derivatives, own in blocks:

@@ -1,6 +1,7 @@
 """Which coordinates of a problem enter its residuals linearly: those that variable projection solves for.
 
-Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, take this separation as given; here it is read from the equations.
+Golub and Pereyra, SIAM J. Numer. Anal. 10 (1973) 413, take this separation as given; here it is read from the
+equations.
 """
 
 from collections.abc import Sequence
@@ -17,17 +18,19 @@ from plantfit.problem.linear.record_degrees import residual_degree
 if TYPE_CHECKING:
     from plantfit.problem.problem import Problem
 
-MOST_CLASSES = 18  # of coordinates with the same products: up to so many the largest set without a product is found, beyond it a large one
+# of coordinates with the same products: up to so many the largest set without a product is found, beyond it a large one
+MOST_CLASSES = 18
 POINTS, TRIES = 2, 8  # at which the guard compares derivatives
 ALIKE = 1e-6  # relative difference of derivatives that are the same but for rounding
 
 
 def affine_coordinates(problem: "Problem") -> tuple[int, ...]:
-    """Places of coordinates in which every residual is affine jointly, in their physical values, given the other coordinates.
+    """Places of coordinates in which every residual is affine jointly, in their physical values, given the other
+    coordinates.
 
-    As many as possible, and of equally many those declared first. Found from the equations, which proves it for all values,
-    then compared with derivatives at a few points of the cube; a coordinate that does not agree there is left out (a custom
-    derivative may contradict its function). Kept for all variants of the problem.
+    As many as possible, and of equally many those declared first. Found from the equations, which proves it for all
+    values, then compared with derivatives at a few points of the cube; a coordinate that does not agree there is left
+    out (a custom derivative may contradict its function). Kept for all variants of the problem.
     """
     return problem.once("affine", lambda: _guarded(problem, affine_by_structure(problem)))
 
@@ -41,7 +44,9 @@ def affine_by_structure(problem: "Problem") -> tuple[int, ...]:
     # bends are linear in cube coordinates, which those searched by decades are not
     excluded = [i for i, c in enumerate(local) if c.log and space.parameters[c.parameter].smooth is not None]
     linear = degree.seen & ~degree.more & ~sum(1 << i for i in excluded)
-    chosen = _without_products(degree, [i for i in range(len(local)) if linear >> i & 1], np.bincount(number, minlength=len(local)))
+    chosen = _without_products(
+        degree, [i for i in range(len(local)) if linear >> i & 1], np.bincount(number, minlength=len(local))
+    )
     assert degree.allows(sum(1 << i for i in chosen))
     return tuple(i for i, n in enumerate(number) if n in chosen)
 

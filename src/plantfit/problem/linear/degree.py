@@ -1,4 +1,5 @@
-"""How a number depends on the coordinates of a problem: not at all, as a polynomial of degree 1 in a set of them, or otherwise."""
+"""How a number depends on the coordinates of a problem: not at all, as a polynomial of degree 1 in a set of them, or
+otherwise."""
 
 from collections.abc import Iterable
 from functools import reduce
@@ -10,9 +11,10 @@ MOST_PRODUCTS = 60  # pairs of sets that are told apart; beyond them the coordin
 class Degree(NamedTuple):
     """Sets of coordinates as bits of integers.
 
-    `seen`: those that the number depends on. `more`: those that it is not affine in, whatever the others are. `products`: pairs of
-    disjoint sets; a coordinate of one may be multiplied by one of the other. For every set S of coordinates without one of
-    `more` and without both sides of a product, the number is affine in S jointly, given the others.
+    `seen`: those that the number depends on. `more`: those that it is not affine in, whatever the others are.
+    `products`: pairs of disjoint sets; a coordinate of one may be multiplied by one of the other. For every set S of
+    coordinates without one of `more` and without both sides of a product, the number is affine in S jointly, given the
+    others.
     """
 
     seen: int = 0

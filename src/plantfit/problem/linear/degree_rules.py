@@ -1,7 +1,7 @@
 """The degree of every result of a traced function in the coordinates, by abstract interpretation of its jaxpr.
 
-A number that a rule is not known for counts as nonlinear in all that it depends on. Entries of small arrays are told apart, so
-that a parameter with a shape may hold a gain beside a time constant.
+A number that a rule is not known for counts as nonlinear in all that it depends on. Entries of small arrays are told
+apart, so that a parameter with a shape may hold a gain beside a time constant.
 """
 
 import operator
@@ -23,7 +23,8 @@ SMALL = 512  # entries that are told apart
 
 
 def degrees(function: Callable, placeholders: Sequence[Any]) -> Callable[..., list[Value]]:
-    """The function traced once at arguments of the right shapes; called with values in their place it gives those of its results.
+    """The function traced once at arguments of the right shapes; called with values in their place it gives those of
+    its results.
 
     Arguments and results are flat lists of the leaves.
     """
@@ -190,9 +191,12 @@ APART = ("optimization_barrier",)  # every result is the operand at its place
 ARITHMETIC: dict[str, Callable[..., Any]] = {
     name: lambda params, *a, f=f: f(*a)
     for name, f in {
-        "add": operator.add, "sub": operator.sub, "mul": operator.mul, "neg": operator.neg, "lt": operator.lt, "le": operator.le,
-        "gt": operator.gt, "ge": operator.ge, "eq": operator.eq, "ne": operator.ne, "min": np.minimum, "max": np.maximum,
-        "clamp": lambda low, x, high: np.clip(x, low, high), "select_n": lambda by, *among: np.choose(by.astype(int), among),
+        "add": operator.add, "sub": operator.sub, "mul": operator.mul, "neg": operator.neg, "lt": operator.lt,
+        "le": operator.le,
+        "gt": operator.gt, "ge": operator.ge, "eq": operator.eq, "ne": operator.ne, "min": np.minimum,
+        "max": np.maximum,
+        "clamp": lambda low, x, high: np.clip(x, low, high), "select_n": lambda by,
+        *among: np.choose(by.astype(int), among),
     }.items()
 }  # fmt: skip
 ARITHMETIC["convert_element_type"] = lambda params, a: a.astype(params["new_dtype"])
@@ -226,7 +230,12 @@ def _split(params: Any, a: np.ndarray) -> list[np.ndarray]:
 def _gather(params: Any, a: np.ndarray, index: np.ndarray) -> np.ndarray | None:
     """Rows of a vector at known places."""
     numbers = params["dimension_numbers"]
-    plain = a.ndim == 1 and numbers.collapsed_slice_dims == (0,) and numbers.start_index_map == (0,) and not numbers.offset_dims
+    plain = (
+        a.ndim == 1
+        and numbers.collapsed_slice_dims == (0,)
+        and numbers.start_index_map == (0,)
+        and not numbers.offset_dims
+    )
     if not plain or not _all_known([index]) or np.any(index < 0) or np.any(index >= len(a)):
         return None
     return a[index[..., 0]]
@@ -263,7 +272,17 @@ def _moved(equation: Any, given: list[Value]) -> list[Value]:
 
 # -- nested programs --------------------------------------------------------------------------------
 
-NESTED = ("pjit", "jit", "closed_call", "core_call", "remat", "remat2", "checkpoint", "custom_jvp_call", "custom_vjp_call")
+NESTED = (
+    "pjit",
+    "jit",
+    "closed_call",
+    "core_call",
+    "remat",
+    "remat2",
+    "checkpoint",
+    "custom_jvp_call",
+    "custom_vjp_call",
+)
 NESTED = (*NESTED, "custom_vjp_call_jaxpr")
 
 
@@ -282,7 +301,9 @@ def _scan(equation: Any, given: list[Value]) -> list[Value]:
     body, fixed = _open(equation.params["jaxpr"]), given[:consts]
     rows = [of(v) for v in given[consts + carry :]]
     # a constant that is known stays known, but rows of it are not one number
-    carried = _settled(lambda c: list(map(of, _run(*body, [*fixed, *c, *rows])))[:carry], list(map(of, given[consts : consts + carry])))
+    carried = _settled(
+        lambda c: list(map(of, _run(*body, [*fixed, *c, *rows])))[:carry], list(map(of, given[consts : consts + carry]))
+    )
     return [*carried, *map(of, _run(*body, [*fixed, *carried, *rows])[carry:])]
 
 

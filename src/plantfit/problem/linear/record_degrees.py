@@ -1,10 +1,11 @@
 """The degree of a problem's residuals in its coordinates: equations followed through the states to a fixed point.
 
-Steppers keep what is affine. Let S be coordinates and D the states that depend on them. Where every rate is affine in S and D
-jointly, the Jacobian of the states is block triangular: its blocks within D and outside of D are free of S, and the block that
-leads into D is affine in S. Every rational or exponential function of it, as the steps of `simulate.steps.steppers` and
-`simulate.steps.linear` are, has the same form, so that states after a step are affine in S where those before it are. The rules of
-`degree_rules`, applied to rates with the degrees of the states put in, say just that.
+Steppers keep what is affine. Let S be coordinates and D the states that depend on them. Where every rate is affine in S
+and D jointly, the Jacobian of the states is block triangular: its blocks within D and outside of D are free of S, and
+the block that leads into D is affine in S. Every rational or exponential function of it, as the steps of
+`simulate.steps.steppers` and `simulate.steps.linear` are, has the same form, so that states after a step are affine in
+S where those before it are. The rules of `degree_rules`, applied to rates with the degrees of the states put in, say
+just that.
 """
 
 from collections.abc import Callable, Sequence
@@ -127,7 +128,9 @@ class _States:
     def _channels(self, x: Sequence[Degree]) -> list[Degree]:
         model = self.vector.model
         late = [bent(self._parameter(d.parameter)) for d in model.delays]
-        late += [chosen(self._parameter(d.parameter), [x[self.vector.states.index(d.state)]]) for d in model.state_delays]
+        late += [
+            chosen(self._parameter(d.parameter), [x[self.vector.states.index(d.state)]]) for d in model.state_delays
+        ]
         return [*(CONSTANT for _ in model.inputs), *late, CONSTANT]
 
     # where something jumps, the times of the jumps are nonlinear in all that enters the condition
@@ -158,7 +161,9 @@ def _initial(simulator: Simulator, p: list[Value]) -> list[Degree]:
     n, m = len(vector.channels), len(vector.outputs)
 
     def flat(*values: Any) -> list[Any]:
-        return list(simulator.initial(dict(zip(vector.parameters, values[n + m :], strict=True)), values[:n], values[n : n + m]))
+        return list(
+            simulator.initial(dict(zip(vector.parameters, values[n + m :], strict=True)), values[:n], values[n : n + m])
+        )
 
     run = degrees(flat, [*(1.0,) * (n + m), *(jnp.ones(d.shape) if d.shape else 1.0 for d in vector.model.parameters)])
     return list(map(of, run(*(CONSTANT,) * (n + m), *p)))

@@ -18,19 +18,18 @@ class Experiment:
 
     `fit` and `validate` are intervals (start, stop) in seconds of its time axis, None: nothing.
     `skip` seconds at the start of each part are simulated but not scored (unknown history).
-    `before` gives inputs ahead of the first sample, in the model's unit or as a text with a unit ("20 degC"); by default they had
-    their first value.
-    `initial_time` (s) is where the states begin, before the first sample and on its time axis; by default they begin there.
-    `steady` means that every sample is a plant at rest (a static curve, a table of operating points): its
-    outputs are compared with the model at rest under its inputs, and time and order mean nothing.
-    `shared_errors` names for an output a signal of whole numbers that tells which error of its sensor a sample has: samples of equal
-    number have the same, and those of neighbouring numbers may be correlated. A place on an encoder's disc that comes back with
-    every turn; without it errors belong to times. Standard errors allow for it.
-    `counted` names inputs that are speeds made of counts, with the size of one count (the input's unit times seconds), `rounded` inputs
-    that were read in steps of such a size; 0 says that there are none, as of a command. Standard errors allow for both
-    (`trust/intervals/input_steps.py`).
-    `start_corrections` are added to first measured values of outputs (their unit) where states begin at them: the fit's estimate of the
-    noise in that one sample (`trust/finish/start_corrections.py`). What is measured stays.
+    `before` gives inputs ahead of the first sample, in the model's unit or as a text with a unit ("20 degC"); by
+    default they had their first value. `initial_time` (s) is where the states begin, before the first sample and on its
+    time axis; by default they begin there. `steady` means that every sample is a plant at rest (a static curve, a table
+    of operating points): its outputs are compared with the model at rest under its inputs, and time and order mean
+    nothing. `shared_errors` names for an output a signal of whole numbers that tells which error of its sensor a sample
+    has: samples of equal number have the same, and those of neighbouring numbers may be correlated. A place on an
+    encoder's disc that comes back with every turn; without it errors belong to times. Standard errors allow for it.
+    `counted` names inputs that are speeds made of counts, with the size of one count (the input's unit times seconds),
+    `rounded` inputs that were read in steps of such a size; 0 says that there are none, as of a command. Standard
+    errors allow for both (`trust/intervals/input_steps.py`). `start_corrections` are added to first measured values of
+    outputs (their unit) where states begin at them: the fit's estimate of the noise in that one sample
+    (`trust/finish/start_corrections.py`). What is measured stays.
     """
 
     recording: Recording
@@ -50,10 +49,13 @@ class Experiment:
         if self.initial_time is None:
             return
         if self.steady:
-            raise RecordingError(f"Recording {self.recording.name!r} is steady, so time has no meaning in it; leave initial_time out.")
+            raise RecordingError(
+                f"Recording {self.recording.name!r} is steady, so time has no meaning in it; leave initial_time out."
+            )
         if not self.initial_time <= self.recording.t[0]:
             raise RecordingError(
-                f"Recording {self.recording.name!r}: initial_time = {self.initial_time:g} s is not before the first sample at "
+                f"Recording {self.recording.name!r}: initial_time = {self.initial_time:g} s is not before the first "
+                f"sample at "
                 f"{self.recording.t[0]:g} s; give an earlier time of the recording's own axis, or leave it out."
             )
 
@@ -62,19 +64,28 @@ class Experiment:
         for key, given in (("counted", self.counted), ("rounded", self.rounded)):
             for u, step in given.items():
                 if u not in signals:
-                    raise RecordingError(f"Recording {name!r}: {key} names {u!r}, but the signals are {list(signals)}; name one of them.")
+                    raise RecordingError(
+                        f"Recording {name!r}: {key} names {u!r}, but the signals are {list(signals)}; name one of them."
+                    )
                 if not (np.isfinite(step) and step >= 0):
-                    raise RecordingError(f"Recording {name!r}: {key} gives {u!r} steps of {step:g}; give their size, or 0 for none.")
-                moves, unit = self._movement(u, key == "counted"), "its unit times seconds" if key == "counted" else "its unit"
+                    raise RecordingError(
+                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}; give their size, or 0 for none."
+                    )
+                moves, unit = (
+                    self._movement(u, key == "counted"),
+                    "its unit times seconds" if key == "counted" else "its unit",
+                )
                 if step > moves > 0:
                     raise RecordingError(
-                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}, but it moves by {moves:.3g} in all; give the size of "
+                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}, but it moves by {moves:.3g} in all; "
+                        f"give the size of "
                         f"one step, in {unit}."
                     )
         both = self.counted.keys() & self.rounded.keys()
         if both:
             raise RecordingError(
-                f"Recording {name!r}: counted and rounded both name {min(both)!r}; keep one (cleaning steps that read counts make it "
+                f"Recording {name!r}: counted and rounded both name {min(both)!r}; keep one (cleaning steps that read "
+                f"counts make it "
                 "counted)."
             )
 
@@ -87,7 +98,8 @@ class Experiment:
         return float(np.sum(np.abs(np.where(there, values, 0.0)[:-1]) * np.diff(t)))
 
     def error_numbers(self, output: str) -> np.ndarray | None:
-        """Number (n,) of the error that each sample of an output has, NaN where it is not known; None where times number them.
+        """Number (n,) of the error that each sample of an output has, NaN where it is not known; None where times
+        number them.
 
         Raises RecordingError for a signal that is not there or not whole.
         """
@@ -101,7 +113,9 @@ class Experiment:
             )
         values = self.recording[name]
         if not np.all(np.isnan(values) | (values == np.round(values))):
-            raise RecordingError(f"Recording {self.recording.name!r}: shared_errors needs whole numbers, but {name!r} has others.")
+            raise RecordingError(
+                f"Recording {self.recording.name!r}: shared_errors needs whole numbers, but {name!r} has others."
+            )
         return values
 
     def on(self, recording: Recording) -> "Experiment":
@@ -111,10 +125,14 @@ class Experiment:
         """
         if len(recording) != len(self.recording):
             raise RecordingError(
-                f"Recording {recording.name!r} has {len(recording)} samples in place of {len(self.recording)}; give as many."
+                f"Recording {recording.name!r} has {len(recording)} samples in place of {len(self.recording)}; give as "
+                f"many."
             )
         old, new = self.recording.t, recording.t
-        moved = [None if part is None else (_moved(part[0], old, new), _moved(part[1], old, new)) for part in (self.fit, self.validate)]
+        moved = [
+            None if part is None else (_moved(part[0], old, new), _moved(part[1], old, new))
+            for part in (self.fit, self.validate)
+        ]
         return dataclasses.replace(self, recording=recording, fit=moved[0], validate=moved[1])
 
     def mask(self, part: str) -> np.ndarray:
@@ -141,21 +159,29 @@ def _moved(end: float, old: np.ndarray, new: np.ndarray) -> float:
 
 
 def split(recording: Recording, share: float, skip: float = 0.0) -> Experiment:
-    """The first `share` of the samples for the fit, the rest unseen; simulated in one go, so that the state carries over.
+    """The first `share` of the samples for the fit, the rest unseen; simulated in one go, so that the state carries
+    over.
 
     `skip` seconds at the start of each part are not scored. Raises RecordingError for a share that leaves a part empty.
     """
     if not 0.0 < share < 1.0:
-        raise RecordingError(f"split = {share:g}; give the share of the recording that is fitted, between 0 and 1, for example 0.7.")
+        raise RecordingError(
+            f"split = {share:g}; give the share of the recording that is fitted, between 0 and 1, for example 0.7."
+        )
     count = round(share * len(recording))
     if not 0 < count < len(recording):
-        raise RecordingError(f"Recording {recording.name!r} has {len(recording)} samples, too few to split at {share:g}.")
+        raise RecordingError(
+            f"Recording {recording.name!r} has {len(recording)} samples, too few to split at {share:g}."
+        )
     edge = float(recording.t[count])
     return Experiment(recording, fit=(-np.inf, edge), validate=(edge, np.inf), skip=skip)
 
 
-def before_in_units(recording: Recording, before: Mapping[str, float | str], wanted: Mapping[str, str | None]) -> dict[str, float]:
-    """Inputs ahead of the first sample as numbers in the model's units: numbers are in them, texts such as "20 degC" are converted.
+def before_in_units(
+    recording: Recording, before: Mapping[str, float | str], wanted: Mapping[str, str | None]
+) -> dict[str, float]:
+    """Inputs ahead of the first sample as numbers in the model's units: numbers are in them, texts such as "20 degC"
+    are converted.
 
     Raises UnitError for a number where the recording counts from another zero, so that it is not clear which it is in.
     """
@@ -170,11 +196,15 @@ def before_in_units(recording: Recording, before: Mapping[str, float | str], wan
             if unit is None:
                 raise UnitError(f"{where}, but the model has no unit for it; give a number.")
             if not units.compatible(own, unit):
-                raise UnitError(f"{where}, which cannot be converted to the model's {unit!r}; give it in a unit of that kind.")
+                raise UnitError(
+                    f"{where}, which cannot be converted to the model's {unit!r}; give it in a unit of that kind."
+                )
             found[name] = units.convert(number, own, unit)
             continue
         have = recording.signals[name].unit if name in recording.signals else None
-        convertible = unit is not None and have is not None and have != units.difference_of(unit) and units.compatible(have, unit)
+        convertible = (
+            unit is not None and have is not None and have != units.difference_of(unit) and units.compatible(have, unit)
+        )
         if convertible and units.factor_offset(have, unit)[1] != 0.0:  # type: ignore[arg-type]
             raise UnitError(
                 f"{where}, and the recording is in {have!r} but the model in {unit!r}; say which by a unit, as in "
@@ -199,7 +229,8 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
     for name, unit in wanted.items():
         if name not in signals:
             raise RecordingError(
-                f"Recording {recording.name!r} has no signal {name!r}, which the model needs; it has {list(recording.signals)}. "
+                f"Recording {recording.name!r} has no signal {name!r}, which the model needs; it has "
+                f"{list(recording.signals)}. "
                 "Name the column for it under signals."
             )
         have = signals[name].unit
@@ -207,13 +238,16 @@ def in_units(recording: Recording, wanted: Mapping[str, str | None]) -> Recordin
             continue
         if units.logarithmic(have):
             raise UnitError(
-                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which is logarithmic, and the model's is in {unit!r}; "
+                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which is logarithmic, and the model's "
+                f"is in {unit!r}; "
                 f"convert the column to a linear unit, or declare {name!r} without a unit to compute with levels."
             )
         if (plain := units.gauge(have)) is not None:
             raise UnitError(
-                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which counts from the pressure of the surroundings, "
-                f'and the model\'s is in {unit!r}; write units = {{ {name} = "{plain}" }}, and for absolute pressures beside it '
+                f"Recording {recording.name!r}: signal {name!r} is in {have!r}, which counts from the pressure of the "
+                f"surroundings, "
+                f'and the model\'s is in {unit!r}; write units = {{ {name} = "{plain}" }}, and for absolute pressures '
+                f"beside it "
                 f'clean = [{{ step = "subtract", signal = "{name}", amount = -{units.surroundings(plain):.6g} }}].'
             )
         if have == units.difference_of(unit):
@@ -237,9 +271,11 @@ def experiments_of(
     recordings: Any, fitted: float | None, skip: float, validate: Sequence[str], before: Mapping[str, float | str],
     initial_time: float | None, needs: Mapping[str, str | None], inputs: Collection[str] | None = None,
 ) -> dict[str, Experiment]:  # fmt: skip
-    """The recordings of a problem by name, in the units that its model `needs`; `fitted` is the first share of a single one.
+    """The recordings of a problem by name, in the units that its model `needs`; `fitted` is the first share of a single
+    one.
 
-    `inputs` of the model are those that may be counted or rounded. Raises RecordingError for names and shares that contradict each other.
+    `inputs` of the model are those that may be counted or rounded. Raises RecordingError for names and shares that
+    contradict each other.
     """
     if isinstance(recordings, Recording | Experiment):
         inner = recordings.recording if isinstance(recordings, Experiment) else recordings
@@ -258,19 +294,27 @@ def experiments_of(
             given = (
                 split(given, fitted, skip)
                 if fitted is not None
-                else Experiment(given, fit=None if name in validate else every, validate=every if name in validate else None, skip=skip)
+                else Experiment(
+                    given,
+                    fit=None if name in validate else every,
+                    validate=every if name in validate else None,
+                    skip=skip,
+                )
             )
         for key in ("counted", "rounded"):
             others = [] if inputs is None else [n for n in getattr(given, key) if n not in inputs]
             if others:
                 raise RecordingError(
-                    f"Recording {name!r}: {key} names {others[0]!r}, which is no input of the model; it is for inputs, here "
+                    f"Recording {name!r}: {key} names {others[0]!r}, which is no input of the model; it is for inputs, "
+                    f"here "
                     f"{list(inputs or ())}."
                 )
         history = before_in_units(given.recording, {**before, **given.before}, needs)
         begin = initial_time if given.initial_time is None and not given.steady else given.initial_time
         inner, now = given.recording, in_units(given.recording, needs)
-        steps = {k: {n: s * _scale(inner, now, n) for n, s in getattr(given, k).items()} for k in ("counted", "rounded")}
+        steps = {
+            k: {n: s * _scale(inner, now, n) for n, s in getattr(given, k).items()} for k in ("counted", "rounded")
+        }
         result[name] = dataclasses.replace(given, recording=now, before=history, initial_time=begin, **steps)
     return result
 
@@ -278,4 +322,8 @@ def experiments_of(
 def _scale(before: Recording, now: Recording, name: str) -> float:
     """What a difference of a signal was multiplied by when its unit was converted."""
     old, new = before.signals[name].unit, now.signals[name].unit
-    return 1.0 if old == new or old is None or new is None or old == units.difference_of(new) else units.factor_offset(old, new)[0]
+    return (
+        1.0
+        if old == new or old is None or new is None or old == units.difference_of(new)
+        else units.factor_offset(old, new)[0]
+    )

@@ -18,13 +18,16 @@ from plantfit.problem.predictor import Predictor
 def _held(name: str, experiment: Experiment) -> str:
     """How long a recording lasts and how much of it is fitted."""
     t, count = experiment.recording.t, int(np.sum(experiment.mask("fit")))
-    return f"recording {name!r} lasts from {t[0]:g} to {t[-1]:g} s, and {count} of its {len(t)} samples are in the fitted part"
+    return (
+        f"recording {name!r} lasts from {t[0]:g} to {t[-1]:g} s, and {count} of its {len(t)} samples are in the "
+        f"fitted part"
+    )
 
 
 @dataclass(frozen=True, eq=False)
 class FittedParts:
-    """`whole` recordings and the `drives` of their fitted parts as the predictor takes them, by recording; places (k,) of the scored
-    samples (`index`) and their `measured` values (k,), by recording and output."""
+    """`whole` recordings and the `drives` of their fitted parts as the predictor takes them, by recording; places
+    (k,) of the scored samples (`index`) and their `measured` values (k,), by recording and output."""
 
     outputs: tuple[str, ...]
     whole: dict[str, Any]
@@ -34,7 +37,8 @@ class FittedParts:
 
     @classmethod
     def of(
-        cls, predictor: Predictor, experiments: Mapping[str, Experiment], outputs: tuple[str, ...], longest: Mapping[str, float],
+        cls, predictor: Predictor, experiments: Mapping[str, Experiment], outputs: tuple[str, ...],
+        longest: Mapping[str, float],
         mesh: Mapping[str, np.ndarray],
     ) -> "FittedParts":  # fmt: skip
         """With so much history for the `longest` delays, and steps that also end at the times of `mesh`.
@@ -57,13 +61,15 @@ class FittedParts:
         if sum(found.counts.values()) == 0:
             told = "; ".join(_held(n, e) for n, e in experiments.items())
             raise RecordingError(
-                f"No measured sample of {' or '.join(map(repr, outputs))} is left to fit ({told}); check the fit interval, skip, and the "
+                f"No measured sample of {' or '.join(map(repr, outputs))} is left to fit ({told}); check the fit "
+                f"interval, skip, and the "
                 "missing values of the outputs."
             )
         for output in outputs:
             if not any(map(len, found.of_output(output))):
                 raise RecordingError(
-                    f"Output {output!r} has no measured sample inside the fitted part; widen that part, or remove the output "
+                    f"Output {output!r} has no measured sample inside the fitted part; widen that part, or remove the "
+                    f"output "
                     "from the model."
                 )
         return found
@@ -78,7 +84,8 @@ class FittedParts:
         return [y for (_, o), y in self.measured.items() if o == output]
 
     def scales(self, given: Mapping[str, float] | None) -> tuple[dict[str, float], dict[str, ScaleSource]]:
-        """By output what a residual is divided by, in its unit, and who chose it: 1 for one output, the spread for several, or as given.
+        """By output what a residual is divided by, in its unit, and who chose it: 1 for one output, the spread for
+        several, or as given.
 
         Raises SpaceError for outputs that there are not and for numbers that are no scales.
         """
@@ -95,7 +102,8 @@ class FittedParts:
         return result, sources
 
     def weights(self, balance: str) -> dict[str, float] | None:
-        """How often the squares of each recording count; None: once. Raises SpaceError for a balance that is not known."""
+        """How often the squares of each recording count; None: once. Raises SpaceError for a balance that is not
+        known."""
         if balance not in ("samples", "recordings"):
             raise SpaceError(f"balance = {balance!r} is not known; use 'samples' or 'recordings'.")
         if balance == "samples":

@@ -1,8 +1,9 @@
 """Which hold of an input fits: kept until the next sample, or a straight line between samples.
 
-A wrong hold looks like half a sample of dead time. The problem is fitted anew, shortly, with either, and the squares of the residuals
-are compared sample by sample: their mean difference over its standard error (Q. H. Vuong, Econometrica 57 (1989) 307, for models of
-which none contains the other; the standard error is that of a correlated series, W. K. Newey, K. D. West, Econometrica 55 (1987) 703).
+A wrong hold looks like half a sample of dead time. The problem is fitted anew, shortly, with either, and the squares of
+the residuals are compared sample by sample: their mean difference over its standard error (Q. H. Vuong, Econometrica 57
+(1989) 307, for models of which none contains the other; the standard error is that of a correlated series, W. K. Newey,
+K. D. West, Econometrica 55 (1987) 703).
 """
 
 from collections.abc import Sequence
@@ -27,8 +28,9 @@ REFITS = 12  # Jacobians
 class HoldFit:
     """Of one input: the cost with either hold after a short refit, and what that tells.
 
-    `standard_errors` is the difference of the costs, previous minus linear, over its standard error; `power` how large that would be
-    if one of both were true. `better` is None where the difference may be chance or the record cannot tell.
+    `standard_errors` is the difference of the costs, previous minus linear, over its standard error; `power` how large
+    that would be if one of both were true. `better` is None where the difference may be chance or the record cannot
+    tell.
     """
 
     input: str
@@ -45,12 +47,19 @@ class HoldFit:
             worse = max(costs.values())
             share = 100.0 * (worse / max(min(costs.values()), 1e-300) - 1.0)
             return (
-                f'hold = {{ {self.input} = "{self.better}" }} fits better: the cost of the other is {share:.3g} % higher '
+                f'hold = {{ {self.input} = "{self.better}" }} fits better: the cost of the other is {share:.3g} % '
+                f"higher "
                 f"({abs(self.standard_errors):.1f} standard errors)."
             )
         if self.power < POWER:
-            return f"The record cannot tell how {self.input} goes on between samples: both holds fit alike (power {self.power:.1f})."
-        return f"Neither hold of {self.input} fits better ({self.standard_errors:+.1f} standard errors, power {self.power:.1f})."
+            return (
+                f"The record cannot tell how {self.input} goes on between samples: both holds fit alike (power "
+                f"{self.power:.1f})."
+            )
+        return (
+            f"Neither hold of {self.input} fits better ({self.standard_errors:+.1f} standard errors, power "
+            f"{self.power:.1f})."
+        )
 
 
 def check_holds(problem: Problem, z: np.ndarray, inputs: Sequence[str] | None = None) -> list[HoldFit]:
@@ -68,7 +77,8 @@ def check_holds(problem: Problem, z: np.ndarray, inputs: Sequence[str] | None = 
             continue
         holds = {n: Held.LINEAR if n in simulator.interpolated else Held.PREVIOUS for n in model.inputs}
         residuals = {
-            kind: _refitted(_held(problem, {**holds, name: kind}), np.asarray(z, dtype=float)) for kind in (Held.PREVIOUS, Held.LINEAR)
+            kind: _refitted(_held(problem, {**holds, name: kind}), np.asarray(z, dtype=float))
+            for kind in (Held.PREVIOUS, Held.LINEAR)
         }
         found.append(_compared(name, residuals[Held.PREVIOUS], residuals[Held.LINEAR]))
     return found

@@ -17,8 +17,8 @@ def prewhitened_long_run(scores: np.ndarray, index: np.ndarray, fitted: int = 0)
 
     Every column is filtered by its own AR(1), summed, and recoloured (Andrews and Monahan,
     Econometrica 60 (1992) 953, eqs. 2.2 to 2.4, with a diagonal AR matrix). Negative correlation is
-    left to the kernel, and `most_memory` bounds the factor that recolouring may add. Residuals of `fitted` parameters look less
-    correlated than the errors are, which is corrected for (see `unbiased`).
+    left to the kernel, and `most_memory` bounds the factor that recolouring may add. Residuals of `fitted` parameters
+    look less correlated than the errors are, which is corrected for (see `unbiased`).
     """
     spread = _in_order(scores, index)
     if len(spread) < SHORT:
@@ -28,11 +28,12 @@ def prewhitened_long_run(scores: np.ndarray, index: np.ndarray, fitted: int = 0)
 
 
 def degrees_of_freedom(scores: np.ndarray, shares: np.ndarray, index: np.ndarray) -> np.ndarray:
-    """How many independent errors each variance (d,) of `prewhitened_long_run(scores, index)` rests on: few, where a few samples decide.
+    """How many independent errors each variance (d,) of `prewhitened_long_run(scores, index)` rests on: few, where a
+    few samples decide.
 
-    `shares` (m, d) are the variances that samples would add if all errors were of one size, w_i. The variance estimated with the Bartlett
-    weights K_ij of the kernel has the degrees (sum w_i)^2 / sum K_ij^2 w_i w_j (F. E. Satterthwaite, Biometrics Bulletin 2 (1946) 110;
-    for sandwiches R. M. Bell, D. F. McCaffrey, Survey Methodology 28 (2002) 169).
+    `shares` (m, d) are the variances that samples would add if all errors were of one size, w_i. The variance estimated
+    with the Bartlett weights K_ij of the kernel has the degrees (sum w_i)^2 / sum K_ij^2 w_i w_j (F. E. Satterthwaite,
+    Biometrics Bulletin 2 (1946) 110; for sandwiches R. M. Bell, D. F. McCaffrey, Survey Methodology 28 (2002) 169).
     """
     spread, weights = _in_order(scores, index), _in_order(shares, index)
     lags = bandwidth(_prewhitened(spread, 0)[0]) if len(spread) >= SHORT else 0
@@ -43,12 +44,14 @@ def degrees_of_freedom(scores: np.ndarray, shares: np.ndarray, index: np.ndarray
 
 
 def widening(degrees: np.ndarray) -> np.ndarray:
-    """Factors (d,) of standard errors that rest on so many degrees of freedom: 1.96 of the product are the 95 % interval of Student's t."""
+    """Factors (d,) of standard errors that rest on so many degrees of freedom: 1.96 of the product are the 95 %
+    interval of Student's t."""
     return stdtrit(np.maximum(degrees, 1.0), 0.5 + LEVEL / 2) / ndtri(0.5 + LEVEL / 2)
 
 
 def at_most(degrees: np.ndarray) -> np.ndarray:
-    """Factors (d,) of estimated variances with so many degrees of freedom that the true ones exceed in one of ten samples."""
+    """Factors (d,) of estimated variances with so many degrees of freedom that the true ones exceed in one of ten
+    samples."""
     degrees = np.maximum(degrees, 1.0)
     return degrees / chdtri(degrees, 1.0 - ABOVE)
 
@@ -68,9 +71,12 @@ def _prewhitened(spread: np.ndarray, fitted: int) -> tuple[np.ndarray, np.ndarra
 
 
 def unbiased(r: np.ndarray, n: int, fitted: int) -> np.ndarray:
-    """First correlations (d,) of n residuals, corrected for the bias that a mean (Kendall, Biometrika 41 (1954) 403: (1 + 3 r) / n) and
-    `fitted` slow regressors, each (1 + r) / n, give them; those that chance explains (below 2 / sqrt(n)) stay, all for `fitted` 0."""
-    return np.where((fitted > 0) & (r > 2.0 / np.sqrt(n)), r + (1.0 + 3.0 * r + min(fitted, REGRESSORS) * (1.0 + r)) / n, r)
+    """First correlations (d,) of n residuals, corrected for the bias that a mean (Kendall, Biometrika 41 (1954) 403:
+    (1 + 3 r) / n) and `fitted` slow regressors, each (1 + r) / n, give them; those that chance explains (below 2 /
+    sqrt(n)) stay, all for `fitted` 0."""
+    return np.where(
+        (fitted > 0) & (r > 2.0 / np.sqrt(n)), r + (1.0 + 3.0 * r + min(fitted, REGRESSORS) * (1.0 + r)) / n, r
+    )
 
 
 def most_memory(n: int, fitted: int) -> float:
@@ -79,8 +85,8 @@ def most_memory(n: int, fitted: int) -> float:
 
 
 def inflation(series: np.ndarray, index: np.ndarray, fitted: int = 0) -> float:
-    """Factor, at least 1, by which correlation of a series (m,) at numbers `index` (m,) raises the variance of its mean; `fitted` as in
-    `prewhitened_long_run`."""
+    """Factor, at least 1, by which correlation of a series (m,) at numbers `index` (m,) raises the variance of its
+    mean; `fitted` as in `prewhitened_long_run`."""
     power = float(np.sum(series**2))
     return max(1.0, float(prewhitened_long_run(series[:, None], index, fitted)[0, 0]) / power) if power > 0 else 1.0
 
@@ -92,7 +98,8 @@ def first_correlation(series: np.ndarray) -> np.ndarray:
 
 
 def bandwidth(series: np.ndarray) -> int:
-    """Lags of the Bartlett kernel for columns (n, d) taken as AR(1): 1.1447 (a n)^(1/3), a = mean of 4 rho^2 / (1 - rho^2)^2.
+    """Lags of the Bartlett kernel for columns (n, d) taken as AR(1): 1.1447 (a n)^(1/3), a = mean of 4 rho^2 / (1 -
+    rho^2)^2.
 
     Andrews, Econometrica 59 (1991) 817, eqs. 6.2 and 6.4, columns weighted by 1 / variance^2.
     """

@@ -32,7 +32,8 @@ def operating_points(problem: Problem, values: Any) -> dict[str, dict[str, np.nd
 
 
 def _drives(problem: Problem) -> dict[str, tuple[Any, int]]:
-    """The drives of the fitted parts and their samples n; moving records held on to the length of the longest share one program."""
+    """The drives of the fitted parts and their samples n; moving records held on to the length of the longest share
+    one program."""
     drives = problem.data["drive"]
     # a drive has other times between its samples, as those of nodes in time
     moving = {n: len(d.t if d.samples is None else d.samples) for n, d in drives.items() if isinstance(d, Drive)}
@@ -59,10 +60,13 @@ def _held_on(experiment: Experiment, n: int, most: int) -> Experiment:
 def hat_weights(table: Table, points: Mapping[str, np.ndarray]) -> np.ndarray:
     """Weight (n, *shape) of every entry at every operating point (n,); those of one point add up to 1.
 
-    The value that a table gives is the sum of its entries by these weights (`models.parts.tables.lookup`, eq. 3). A point that is
-    not finite has no weight.
+    The value that a table gives is the sum of its entries by these weights (`models.parts.tables.lookup`, eq. 3). A
+    point that is not finite has no weight.
     """
-    parts = [_of_axis(np.asarray(nodes), np.asarray(points[signal])) for signal, nodes in zip(table.over, table.nodes, strict=True)]
+    parts = [
+        _of_axis(np.asarray(nodes), np.asarray(points[signal]))
+        for signal, nodes in zip(table.over, table.nodes, strict=True)
+    ]
     return parts[0] if len(parts) == 1 else parts[0][:, :, None] * parts[1][:, None, :]
 
 

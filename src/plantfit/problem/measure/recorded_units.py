@@ -21,7 +21,8 @@ def recorded_units(experiments: Mapping[str, Experiment], needs: Mapping[str, st
             first, other = found.setdefault(signal, (name, unit))
             if unit != other and not units.equal(unit, other):
                 raise UnitError(
-                    f"{signal!r} is in {other!r} in recording {first!r} and in {unit!r} in {name!r}, and the model has no unit for it; "
+                    f"{signal!r} is in {other!r} in recording {first!r} and in {unit!r} in {name!r}, and the model has "
+                    f"no unit for it; "
                     f'declare one under [model], as in {signal} = "{other}", to which recordings are converted.'
                 )
     return {signal: unit for signal, (_, unit) in found.items()}

@@ -6,10 +6,11 @@ Kind = Literal["given", "unit", "spread", "residuals", "few samples"]
 
 
 class ScaleSource(NamedTuple):
-    """`kind` tells who chose a scale; `rounds` of estimation, and whether the last one changed nothing, for "residuals".
+    """`kind` tells who chose a scale; `rounds` of estimation, and whether the last one changed nothing, for
+    "residuals".
 
-    "few samples": the least scale of an output that has no more samples than there are free parameters, so that it can be followed exactly
-    whatever its noise is.
+    "few samples": the least scale of an output that has no more samples than there are free parameters, so that it can
+    be followed exactly whatever its noise is.
     """
 
     kind: Kind

@@ -1,7 +1,7 @@
 """Damped Gauss-Newton steps of multiple shooting at a fixed weight of continuity.
 
-The damping follows the ratio of what a step gained to what it promised (Levenberg 1944; Marquardt, SIAM J. Appl. Math. 11
-(1963) 431).
+The damping follows the ratio of what a step gained to what it promised (Levenberg 1944; Marquardt, SIAM J. Appl. Math.
+11 (1963) 431).
 """
 
 import dataclasses
@@ -30,7 +30,9 @@ class Point:
 Linearise = Callable[[np.ndarray, np.ndarray], Point | None]
 
 
-def descend(linearise: Linearise, point: Point, weight: float, rounds: int, settled: float, *, held: bool = False) -> Point:
+def descend(
+    linearise: Linearise, point: Point, weight: float, rounds: int, settled: float, *, held: bool = False
+) -> Point:
     """At most `rounds` steps, until the merit falls by less than `settled` of itself; `held` moves the states only.
 
     `linearise(z, s)` gives None where the problem cannot be simulated; the step is then made smaller.

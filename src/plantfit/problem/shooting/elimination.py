@@ -1,10 +1,10 @@
 """The linear problem of multiple shooting, eliminated state by state with orthogonal transformations.
 
-Each segment has rows on (its initial states, parameters); continuity couples it to the next. Going through the segments once, QR
-removes the states of each and hands what is left to the next, as a square-root information filter does (Bierman,
-Factorization Methods for Discrete Sequential Estimation, 1977, ch. V). What remains are a few rows on the parameters: the
-condensed problem of Bock (1983), which is solved within the bounds. Unlike a forward recursion it does not lose digits when
-the plant is unstable, and costs are linear in the number of segments.
+Each segment has rows on (its initial states, parameters); continuity couples it to the next. Going through the segments
+once, QR removes the states of each and hands what is left to the next, as a square-root information filter does
+(Bierman, Factorization Methods for Discrete Sequential Estimation, 1977, ch. V). What remains are a few rows on the
+parameters: the condensed problem of Bock (1983), which is solved within the bounds. Unlike a forward recursion it does
+not lose digits when the plant is unstable, and costs are linear in the number of segments.
 """
 
 from typing import NamedTuple
@@ -20,8 +20,9 @@ class Linear(NamedTuple):
     """L segments in scaled states (n) and coordinates of the cube; rows of residuals are (residual | derivatives).
 
     `rows` (L, k, q + n + 1): derivatives by the q local coordinates, by the initial states, and the residual.
-    `end` (L, n, q + n): derivatives of the final states. `gap` (L, n): final states minus initial states of the next segment.
-    `joined` (L,): whether the next segment continues this one. `local` (L, q): the coordinates of each segment.
+    `end` (L, n, q + n): derivatives of the final states. `gap` (L, n): final states minus initial states of the next
+    segment. `joined` (L,): whether the next segment continues this one. `local` (L, q): the coordinates of each
+    segment.
     """
 
     rows: np.ndarray
@@ -45,11 +46,13 @@ class Linear(NamedTuple):
         return float(np.sum(data**2) + weight**2 * np.sum(gap[self.joined] ** 2) / self.nodes)
 
 
-def step(linear: Linear, weight: float, damping: float, z: np.ndarray, *, held: bool = False) -> tuple[np.ndarray, np.ndarray]:
+def step(
+    linear: Linear, weight: float, damping: float, z: np.ndarray, *, held: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
     """The step (d,), (L, n) that minimises the damped linear model with 0 <= z + dz <= 1; `held` keeps z.
 
-    `damping` weighs the squares of the coordinates, each times the size of its column of the condensed problem, and the mean
-    square of the states.
+    `damping` weighs the squares of the coordinates, each times the size of its column of the condensed problem, and the
+    mean square of the states.
     """
     count, n = linear.gap.shape
     q, nodes = linear.local.shape[1], linear.nodes
@@ -91,7 +94,9 @@ def _spread(rows: np.ndarray, local: np.ndarray, d: int) -> np.ndarray:
 def _bounded(rows: np.ndarray, z: np.ndarray, damping: float) -> np.ndarray:
     sizes = np.maximum(np.linalg.norm(rows[:, :-1], axis=0), LEAST_SIZE)
     rows = np.vstack([rows, np.hstack([np.sqrt(damping) * np.diag(sizes), np.zeros((len(z), 1))])])
-    answer = lsq_linear(rows[:, :-1], -rows[:, -1], bounds=(np.minimum(-z, 0.0), np.maximum(1.0 - z, 0.0)), method="bvls")
+    answer = lsq_linear(
+        rows[:, :-1], -rows[:, -1], bounds=(np.minimum(-z, 0.0), np.maximum(1.0 - z, 0.0)), method="bvls"
+    )
     return np.clip(z + answer.x, 0.0, 1.0) - z
 
 

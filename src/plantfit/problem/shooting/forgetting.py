@@ -1,4 +1,5 @@
-"""Records that forget their start: a deviation of the states at the first sample grows until it is as large as the motion itself."""
+"""Records that forget their start: a deviation of the states at the first sample grows until it is as large as the
+motion itself."""
 
 from dataclasses import dataclass
 
@@ -13,7 +14,9 @@ from plantfit.simulate.simulator import Drive
 import jax
 
 DEVIATION = 1e-7  # of the spread of each state, at the first sample
-FORGOTTEN = 1e3  # times a deviation grows, from which on the start is forgotten: a thousandth of the motion becomes all of it
+FORGOTTEN = (
+    1e3  # times a deviation grows, from which on the start is forgotten: a thousandth of the motion becomes all of it
+)
 SEGMENTS, SHORTEST = 100, 5  # of the longest record, and samples of each at least
 STARTS = 4  # of multiple shooting
 LONG, MANY = 20_000, 60  # samples of all records, and coordinates, beyond which that takes too long
@@ -22,7 +25,8 @@ BETTER = 0.1
 
 @dataclass(frozen=True)
 class Forgetting:
-    """A deviation of the start of `recording` grows `growth` times at most, and on the way there tenfold in `tenfold` seconds."""
+    """A deviation of the start of `recording` grows `growth` times at most, and on the way there tenfold in
+    `tenfold` seconds."""
 
     recording: str
     growth: float
@@ -32,9 +36,9 @@ class Forgetting:
 def forgetting_of_lost(problem: Problem, z: np.ndarray) -> list[Forgetting]:
     """The recordings that forget their start, of a problem whose records are not followed at the cube point z (d,).
 
-    A search may end where the model does not move as the plant does, and deviations do not grow. So where none is found at z, they are
-    looked for where segments of the records fit best, joined loosely: closing the gaps leads chaos back to where z is. Of segments that
-    follow the records at less than `BETTER` of the cost only.
+    A search may end where the model does not move as the plant does, and deviations do not grow. So where none is found
+    at z, they are looked for where segments of the records fit best, joined loosely: closing the gaps leads chaos back
+    to where z is. Of segments that follow the records at less than `BETTER` of the cost only.
     """
     if found := forgetting(problem, z):
         return found
@@ -42,8 +46,13 @@ def forgetting_of_lost(problem: Problem, z: np.ndarray) -> list[Forgetting]:
     if not samples or max(samples) < 2 * SHORTEST or sum(samples) > LONG or problem.space.dimension > MANY:
         return []
     try:
-        shot = Shooting.of(problem, segments=min(SEGMENTS, max(samples) // SHORTEST)).search(starts=STARTS, weights=LOOSE)
-    except (SearchError, SimulationError):  # models that it does not take, or that cannot be simulated in segments either
+        shot = Shooting.of(problem, segments=min(SEGMENTS, max(samples) // SHORTEST)).search(
+            starts=STARTS, weights=LOOSE
+        )
+    except (
+        SearchError,
+        SimulationError,
+    ):  # models that it does not take, or that cannot be simulated in segments either
         return []
     return forgetting(problem, shot.z) if shot.cost < BETTER * float(problem.costs(z[None])[0]) else []
 
@@ -75,5 +84,7 @@ def forgetting(problem: Problem, z: np.ndarray) -> list[Forgetting]:
         if len(there):
             first, decades = int(there[0]), np.log10(growth[there[0]])
             t = np.asarray(drive.t)
-            found.append(Forgetting(name, float(np.max(growth[np.isfinite(growth)])), float((t[first] - t[0]) / decades)))
+            found.append(
+                Forgetting(name, float(np.max(growth[np.isfinite(growth)])), float((t[first] - t[0]) / decades))
+            )
     return sorted(found, key=lambda f: f.tenfold)

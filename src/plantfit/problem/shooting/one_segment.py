@@ -26,13 +26,17 @@ class Local:
     def initial(self, z: jax.Array, segment: Segments) -> jax.Array:
         """What the model gives at the first sample of the record (n,)."""
         drive = segment.drive
-        return jnp.stack(self.problem.predictor.stepping().initial(self._parameters(z), drive.first_input, drive.first_output))
+        return jnp.stack(
+            self.problem.predictor.stepping().initial(self._parameters(z), drive.first_input, drive.first_output)
+        )
 
     def _run(self, z, s, segment: Segments):
         simulator, p = self.problem.predictor.stepping(), self._parameters(z)
         x0 = jnp.where(segment.first, self.initial(z, segment), s)
         x = simulator.states(p, segment.drive, tuple(x0), forwards=True)
-        y = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))(x, simulator.channels(p, segment.drive), simulator.positional(p))
+        y = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))(
+            x, simulator.channels(p, segment.drive), simulator.positional(p)
+        )
         return x, y
 
     def simulated(self, z: jax.Array, s: jax.Array, segment: Segments) -> jax.Array:
@@ -56,7 +60,8 @@ class Local:
         return jnp.linalg.qr(jnp.concatenate([by_v, r[:, None]], axis=1), mode="r"), end, end_by_v
 
     def inverted(self, z: jax.Array, s: jax.Array, segment: Segments) -> jax.Array:
-        """States (n,) near `s` whose outputs are those measured at the first scored samples: Newton steps of least length."""
+        """States (n,) near `s` whose outputs are those measured at the first scored samples: Newton steps of least
+        length."""
         simulator, p = self.problem.predictor.stepping(), self._parameters(z)
         at = jnp.stack([jnp.argmax(scored) for scored in segment.scored])
         known = jnp.stack([jnp.any(scored) for scored in segment.scored])

@@ -1,4 +1,5 @@
-"""Between which values the states of a record's pieces begin, for a problem in which each piece has a start of its own."""
+"""Between which values the states of a record's pieces begin, for a problem in which each piece has a start of its
+own."""
 
 from dataclasses import replace
 
@@ -21,11 +22,12 @@ LEAST = 1e-4  # of the range of an output, what its noise is taken to be at leas
 
 
 def piece_starts(problem: Problem, length: float) -> dict[str, tuple[float, float]]:
-    """By state the bounds (low, high), in its unit, of how far above the model's initial value pieces of the records begin.
+    """By state the bounds (low, high), in its unit, of how far above the model's initial value pieces of the records
+    begin.
 
-    States that begin at measured outputs do so in each piece, off by the noise of a sample. Others are where they were found at the
-    joints of segments of `length` seconds that follow the records, joined loosely. Raises SearchError where segments cannot be simulated,
-    and as `Shooting.of` does.
+    States that begin at measured outputs do so in each piece, off by the noise of a sample. Others are where they were
+    found at the joints of segments of `length` seconds that follow the records, joined loosely. Raises SearchError
+    where segments cannot be simulated, and as `Shooting.of` does.
     """
     simulator = problem.predictor.stepping()
     for steps in (replace(simulator, substeps=max(STEPS, simulator.substeps)), None):
@@ -36,7 +38,8 @@ def piece_starts(problem: Problem, length: float) -> dict[str, tuple[float, floa
             break
     else:
         raise SearchError(
-            "No segments of the records can be simulated, which would tell where states begin; write `pieces` and `start` by hand."
+            "No segments of the records can be simulated, which would tell where states begin; write `pieces` and "
+            "`start` by hand."
         )
     values = problem.space.physical(shot.z)
     states = simulator.vector.states
@@ -55,7 +58,8 @@ def piece_starts(problem: Problem, length: float) -> dict[str, tuple[float, floa
 
 
 def half_waves(y: np.ndarray) -> int:
-    """How often measured values (n,) cross the straight line through them: half the waves that they make; noise about it is no wave."""
+    """How often measured values (n,) cross the straight line through them: half the waves that they make; noise
+    about it is no wave."""
     at = np.flatnonzero(np.isfinite(y))
     if len(at) < 3:
         return 0

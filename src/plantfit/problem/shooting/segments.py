@@ -39,7 +39,8 @@ class Cut(NamedTuple):
 
 
 def cut(problem: Problem, segments: int | None = None, length: float | None = None) -> Cut:
-    """Cut the fitted part of every record into pieces of `length` seconds, or the longest record into `segments` pieces.
+    """Cut the fitted part of every record into pieces of `length` seconds, or the longest record into `segments`
+    pieces.
 
     Raises SearchError for a length or number that does not fit the records.
     """
@@ -69,13 +70,17 @@ def _length(times: Sequence[np.ndarray], segments: int | None, length: float | N
     span, most = float(longest[-1] - longest[0]), len(longest) - 1
     if segments is not None:
         if segments < 1 or segments > most:
-            raise SearchError(f"segments = {segments}, but the longest record has {most + 1} samples; give 1 to {most}.")
+            raise SearchError(
+                f"segments = {segments}, but the longest record has {most + 1} samples; give 1 to {most}."
+            )
         return max(span, 1e-300) / segments
     assert length is not None
     if not (np.isfinite(length) and length > 0):
         raise SearchError(f"length = {length:g} s of a shooting segment; give a positive time.")
     if span / length > most:
-        raise SearchError(f"length = {length:g} s of a shooting segment is less than the time between two samples; give a longer one.")
+        raise SearchError(
+            f"length = {length:g} s of a shooting segment is less than the time between two samples; give a longer one."
+        )
     return float(length)
 
 
@@ -112,7 +117,9 @@ class _Piece(NamedTuple):
         """The knots of delayed channel j that can fall inside the segment."""
         low, high = self.delays[j]
         t, knots = self.drive.t, self.drive.delayed[j].knots
-        return int(np.searchsorted(knots, t[self.start] - high)), int(np.searchsorted(knots, t[self.stop] - low, side="right"))
+        return int(np.searchsorted(knots, t[self.start] - high)), int(
+            np.searchsorted(knots, t[self.stop] - low, side="right")
+        )
 
     def padded(self, most: int, knots: list[int], outputs: int) -> Segments:
         at = np.minimum(self.start + np.arange(most), self.stop)

@@ -1,9 +1,9 @@
 """Multiple shooting: a start for records on which simulating from the first sample to the last leads nowhere.
 
-Every record is cut into segments with initial states of their own; the gaps between segments are closed little by little.
-H. G. Bock, Recent advances in parameter identification techniques for O.D.E., in Numerical Treatment of Inverse Problems in
-Differential and Integral Equations, Birkhaeuser 1983, 95-121. Continuity enters as a penalty whose weight grows until the
-step is that of the constrained Gauss-Newton method.
+Every record is cut into segments with initial states of their own; the gaps between segments are closed little by
+little. H. G. Bock, Recent advances in parameter identification techniques for O.D.E., in Numerical Treatment of Inverse
+Problems in Differential and Integral Equations, Birkhaeuser 1983, 95-121. Continuity enters as a penalty whose weight
+grows until the step is that of the constrained Gauss-Newton method.
 """
 
 from collections.abc import Callable, Sequence
@@ -36,7 +36,8 @@ class Shot:
     """Where multiple shooting ended: cube point `z` (d,), initial states of the segments (L, n) in their units.
 
     `cost` is the mean squared scaled residual of the segments, `gap` the largest jump between two of them as a share of
-    the spread of that state; both inf where nothing could be simulated. `evaluations` counts simulations with derivatives.
+    the spread of that state; both inf where nothing could be simulated. `evaluations` counts simulations with
+    derivatives.
     """
 
     z: np.ndarray
@@ -62,12 +63,12 @@ class Shooting:
 
     @classmethod
     def of(cls, problem: Problem, *, segments: int | None = None, length: float | None = None) -> "Shooting":
-        """Cut the fitted parts into pieces of `length` seconds, or the longest into `segments` pieces; the others as long as these.
+        """Cut the fitted parts into pieces of `length` seconds, or the longest into `segments` pieces; the others as
+        long as these.
 
-        A good length is half a period of an oscillation, or the time in which an unstable deviation grows three times; a
-        shorter one costs time but seldom harms.
-        Raises SearchError for a number that does not fit the records, SimulationError for a model without states or with late
-        states and for steady records.
+        A good length is half a period of an oscillation, or the time in which an unstable deviation grows three times;
+        a shorter one costs time but seldom harms. Raises SearchError for a number that does not fit the records,
+        SimulationError for a model without states or with late states and for steady records.
         """
         _refuse(problem)
         pieces, unit = cut(problem, segments, length), _unit(problem)
@@ -96,19 +97,21 @@ class Shooting:
     def start(self, z: Any, *, rounds: int = ROUNDS, weights: Sequence[float] = WEIGHTS) -> np.ndarray:
         """The cube point (d,) where `solve` ends, or `z` itself if that costs less.
 
-        Beside the plain cost there, the cost of closed segments counts: when a deviation grows by more than about e^30 over
-        the record, the plain cost is rounding errors grown large.
+        Beside the plain cost there, the cost of closed segments counts: when a deviation grows by more than about e^30
+        over the record, the plain cost is rounding errors grown large.
         """
         z = self._checked(z, rounds, weights)
         shot = self.solve(z, rounds=rounds, weights=weights)
         before, after = np.asarray(self.problem.costs(np.stack([z, shot.z])))
         return shot.z if after < before or (shot.closed and shot.cost < before) else z
 
-    def search(self, *, starts: int = 8, seed: int = 0, rounds: int = ROUNDS, weights: Sequence[float] = WEIGHTS) -> Shot:
+    def search(
+        self, *, starts: int = 8, seed: int = 0, rounds: int = ROUNDS, weights: Sequence[float] = WEIGHTS
+    ) -> Shot:
         """The best of up to `starts` shots: from the guess of the space if it has one, then from uniform points.
 
-        Values per recording begin at their guess or in their middle: the states that they begin at are looked for anyway. Ends early
-        when two closed shots agree. A closed shot counts as better than an open one.
+        Values per recording begin at their guess or in their middle: the states that they begin at are looked for
+        anyway. Ends early when two closed shots agree. A closed shot counts as better than an open one.
         """
         if starts < 1:
             raise SearchError(f"starts = {starts} of multiple shooting; give at least 1.")
@@ -128,7 +131,9 @@ class Shooting:
     def _checked(self, z: Any, rounds: int, weights: Sequence[float]) -> np.ndarray:
         z, d = np.asarray(z, dtype=float), self.problem.space.dimension
         if z.shape != (d,) or not np.all(np.isfinite(z)):
-            raise SearchError(f"The start of multiple shooting has shape {z.shape}; give {d} finite numbers between 0 and 1.")
+            raise SearchError(
+                f"The start of multiple shooting has shape {z.shape}; give {d} finite numbers between 0 and 1."
+            )
         if rounds < 1:
             raise SearchError(f"rounds = {rounds} of multiple shooting; give at least 1.")
         if len(weights) == 0 or min(weights) <= 0 or list(weights) != sorted(weights):
@@ -145,10 +150,12 @@ def shooting_start(
     rounds: int = ROUNDS,
     weights: Sequence[float] = WEIGHTS,
 ) -> np.ndarray:
-    """A better cube point (d,) for the plain problem, found by multiple shooting from `z` (d,); `z` itself if none is found.
+    """A better cube point (d,) for the plain problem, found by multiple shooting from `z` (d,); `z` itself if none is
+    found.
 
-    For many starts make one `Shooting.of(problem, ...)`, which compiles once. See `Shooting.of` for segments and length,
-    `Shooting.solve` for the rest. Raises SearchError for settings that do not fit, SimulationError for a model without states.
+    For many starts make one `Shooting.of(problem, ...)`, which compiles once. See `Shooting.of` for segments and
+    length, `Shooting.solve` for the rest. Raises SearchError for settings that do not fit, SimulationError for a model
+    without states.
     """
     return Shooting.of(problem, segments=segments, length=length).start(z, rounds=rounds, weights=weights)
 
@@ -218,11 +225,14 @@ def _refuse(problem: Problem) -> None:
     if not problem.predictor.has_steps:
         raise SimulationError(f"Model {name!r} has no states, so there is nothing to shoot; use the plain fit.")
     if problem.predictor.stepping().vector.model.state_delays:
-        raise SimulationError(f"Model {name!r} has late states, whose history a segment would have to guess; use the plain fit.")
+        raise SimulationError(
+            f"Model {name!r} has late states, whose history a segment would have to guess; use the plain fit."
+        )
     steady = [n for n, drive in problem.data["drive"].items() if not isinstance(drive, Drive)]
     if steady:
         raise SimulationError(
-            f"Recording {steady[0]!r} is steady and cannot be cut into segments; make the problem for shooting without it."
+            f"Recording {steady[0]!r} is steady and cannot be cut into segments; make the problem for shooting without "
+            f"it."
         )
 
 
@@ -233,6 +243,9 @@ def _rank(shot: Shot) -> tuple[bool, float]:
 def _unit(problem: Problem) -> float:
     squares, count = 0.0, 0
     for output in problem.outputs:
-        y = np.concatenate([problem.data["measured"][name][output] for name in problem.data["drive"]]) / problem.scales[output]
+        y = (
+            np.concatenate([problem.data["measured"][name][output] for name in problem.data["drive"]])
+            / problem.scales[output]
+        )
         squares, count = squares + float(np.sum((y - np.mean(y)) ** 2)), count + len(y)
     return float(np.sqrt(squares / count)) or 1.0

@@ -57,14 +57,21 @@ def scale(recording: Recording, name: str, factor: float, unit: str | None = Non
         _refuse_another_zero(name, signal.unit, unit)
     new = signal.unit if unit is None else unit
     sentence = (
-        f"All {len(recording)} samples of {name!r} were multiplied by {gain:g}{f' and are now in {new}' if unit is not None else ''}."
+        f"All {len(recording)} samples of {name!r} were multiplied by "
+        f"{gain:g}{f' and are now in {new}' if unit is not None else ''}."
     )
     return with_signal(recording, name, signal.values * gain, new, sentence)
 
 
 def _refuse_another_zero(name: str, old: str | None, new: str) -> None:
     """No factor alone takes a temperature from one zero to another."""
-    if old is not None and not of_another_kind(old) and compatible(old, new) and (is_point(old) or is_point(new)) and not equal(old, new):
+    if (
+        old is not None
+        and not of_another_kind(old)
+        and compatible(old, new)
+        and (is_point(old) or is_point(new))
+        and not equal(old, new)
+    ):
         raise UnitError(
             f"scale({name!r}): a factor alone does not take {old!r} to {new!r}, whose zero is another; write "
             f'{{ step = "convert_units", units = {{ {name} = "{new}" }} }}.'
@@ -77,7 +84,8 @@ def convert_units(recording: Recording, units: Mapping[str, str]) -> Recording:
         signal = signal_of(recording, name)
         if signal.unit is None:
             raise UnitError(
-                f"Recording {recording.name!r}: signal {name!r} has no unit to convert from; state it in units where the recording is read."
+                f"Recording {recording.name!r}: signal {name!r} has no unit to convert from; state it in units where "
+                f"the recording is read."
             )
         factor, offset = factor_offset(signal.unit, unit)
         sentence = f"All {len(recording)} samples of {name!r} were converted from {signal.unit!r} to {unit!r}."

@@ -38,18 +38,20 @@ def cutoff_frequency(
 ) -> Cutoff:
     """The cut-off in Hz for a zero-phase Butterworth low-pass of `order`, found by `rule`.
 
-    "likelihood": the most likely integrated-white-noise model, whose smoother has that cut-off (`kalman`, eq. 2); uneven steps too.
-    "gcv": generalised cross-validation of the same smoother (Craven, Wahba, Numerische Mathematik 31, 1979). "residual": residual
-    analysis (Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009, section 3.4.4.3). "discrepancy": what the
-    filter removes has the size of the known `noise` (Morozov, Soviet Mathematics Doklady 7, 1966), for an encoder its step/sqrt(12).
-    The last two need even steps. Raises RecordingError where a rule finds none.
+    "likelihood": the most likely integrated-white-noise model, whose smoother has that cut-off (`kalman`, eq. 2);
+    uneven steps too. "gcv": generalised cross-validation of the same smoother (Craven, Wahba, Numerische Mathematik 31,
+    1979). "residual": residual analysis (Winter, Biomechanics and Motor Control of Human Movement, 4th ed. 2009,
+    section 3.4.4.3). "discrepancy": what the filter removes has the size of the known `noise` (Morozov, Soviet
+    Mathematics Doklady 7, 1966), for an encoder its step/sqrt(12). The last two need even steps. Raises RecordingError
+    where a rule finds none.
     """
     step = f"cutoff_frequency({signal!r})"
     if rule not in get_args(CutoffRule):
         raise RecordingError(f"{step}: rule is {rule!r}; use one of {', '.join(map(repr, get_args(CutoffRule)))}.")
     if rule == "discrepancy" and noise is None:
         raise RecordingError(
-            f"{step}: rule 'discrepancy' needs noise=, the standard deviation of the noise; an encoder has its step/sqrt(12)."
+            f"{step}: rule 'discrepancy' needs noise=, the standard deviation of the noise; an encoder has its "
+            f"step/sqrt(12)."
         )
     if noise is not None:
         noise = require_positive(noise, f"{step}: noise")
@@ -62,7 +64,9 @@ def cutoff_frequency(
         period = uniform_period(recording, step)
         left = _intercept(values, period, order, step) if noise is None else noise
         frequency, how = _removing(left, values, period, order, step), _NAMES[rule]
-    return Cutoff(frequency, left, rule, f"Cut-off of {signal!r} {frequency:.3g} Hz by {how}, which leaves noise of {left:.3g}.")
+    return Cutoff(
+        frequency, left, rule, f"Cut-off of {signal!r} {frequency:.3g} Hz by {how}, which leaves noise of {left:.3g}."
+    )
 
 
 def resolve_cutoff(
@@ -91,9 +95,14 @@ def _intercept(values: np.ndarray, period: float, order: int, step: str) -> floa
     """The noise by residual analysis: the straight part of the residual's curve over the cut-off, drawn on to 0 Hz."""
     cutoffs = np.linspace(0.01, 0.5, 50) * 0.5 / period
     left = np.array([_removed(values, period, fc, order, step) for fc in cutoffs])
-    start = next((k for k in range(len(cutoffs) - 10) if np.corrcoef(cutoffs[k:], left[k:])[0, 1] ** 2 >= _STRAIGHT), None)
+    start = next(
+        (k for k in range(len(cutoffs) - 10) if np.corrcoef(cutoffs[k:], left[k:])[0, 1] ** 2 >= _STRAIGHT), None
+    )
     if start is None:
-        raise RecordingError(f"{step}: the residual over the cut-off has no straight part, the noise is not white; use rule 'likelihood'.")
+        raise RecordingError(
+            f"{step}: the residual over the cut-off has no straight part, the noise is not white; use rule "
+            f"'likelihood'."
+        )
     return float(np.polyfit(cutoffs[start:], left[start:], 1)[1])
 
 
@@ -106,7 +115,8 @@ def _removing(noise: float, values: np.ndarray, period: float, order: int, step:
     low, high = np.log(1.0 / (period * len(values))), np.log(0.45 / period)
     if not excess(low) > 0 > excess(high):
         raise RecordingError(
-            f"{step}: no cut-off removes noise of {noise:.3g}; between {np.exp(low):.2g} and {np.exp(high):.2g} Hz the filter removes "
+            f"{step}: no cut-off removes noise of {noise:.3g}; between {np.exp(low):.2g} and {np.exp(high):.2g} Hz the "
+            f"filter removes "
             f"{excess(low) + noise:.3g} to {excess(high) + noise:.3g}. Correct noise= or use rule 'likelihood'."
         )
     root: Any = brentq(excess, low, high, xtol=1e-4)

@@ -15,7 +15,11 @@ def keep_every(recording: Recording, name: str, every: int, first: int = 0) -> R
     signal = signal_of(recording, name)
     for what, given, least, most in (("every", every, 2, len(recording)), ("first", first, 0, every - 1)):
         if isinstance(given, bool) or not isinstance(given, int | np.integer) or not least <= given <= most:
-            raise RecordingError(f"keep_every({name!r}): {what} is {given!r}; give a whole number from {least} to {most}.")
+            raise RecordingError(
+                f"keep_every({name!r}): {what} is {given!r}; give a whole number from {least} to {most}."
+            )
     values = np.full(len(recording), np.nan)
     values[first::every] = signal.values[first::every]
-    return with_signal(recording, name, values, signal.unit, f"Of {name!r} every {every}th sample kept, from sample {first} on.")
+    return with_signal(
+        recording, name, values, signal.unit, f"Of {name!r} every {every}th sample kept, from sample {first} on."
+    )

@@ -7,7 +7,12 @@ from plantfit.recording.record import Recording
 
 
 def lowpass(
-    recording: Recording, name: str, cutoff: float | CutoffRule, order: int = 2, causal: bool = False, noise: float | None = None
+    recording: Recording,
+    name: str,
+    cutoff: float | CutoffRule,
+    order: int = 2,
+    causal: bool = False,
+    noise: float | None = None,
 ) -> Recording:
     """Butterworth low-pass at `cutoff` Hz; zero-phase (forwards and backwards) unless `causal`.
 
@@ -21,5 +26,7 @@ def lowpass(
     cutoff, why = resolve_cutoff(recording, name, cutoff, order, noise)
     values = smooth(signal.values, period, cutoff, order, causal, f"lowpass({name!r})")
     kind = "causal" if causal else "zero-phase"
-    sentence = f"All {len(values)} samples of {name!r} low-pass filtered ({kind} Butterworth, order {order}, {cutoff:.4g} Hz)"
+    sentence = (
+        f"All {len(values)} samples of {name!r} low-pass filtered ({kind} Butterworth, order {order}, {cutoff:.4g} Hz)"
+    )
     return with_signal(recording, name, values, signal.unit, f"{sentence}{lost(signal.values, values)}.{why}")

@@ -9,7 +9,9 @@ from plantfit.recording.clean.sampling import require_positive, signal_of, with_
 from plantfit.recording.record import Recording
 
 
-def fill_gaps(recording: Recording, name: str, longest: float, method: Literal["linear", "previous"] = "linear") -> Recording:
+def fill_gaps(
+    recording: Recording, name: str, longest: float, method: Literal["linear", "previous"] = "linear"
+) -> Recording:
     """Fill missing samples between two good ones that are at most `longest` seconds apart.
 
     "previous" holds the last value, for inputs that are held. The rest stays NaN, and so do gaps at
@@ -32,6 +34,7 @@ def fill_gaps(recording: Recording, name: str, longest: float, method: Literal["
     else:
         values[filled] = values[left[short]]
     sentence = (
-        f"{len(filled)} missing samples of {name!r} filled ({method}, gaps up to {limit:g} s); {len(missing) - len(filled)} stay missing."
+        f"{len(filled)} missing samples of {name!r} filled ({method}, gaps up to {limit:g} s); "
+        f"{len(missing) - len(filled)} stay missing."
     )
     return with_signal(recording, name, values, signal.unit, sentence)

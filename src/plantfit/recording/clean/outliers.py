@@ -30,14 +30,17 @@ def drop_outliers(recording: Recording, name: str, window: int = 11, threshold: 
     away, deviation = _from_median(values, width)
     out = away > limit * deviation
     values[out] = np.nan
-    sentence = f"{int(out.sum())} outliers of {name!r} dropped (running median of {width} samples, threshold {limit:g})."
+    sentence = (
+        f"{int(out.sum())} outliers of {name!r} dropped (running median of {width} samples, threshold {limit:g})."
+    )
     return with_signal(recording, name, values, signal.unit, sentence)
 
 
 def drop_samples(
     recording: Recording, name: str, times: Sequence[float] | None = None, between: Sequence[Sequence[float]] = ()
 ) -> Recording:
-    """Mark as missing the samples of a signal at these times, s, each to half a sampling period, and those in stretches [start, stop].
+    """Mark as missing the samples of a signal at these times, s, each to half a sampling period, and those in stretches
+    [start, stop].
 
     Raises RecordingError for a time at which there is no sample, and for a stretch without one.
     """
@@ -47,24 +50,31 @@ def drop_samples(
         values[_between(name, t, stretch)] = np.nan
     if times is None and len(between):
         count = int(np.sum(np.isnan(values) & ~np.isnan(signal.values)))
-        told = f"{count} samples of {name!r} dropped in {len(between)} stretch{'es' if len(between) > 1 else ''} of time."
+        told = (
+            f"{count} samples of {name!r} dropped in {len(between)} stretch{'es' if len(between) > 1 else ''} of time."
+        )
         return with_signal(recording, name, values, signal.unit, told)
     try:
         wanted = np.atleast_1d(np.asarray(times, dtype=float))
     except (TypeError, ValueError):
         wanted = np.zeros(0)
     if wanted.ndim != 1 or not wanted.size or not np.all(np.isfinite(wanted)):
-        raise RecordingError(f"drop_samples({name!r}): times are {times!r}; give times of samples in seconds, as in [1.5, 2.25].")
+        raise RecordingError(
+            f"drop_samples({name!r}): times are {times!r}; give times of samples in seconds, as in [1.5, 2.25]."
+        )
     at = np.clip(np.searchsorted(t, wanted), 1, len(t) - 1)
     at -= wanted - t[at - 1] < t[at] - wanted
     away = np.abs(t[at] - wanted) > 0.5 * float(np.median(np.diff(t)))
     if away.any():
         first = float(wanted[np.argmax(away)])
         raise RecordingError(
-            f"drop_samples({name!r}): there is no sample at {first:g} s; the recording has {t[0]:g} to {t[-1]:g} s, correct the time."
+            f"drop_samples({name!r}): there is no sample at {first:g} s; the recording has {t[0]:g} to {t[-1]:g} s, "
+            f"correct the time."
         )
     values[at] = np.nan
-    return with_signal(recording, name, values, signal.unit, f"{len(np.unique(at))} samples of {name!r} dropped by their times.")
+    return with_signal(
+        recording, name, values, signal.unit, f"{len(np.unique(at))} samples of {name!r} dropped by their times."
+    )
 
 
 def _between(name: str, t: np.ndarray, stretch: Sequence[float]) -> np.ndarray:
@@ -76,17 +86,19 @@ def _between(name: str, t: np.ndarray, stretch: Sequence[float]) -> np.ndarray:
     inside = (t >= start) & (t <= stop)
     if not inside.any():
         raise RecordingError(
-            f"drop_samples({name!r}): between holds {stretch!r}; give pairs [start, stop] in seconds that hold samples, as in "
+            f"drop_samples({name!r}): between holds {stretch!r}; give pairs [start, stop] in seconds that hold "
+            f"samples, as in "
             f"[[1.5, 2.25]]; the recording has {t[0]:g} to {t[-1]:g} s."
         )
     return inside
 
 
 def step_without(name: str, values: np.ndarray, t: np.ndarray, marked: np.ndarray) -> tuple[dict[str, Any], int]:
-    """The cleaning step that takes the `marked` (n,) bool samples of a signal (n,) and no others, and how many of them it takes.
+    """The cleaning step that takes the `marked` (n,) bool samples of a signal (n,) and no others, and how many of them
+    it takes.
 
-    `drop_outliers` where some window and threshold do it; else `drop_samples`, for on the slopes of a signal that moves spikes hide from a
-    running median. Of more than `_MOST_TIMES` it is the `drop_outliers` that comes nearest.
+    `drop_outliers` where some window and threshold do it; else `drop_samples`, for on the slopes of a signal that moves
+    spikes hide from a running median. Of more than `_MOST_TIMES` it is the `drop_outliers` that comes nearest.
     """
     found: list[tuple[int, int, dict[str, Any]]] = []
     for width in _WIDTHS:
@@ -108,7 +120,8 @@ def inline(step: Mapping[str, Any]) -> str:
 
 
 def _from_median(values: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:
-    """How far each sample (n,) is from the running median of `width` samples, and the robust deviation there (n,); NaN where missing."""
+    """How far each sample (n,) is from the running median of `width` samples, and the robust deviation there (n,);
+    NaN where missing."""
     padded = np.pad(values, width // 2, constant_values=np.nan)
     windows = np.lib.stride_tricks.sliding_window_view(padded, width)
     there = np.isfinite(windows).any(axis=1)

@@ -9,7 +9,8 @@ PART = 1e-9  # of a piece, by which a sample may miss its mark
 
 
 def cut(recording: Recording, start: float | None = None, stop: float | None = None) -> Recording:
-    """The samples with start <= t <= stop in seconds; times stay as they are. Raises RecordingError when none is left."""
+    """The samples with start <= t <= stop in seconds; times stay as they are. Raises RecordingError when none is
+    left."""
     low = -np.inf if start is None else start
     high = np.inf if stop is None else stop
     keep = (recording.t >= low) & (recording.t <= high)
@@ -29,13 +30,17 @@ def split(recording: Recording, share: float) -> tuple[Recording, Recording]:
     first = round(share * len(recording))
     if first < 2 or len(recording) - first < 2:
         raise RecordingError(
-            f"split: a share of {share:g} of {len(recording)} samples leaves a part with fewer than 2; use a longer recording."
+            f"split: a share of {share:g} of {len(recording)} samples leaves a part with fewer than 2; use a longer "
+            f"recording."
         )
     before = np.arange(len(recording)) < first
     parts = ((before, "train", "first"), (~before, "valid", "last"))
     train, valid = (
         _rows(
-            recording, keep, f"{recording.name}_{name}", f"The {which} {int(keep.sum())} of {len(recording)} samples, split at {share:g}."
+            recording,
+            keep,
+            f"{recording.name}_{name}",
+            f"The {which} {int(keep.sum())} of {len(recording)} samples, split at {share:g}.",
         )
         for keep, name, which in parts
     )
@@ -43,7 +48,8 @@ def split(recording: Recording, share: float) -> tuple[Recording, Recording]:
 
 
 def pieces(recording: Recording, seconds: float) -> list[Recording]:
-    """The recording in pieces of about `seconds`, all equally long and none of its samples left out, named NAME-1, NAME-2, ...
+    """The recording in pieces of about `seconds`, all equally long and none of its samples left out, named NAME-1,
+    NAME-2, ...
 
     Raises RecordingError for a time that does not hold two samples.
     """
@@ -52,7 +58,8 @@ def pieces(recording: Recording, seconds: float) -> list[Recording]:
     number = max(1, round(span / seconds)) if np.isfinite(seconds) and seconds > 0 else count
     if number > count / 2:
         raise RecordingError(
-            f"Recording {recording.name!r} has {count} samples over {span:g} s, and pieces of {seconds:g} s do not hold two samples each; "
+            f"Recording {recording.name!r} has {count} samples over {span:g} s, and pieces of {seconds:g} s do not "
+            f"hold two samples each; "
             "give a longer time."
         )
     marks = np.searchsorted(t, t[0] + span * (np.arange(1, number) / number) - PART * seconds)
@@ -60,8 +67,10 @@ def pieces(recording: Recording, seconds: float) -> list[Recording]:
     for k, rows in enumerate(np.split(np.arange(count), marks), 1):
         if len(rows) < 2:
             raise RecordingError(
-                f"Recording {recording.name!r}: piece {k} of {number}, up to {t[0] + span * k / number:g} s, has {len(rows)} of the 2 "
-                f"samples that it needs; give a longer time than {seconds:g} s, or two recordings, cut before and after a gap."
+                f"Recording {recording.name!r}: piece {k} of {number}, up to {t[0] + span * k / number:g} s, has "
+                f"{len(rows)} of the 2 "
+                f"samples that it needs; give a longer time than {seconds:g} s, or two recordings, cut before and "
+                f"after a gap."
             )
         sentence = f"Piece {k} of {number}: {len(rows)} of {count} samples, from {t[rows[0]]:g} s to {t[rows[-1]]:g} s."
         found.append(_rows(recording, np.isin(np.arange(count), rows), f"{recording.name}-{k}", sentence))

@@ -72,7 +72,9 @@ def _methods(recording: Recording, method: Method | Mapping[str, Method]) -> dic
     return {name: str(given.get(name, "linear")) for name in recording.signals}
 
 
-def _anti_aliased(t: np.ndarray, values: np.ndarray, old: float, new: float, limit: float) -> tuple[np.ndarray, np.ndarray]:
+def _anti_aliased(
+    t: np.ndarray, values: np.ndarray, old: float, new: float, limit: float
+) -> tuple[np.ndarray, np.ndarray]:
     fine = t[0] + np.arange(int(np.floor((t[-1] - t[0]) / old + 1e-6)) + 1) * old
     even = _at(fine, t, values, "linear", limit)
     smoothed = smooth(even, old, _SHARE_OF_NYQUIST * 0.5 / new, _ORDER, False, "resample")

@@ -14,22 +14,27 @@ _MEAN = 1e-6  # share of the median step by which the mean may differ, for its r
 def period_of(recording: Recording) -> float:
     """The median step in seconds; raises RecordingError for fewer than two samples."""
     if len(recording) < 2:
-        raise RecordingError(f"Recording {recording.name!r} has only one sample, so it has no sampling period; use a longer recording.")
+        raise RecordingError(
+            f"Recording {recording.name!r} has only one sample, so it has no sampling period; use a longer recording."
+        )
     return float(np.median(np.diff(recording.t)))
 
 
 def uniform_period(recording: Recording, step: str) -> float:
     """The period of a recording whose steps differ by less than a tenth; raises RecordingError otherwise.
 
-    It is the mean step where that differs from the median: of a clock that rounds 20.4 ms to 20 and 21 ms the median is 20 ms.
+    It is the mean step where that differs from the median: of a clock that rounds 20.4 ms to 20 and 21 ms the median is
+    20 ms.
     """
     period = period_of(recording)
     steps = np.diff(recording.t)
     worst = int(np.argmax(np.abs(steps - period)))
     if abs(steps[worst] - period) > 0.1 * period:
         raise RecordingError(
-            f"Recording {recording.name!r}: {step} needs even steps, but after {recording.t[worst]:g} s the step is {steps[worst]:g} s "
-            f"instead of {period:g} s; resample it first (step resample, period = {period:g}; in Python resample(recording, "
+            f"Recording {recording.name!r}: {step} needs even steps, but after {recording.t[worst]:g} s the step is "
+            f"{steps[worst]:g} s "
+            f"instead of {period:g} s; resample it first (step resample, period = {period:g}; in Python "
+            f"resample(recording, "
             f"{period:g})), or cut it there."
         )
     mean = float(recording.t[-1] - recording.t[0]) / len(steps)
@@ -40,7 +45,9 @@ def signal_of(recording: Recording, name: str) -> Signal:
     """The signal; raises RecordingError with the closest name."""
     if name not in recording.signals:
         hint = close_match(str(name), recording.signals)
-        raise RecordingError(f"Recording {recording.name!r} has no signal {name!r}{hint}; it has {list(recording.signals)}.")
+        raise RecordingError(
+            f"Recording {recording.name!r} has no signal {name!r}{hint}; it has {list(recording.signals)}."
+        )
     return recording.signals[name]
 
 
@@ -50,10 +57,15 @@ def with_signal(recording: Recording, name: str, values: np.ndarray, unit: str |
     return Recording(recording.t, signals, recording.name, (*recording.log, sentence), recording.clocked)
 
 
-def with_new(recording: Recording, name: str, values: np.ndarray, unit: str | None, sentence: str, step: str) -> Recording:
+def with_new(
+    recording: Recording, name: str, values: np.ndarray, unit: str | None, sentence: str, step: str
+) -> Recording:
     """`with_signal` for a signal that must not be there yet; raises RecordingError in the name of `step`."""
     if name in recording.signals:
-        raise RecordingError(f"{step}: recording {recording.name!r} already has a signal {name!r}; give another name, or rename that one.")
+        raise RecordingError(
+            f"{step}: recording {recording.name!r} already has a signal {name!r}; give another name, or rename that "
+            f"one."
+        )
     return with_signal(recording, name, values, unit, sentence)
 
 
@@ -76,7 +88,9 @@ def lost(before: np.ndarray, after: np.ndarray) -> str:
 
 def require_positive(value: float, what: str) -> float:
     """The value as a float; raises RecordingError unless finite and above 0."""
-    if not (isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value) and value > 0):
+    if not (
+        isinstance(value, (int, float, np.number)) and not isinstance(value, bool) and np.isfinite(value) and value > 0
+    ):
         raise RecordingError(f"{what} is {value!r}; give a number above 0.")
     return float(value)
 

@@ -1,4 +1,5 @@
-"""Signals that are played into a plant to identify it: recordings with one signal, and a log that says how it was made."""
+"""Signals that are played into a plant to identify it: recordings with one signal, and a log that says how it was
+made."""
 
 from plantfit.recording.excitation.c_header import c_header, to_c_header
 from plantfit.recording.excitation.limits import limited

@@ -22,7 +22,8 @@ def limited(
     slew: float | None = None,
     how: Literal["scale", "clip"] = "scale",
 ) -> Recording:
-    """Keep |value| <= `voltage`, |value| <= `duty` * `supply` and the change per second <= `slew`; the log says what changed.
+    """Keep |value| <= `voltage`, |value| <= `duty` * `supply` and the change per second <= `slew`; the log says what
+    changed.
 
     Units are those of the signal; `duty` is a share from 0 to 1. What is too large is scaled as a
     whole, which keeps the shape, or clipped with how="clip". Steeper changes become ramps,

@@ -41,22 +41,30 @@ def multisine(
     n = samples("multisine", rate, period)
     low, high = 1 / period if low is None else low, rate / 5 if high is None else high
     below_nyquist("multisine", rate, low=low, high=high)
-    multiples = np.arange(max(1, int(np.ceil(low * n / rate - 1e-9))), min((n - 1) // 2, int(np.floor(high * n / rate + 1e-9))) + 1)
+    multiples = np.arange(
+        max(1, int(np.ceil(low * n / rate - 1e-9))), min((n - 1) // 2, int(np.floor(high * n / rate + 1e-9))) + 1
+    )
     multiples = multiples[multiples % 2 == 1] if odd else multiples
     if len(multiples) == 0:
         raise RecordingError(
-            f"multisine: no multiple of 1/period = {rate / n:g} Hz lies from {low:g} to {high:g} Hz; lengthen the period or widen the band."
+            f"multisine: no multiple of 1/period = {rate / n:g} Hz lies from {low:g} to {high:g} Hz; lengthen the "
+            f"period or widen the band."
         )
     if phases not in ("crest", "schroeder", "random"):
         raise RecordingError(f"multisine: phases is {phases!r}; use 'crest', 'schroeder' or 'random'.")
-    angles = np.random.default_rng(seed).uniform(0, 2 * np.pi, len(multiples)) if phases == "random" else schroeder_phases(len(multiples))
+    angles = (
+        np.random.default_rng(seed).uniform(0, 2 * np.pi, len(multiples))
+        if phases == "random"
+        else schroeder_phases(len(multiples))
+    )
     if phases == "crest":
         angles = lower_crest(multiples, angles, n)
     wave = _sum(multiples, angles, n)
     values = offset + amplitude * np.tile(wave / np.max(np.abs(wave)), int(periods))
     kind = f"{phases} phases, seed {seed}" if phases == "random" else f"{phases} phases"
     sentence = (
-        f"Multisine of {len(multiples)} lines from {multiples[0] * rate / n:g} to {multiples[-1] * rate / n:g} Hz, period {n / rate:g} s, "
+        f"Multisine of {len(multiples)} lines from {multiples[0] * rate / n:g} to {multiples[-1] * rate / n:g} Hz, "
+        f"period {n / rate:g} s, "
         f"{kind}, crest factor {crest_factor(wave):.3f}."
     )
     return waveform(values, rate, signal, unit, "multisine", sentence)
@@ -69,7 +77,8 @@ def schroeder_phases(count: int) -> np.ndarray:
 
 
 def lower_crest(multiples: np.ndarray, phases: np.ndarray, n: int, iterations: int = 2000) -> np.ndarray:
-    """Phases (rad) of cosines at `multiples` of the fundamental, n samples a period, with a lower crest factor than `phases`."""
+    """Phases (rad) of cosines at `multiples` of the fundamental, n samples a period, with a lower crest factor than
+    `phases`."""
     best, lowest = phases, np.inf
     for clip in np.linspace(_CLIP_FROM, _CLIP_TO, iterations):
         wave = _sum(multiples, phases, n)

@@ -6,10 +6,13 @@ from plantfit.errors import RecordingError
 from plantfit.recording.excitation.waveform import positive, samples, waveform
 from plantfit.recording.record import Recording
 
-# stages whose sum modulo 2 is fed back, counted from 1; primitive polynomials as listed in Xilinx XAPP052 (Alfke 1996), table 3
+# stages whose sum modulo 2 is fed back, counted from 1; primitive polynomials as listed in Xilinx XAPP052 (Alfke 1996),
+# table 3
 TAPS = {
-    2: (2, 1), 3: (3, 2), 4: (4, 3), 5: (5, 3), 6: (6, 5), 7: (7, 6), 8: (8, 6, 5, 4), 9: (9, 5), 10: (10, 7), 11: (11, 9),
-    12: (12, 6, 4, 1), 13: (13, 4, 3, 1), 14: (14, 5, 3, 1), 15: (15, 14), 16: (16, 15, 13, 4), 17: (17, 14), 18: (18, 11),
+    2: (2, 1), 3: (3, 2), 4: (4, 3), 5: (5, 3), 6: (6, 5), 7: (7, 6), 8: (8, 6, 5, 4), 9: (9, 5), 10: (10, 7),
+    11: (11, 9),
+    12: (12, 6, 4, 1), 13: (13, 4, 3, 1), 14: (14, 5, 3, 1), 15: (15, 14), 16: (16, 15, 13, 4), 17: (17, 14),
+    18: (18, 11),
     19: (19, 6, 2, 1), 20: (20, 17),
 }  # fmt: skip
 
@@ -50,12 +53,16 @@ def prbs(
     start = int(np.random.default_rng(seed).integers(1, 2**order))
     bits = lfsr_bits(order, start, min(length, -(-n // hold)))
     values = offset + amplitude * (2.0 * np.resize(np.repeat(bits, hold), n) - 1.0)
-    sentence = f"PRBS of order {order} (period {length} bits, {length * hold / rate:g} s), bits of {hold / rate:g} s, seed {seed}."
+    sentence = (
+        f"PRBS of order {order} (period {length} bits, {length * hold / rate:g} s), bits of {hold / rate:g} s, "
+        f"seed {seed}."
+    )
     return waveform(values, rate, signal, unit, "prbs", sentence)
 
 
 def lfsr_bits(order: int, state: int, count: int) -> np.ndarray:
-    """`count` output bits (0 or 1) of the Fibonacci register with `TAPS[order]`, started at `state` (1 .. 2^order - 1)."""
+    """`count` output bits (0 or 1) of the Fibonacci register with `TAPS[order]`, started at `state` (1 .. 2^order -
+    1)."""
     shifts = [tap - 1 for tap in TAPS[order]]
     mask, bits = 2**order - 1, np.empty(count, dtype=np.int8)
     for k in range(count):

@@ -43,7 +43,9 @@ def sine_square(
     sine = dead_zone + (amplitude - dead_zone) * (1 - np.cos(2 * np.pi * frequency * local)) / 2
     square = np.where(np.mod((local + 0.5 / rate) * frequency, 1.0) < 0.5, amplitude, -amplitude)
     values = np.choose(part, [sine, -sine, square])
-    sentence = f"Blocks of {block:g} s: sine above and below zero beyond +-{dead_zone:g}, square wave, at {frequency:g} Hz."
+    sentence = (
+        f"Blocks of {block:g} s: sine above and below zero beyond +-{dead_zone:g}, square wave, at {frequency:g} Hz."
+    )
     return waveform(values, rate, signal, unit, "sine_square", sentence)
 
 
@@ -71,7 +73,9 @@ def staircase(
     hill = np.concatenate([[0.0], up, up[-2::-1]])
     levels = np.concatenate([hill, -hill, [0.0]]) if both_signs else np.concatenate([hill, [0.0]])
     if n < len(levels):
-        raise RecordingError(f"staircase: {n} samples are fewer than the {len(levels)} levels; lengthen it or choose fewer steps.")
+        raise RecordingError(
+            f"staircase: {n} samples are fewer than the {len(levels)} levels; lengthen it or choose fewer steps."
+        )
     values = levels[np.arange(n) * len(levels) // n]
     sentence = f"Staircase of {len(levels)} levels, {n / rate / len(levels):.4g} s each."
     return waveform(values, rate, signal, unit, "staircase", sentence)
@@ -89,7 +93,8 @@ def chirp(
     signal: str = "V",
     unit: str | None = "V",
 ) -> Recording:
-    """A sine whose frequency runs from `low` to `high` (Hz) within `duration` (s), `offset` +- `amplitude`, starting at `offset`."""
+    """A sine whose frequency runs from `low` to `high` (Hz) within `duration` (s), `offset` +- `amplitude`, starting
+    at `offset`."""
     n = samples("chirp", rate, duration)
     positive("chirp", amplitude=amplitude)
     below_nyquist("chirp", rate, low=low, high=high)
@@ -111,4 +116,6 @@ def _reaches(step: str, amplitude: float, dead_zone: float) -> None:
     """Refuse an amplitude that is not above 0 or not beyond the dead zone."""
     positive(step, amplitude=amplitude)
     if not 0 <= dead_zone < amplitude:
-        raise RecordingError(f"{step}: dead_zone is {dead_zone:g}; choose from 0 up to the amplitude {amplitude:g}, without it.")
+        raise RecordingError(
+            f"{step}: dead_zone is {dead_zone:g}; choose from 0 up to the amplitude {amplitude:g}, without it."
+        )

@@ -12,9 +12,8 @@ def waveform(values: np.ndarray, rate: float, signal: str, unit: str | None, kin
     """Values (n,), each held for 1/`rate` seconds, as a recording named `kind`."""
     t = np.arange(len(values)) / rate
     lowest, highest = float(np.min(values)), float(np.max(values))
-    told = (
-        f"{sentence} {len(values)} samples at {rate:g} Hz ({len(values) / rate:g} s), from {lowest:g} to {highest:g} {unit or ''}".rstrip()
-    )
+    ends = f"from {lowest:g} to {highest:g} {unit or ''}".rstrip()
+    told = f"{sentence} {len(values)} samples at {rate:g} Hz ({len(values) / rate:g} s), {ends}"
     return Recording(t, {signal: Signal(values, unit)}, kind, (f"{told}.",))
 
 
@@ -30,7 +29,9 @@ def samples(kind: str, rate: float, duration: float) -> int:
     positive(kind, rate=rate, duration=duration)
     n = round(rate * duration)
     if not 2 <= n <= MOST_SAMPLES:
-        raise RecordingError(f"{kind}: {duration:g} s at {rate:g} Hz are {n} samples; choose from 2 to {MOST_SAMPLES:,}.")
+        raise RecordingError(
+            f"{kind}: {duration:g} s at {rate:g} Hz are {n} samples; choose from 2 to {MOST_SAMPLES:,}."
+        )
     return n
 
 
@@ -39,5 +40,6 @@ def below_nyquist(kind: str, rate: float, **frequencies: float) -> None:
     for name, value in frequencies.items():
         if not 0 < value <= rate / 2:
             raise RecordingError(
-                f"{kind}: {name} is {value:g} Hz, but samples at {rate:g} Hz carry up to {rate / 2:g} Hz; lower it or raise the rate."
+                f"{kind}: {name} is {value:g} Hz, but samples at {rate:g} Hz carry up to {rate / 2:g} Hz; lower it or "
+                f"raise the rate."
             )

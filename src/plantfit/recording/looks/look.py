@@ -8,9 +8,10 @@ MARKED = 200
 
 @dataclass(frozen=True)
 class Look:
-    """`sentence` with its `figures`, of a `signal` (None: the clock) of a recording between `begin` and `end` (s); `write` is the line of
-    the study file that treats it, "" where there is none. `level` "info" or "warning". `times` (s) are those of single samples that it is
-    about, MARKED at most; `other` is a second signal that it is about."""
+    """`sentence` with its `figures`, of a `signal` (None: the clock) of a recording between `begin` and `end` (s);
+    `write` is the line of the study file that treats it, "" where there is none. `level` "info" or "warning".
+    `times` (s) are those of single samples that it is about, MARKED at most; `other` is a second signal that it is
+    about."""
 
     kind: str
     level: Literal["info", "warning"]

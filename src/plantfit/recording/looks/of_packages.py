@@ -10,7 +10,8 @@ from plantfit.recording.record import Recording
 
 
 def looks_of_packages(recording: Recording, name: str, measured: bool) -> Iterator[Look]:
-    """What functions of other packages find odd about a signal; one that fails or gives something else is told as such."""
+    """What functions of other packages find odd about a signal; one that fails or gives something else is told as
+    such."""
     for plugin in offered("looks").values():
         ends = (float(recording.t[0]), float(recording.t[-1]))
         try:

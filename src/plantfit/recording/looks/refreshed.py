@@ -1,4 +1,5 @@
-"""Whether an output has a fresh value at every so many samples only, and its record repeats or interpolates it in between."""
+"""Whether an output has a fresh value at every so many samples only, and its record repeats or interpolates it in
+between."""
 
 import numpy as np
 
@@ -10,12 +11,15 @@ FRESH = 20  # values at least
 ON_TIME, EACH = 0.98, 0.8  # share of changes that come at the right samples, and of these samples that bring one
 MOST = 60  # samples from one fresh value to the next
 STRAIGHT = 0.02  # of the bends at fresh values, that are left between them
-ROUNDED, PLAIN = 2.01, 1.5  # steps by which a text of few digits bends a line, and times that by which it bends at fresh values
+ROUNDED, PLAIN = (
+    2.01,
+    1.5,
+)  # steps by which a text of few digits bends a line, and times that by which it bends at fresh values
 
 
 def refreshed_look(recording: Recording, name: str) -> Look | None:
-    """The look at an output whose values in between are repeats (`held`) or lie on straight lines (`filled`); None for any other, and for
-    one with missing samples."""
+    """The look at an output whose values in between are repeats (`held`) or lie on straight lines (`filled`); None
+    for any other, and for one with missing samples."""
     t, y = recording.t, recording[name]
     if not np.all(np.isfinite(y)) or np.ptp(y) == 0:
         return None
@@ -23,17 +27,38 @@ def refreshed_look(recording: Recording, name: str) -> Look | None:
     if (found := _held(y)) is not None:
         every, first = found
         text = (
-            f"{name} has a fresh value at every {_th(every)} sample only and repeats it in between, so that the model is compared with "
-            f"readings of up to {(every - 1) * period:.3g} s ago. That looks like a dead time or a lag. Keep the fresh ones."
+            f"{name} has a fresh value at every {_th(every)} sample only and repeats it in between, so that the model "
+            f"is compared with "
+            f"readings of up to {(every - 1) * period:.3g} s ago. That looks like a dead time or a lag. Keep the fresh "
+            f"ones."
         )
-        return Look("held", "warning", recording.name, name, text, *ends, _write(name, every, first), {"every": every, "first": first})
+        return Look(
+            "held",
+            "warning",
+            recording.name,
+            name,
+            text,
+            *ends,
+            _write(name, every, first),
+            {"every": every, "first": first},
+        )
     if (found := _filled(y)) is not None:
         every, first = found
         text = (
-            f"{name} lies on straight lines from every {_th(every)} sample to the next: values in between were interpolated, also from "
+            f"{name} lies on straight lines from every {_th(every)} sample to the next: values in between were "
+            f"interpolated, also from "
             "readings that came later. That is no response of the plant. Keep those that were read."
         )
-        return Look("filled", "warning", recording.name, name, text, *ends, _write(name, every, first), {"every": every, "first": first})
+        return Look(
+            "filled",
+            "warning",
+            recording.name,
+            name,
+            text,
+            *ends,
+            _write(name, every, first),
+            {"every": every, "first": first},
+        )
     return None
 
 
@@ -72,7 +97,9 @@ def _filled(y: np.ndarray) -> tuple[int, int] | None:
             fresh = np.arange(first, len(y), every)
             inside = np.arange(fresh[0], fresh[-1] + 1)
             away = np.abs(y[inside] - np.interp(inside, fresh, y[fresh]))
-            if float(np.quantile(away, ON_TIME)) <= max(STRAIGHT * least, 0.5 * rounding):  # else it is bent, by less than its steps
+            if float(np.quantile(away, ON_TIME)) <= max(
+                STRAIGHT * least, 0.5 * rounding
+            ):  # else it is bent, by less than its steps
                 return every, first
     return None
 

@@ -1,4 +1,5 @@
-"""Whether a signal looks like a reading that was rounded to whole steps, and not like a command that goes from level to level."""
+"""Whether a signal looks like a reading that was rounded to whole steps, and not like a command that goes from level
+to level."""
 
 import numpy as np
 
@@ -19,9 +20,9 @@ QUICK = 0.8  # the same where changes are of many steps: a reading that moves so
 def rounded_step(values: np.ndarray) -> float | None:
     """The step of a signal (n,) that comes in levels of an even grid as a reading does; None for any other.
 
-    On a coarse grid, of steps of more than 1 % of the range, it goes from level to neighbouring level, back and forth or at uneven times.
-    Levels are few beside the samples there, as for the look "quantised". On a fine grid it moves most of the time, and is not held as a
-    command is.
+    On a coarse grid, of steps of more than 1 % of the range, it goes from level to neighbouring level, back and forth
+    or at uneven times. Levels are few beside the samples there, as for the look "quantised". On a fine grid it moves
+    most of the time, and is not held as a command is.
     """
     y = values[np.isfinite(values)]
     levels = np.unique(y)
@@ -42,7 +43,8 @@ def rounded_step(values: np.ndarray) -> float | None:
 
 
 def _stays_unevenly(y: np.ndarray, step: float) -> bool:
-    """Whether some levels are held much longer than others, as by a smooth signal; a program of levels holds each as long."""
+    """Whether some levels are held much longer than others, as by a smooth signal; a program of levels holds each as
+    long."""
     stays = np.diff(np.flatnonzero(np.abs(np.diff(y)) > 0.5 * step))
     return len(stays) > 1 and float(np.std(stays)) > UNEVEN * float(np.mean(stays))
 

@@ -1,4 +1,5 @@
-"""Looks at one signal: constant, missing, clipped, stuck, quantised, with spikes; and at an input that follows an output."""
+"""Looks at one signal: constant, missing, clipped, stuck, quantised, with spikes; and at an input that follows an
+output."""
 
 from collections.abc import Iterator, Sequence
 
@@ -17,16 +18,28 @@ STUCK = 20  # equal samples
 STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
 LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
-LAGS, SURE, SHARE = 5, 1e-6, 0.05  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
-OWN, SMALL = 40, 0.02  # samples back of the input itself, and what outputs must tell of it at least, as a share of its deviation
-NEAR, EARLIER, MOST = (3, LAGS), 30, 20_000  # of the test for late stamps: samples back, samples ahead and of the record at most
+LAGS, SURE, SHARE = (
+    5,
+    1e-6,
+    0.05,
+)  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
+OWN, SMALL = (
+    40,
+    0.02,
+)  # samples back of the input itself, and what outputs must tell of it at least, as a share of its deviation
+NEAR, EARLIER, MOST = (
+    (3, LAGS),
+    30,
+    20_000,
+)  # of the test for late stamps: samples back, samples ahead and of the record at most
 
 
 def signal_looks(recording: Recording, name: str, measured: bool, settles: bool = False) -> Iterator[Look]:
-    """What is odd about a signal of a recording; `measured` for an output, whose values have noise and are not chosen by anyone;
-    `settles` for an input of a plant that moves by itself.
+    """What is odd about a signal of a recording; `measured` for an output, whose values have noise and are not chosen
+    by anyone; `settles` for an input of a plant that moves by itself.
 
-    A signal with fewer than 10 finite samples is not looked at; of one that never moves nothing else is said, of an input nothing but that.
+    A signal with fewer than 10 finite samples is not looked at; of one that never moves nothing else is said, of an
+    input nothing but that.
     """
     t, y = recording.t, recording[name]
     good = np.isfinite(y)
@@ -38,18 +51,23 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
     low, high = float(values.min()), float(values.max())
     every = (float(t[0]), float(t[-1]))
     if high == low:
-        level, what = "warning", "and there is nothing to fit" if measured else "and nothing that depends on it can be told"
+        level, what = (
+            "warning",
+            "and there is nothing to fit" if measured else "and nothing that depends on it can be told",
+        )
         if settles:
             level, what = "info", "so that what it does shows only in how the plant settles from its start"
         yield Look(
-            "constant", level, recording.name, name, f"{name} never moves: it is {low:.4g}{unit} throughout, {what}.", *every,
+            "constant", level, recording.name, name, f"{name} never moves: it is {low:.4g}{unit} throughout, {what}.",
+            *every,
             figures={"value": low},
         )  # fmt: skip
         return
     if missing and measured and (longest := _longest(~good)) >= STUCK:
         begin = _begin_of_longest(~good)
         yield Look(
-            "missing", "info", recording.name, name, f"{name} is missing for {longest} samples from t = {t[begin]:.4g} s on.",
+            "missing", "info", recording.name, name,
+            f"{name} is missing for {longest} samples from t = {t[begin]:.4g} s on.",
             float(t[begin]), float(t[begin + longest - 1]), figures={"samples": longest},
         )  # fmt: skip
     if not measured:
@@ -67,27 +85,34 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             kind = "sensor_high" if end == "upper" else "sensor_low"
             yield Look(
                 "clipped", "warning", recording.name, name,
-                f"{count} samples of {name} lie exactly at its {end} end {value:.4g}{unit}, first for {int(runs[at][0])} in a row at "
+                f"{count} samples of {name} lie exactly at its {end} end {value:.4g}{unit}, first for "
+                f"{int(runs[at][0])} in a row at "
                 f"t = {times[first]:.4g} s: the sensor may end there.",
                 float(times[first]), float(times[min(begins[at][-1] + runs[at][-1], len(times)) - 1]),
-                f"extensions = {{ {kind} = {{ {name} = [{value - 0.01 * (high - low):.6g}, {value + 0.01 * (high - low):.6g}] }} }}",
+                f"extensions = {{ {kind} = {{ {name} = [{value - 0.01 * (high - low):.6g}, "
+                f"{value + 0.01 * (high - low):.6g}] }} }}",
                 {"samples": count, "value": value}, _times(times, np.repeat(at, runs)),
             )  # fmt: skip
     stuck = [
-        (n, b) for n, b in zip(runs, begins, strict=True) if n >= max(STUCK, 2 * PLATEAU * usual) and values[b] not in clipped and b > 0
+        (n, b)
+        for n, b in zip(runs, begins, strict=True)
+        if n >= max(STUCK, 2 * PLATEAU * usual) and values[b] not in clipped and b > 0
     ]
     if stuck:
         longest, begin = max(stuck)
         yield Look(
             "stuck", "warning", recording.name, name,
-            f"{name} shows {values[begin]:.4g}{unit} for {longest} samples in a row from t = {times[begin]:.4g} s on: the sensor may have "
+            f"{name} shows {values[begin]:.4g}{unit} for {longest} samples in a row from t = {times[begin]:.4g} s on: "
+            f"the sensor may have "
             "been stuck.",
-            float(times[begin]), float(times[begin + longest - 1]), _without(name, times, sorted((b, n) for n, b in stuck)),
+            float(times[begin]), float(times[begin + longest - 1]),
+            _without(name, times, sorted((b, n) for n, b in stuck)),
             figures={"samples": float(longest)},
         )  # fmt: skip
     if len(levels) <= LEVELS * len(values) and step > COARSE * (high - low):
         yield Look(
-            "quantised", "info", recording.name, name, f"{name} comes in {len(levels)} levels, {step:.4g}{unit} apart at least.", *every,
+            "quantised", "info", recording.name, name,
+            f"{name} comes in {len(levels)} levels, {step:.4g}{unit} apart at least.", *every,
             f"{name} = quantize(..., {step:.4g})", {"step": step, "levels": len(levels)},
         )  # fmt: skip
     if (refreshed := refreshed_look(recording, name)) is not None:
@@ -96,7 +121,8 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
 
 
 def _turns(values: np.ndarray, runs: np.ndarray, begins: np.ndarray, step: float) -> np.ndarray:
-    """Whether runs at an end of the range are no longer than where a smooth signal read in such steps turns round, (n,).
+    """Whether runs at an end of the range are no longer than where a smooth signal read in such steps turns round,
+    (n,).
 
     A parabola that lies within one step over n samples has fallen by 8 more where as many have gone by on either side.
     """
@@ -108,7 +134,8 @@ def _turns(values: np.ndarray, runs: np.ndarray, begins: np.ndarray, step: float
 
 
 def _without(name: str, times: np.ndarray, stuck: Sequence[tuple[int, int]]) -> str:
-    """The cleaning step that takes stretches away but for their first sample, which may have been right; each is (first sample, count)."""
+    """The cleaning step that takes stretches away but for their first sample, which may have been right; each is
+    (first sample, count)."""
     stretches = [[float(f"{times[k]:.9g}") for k in (b + 1, b + n - 1)] for b, n in stuck[:STRETCHES]]
     return f"clean = [{inline({'step': 'drop_samples', 'signal': name, 'between': stretches})}]"
 
@@ -122,7 +149,9 @@ def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarr
     # neighbours on both sides agree: no step, and no sharp corner either
     levels = np.unique(values)
     level = float(np.min(np.diff(levels))) if len(levels) > 2 else 0.0  # one step of a coarse signal is no spike
-    alone = (np.abs(away) > np.maximum(SPIKE * scale, 2.0 * level)) & (np.abs(values[2:] - values[:-2]) < 0.5 * np.abs(away))
+    alone = (np.abs(away) > np.maximum(SPIKE * scale, 2.0 * level)) & (
+        np.abs(values[2:] - values[:-2]) < 0.5 * np.abs(away)
+    )
     moves = np.abs(np.diff(np.pad(values, 1, mode="edge")))
     alone &= np.minimum(moves[1:-2], moves[2:-1]) > 2.0 * np.maximum(moves[:-3], moves[3:])
     if not np.any(alone) or np.mean(alone) > 0.1:
@@ -145,11 +174,12 @@ def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarr
 def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) -> Look | None:
     """Whether past values of y tell of u what past values of u do not: the input was computed from the output.
 
-    Granger, Econometrica 37 (1969) 424, by an F test of 5 lags of y; None where it is not so. The input has up to 40 lags: sines, sweeps
-    and filtered noise are told by their own long past, which y remembers, too (5 lags of both called 7 of 10 multisines computed from y).
-    What y tells must be 2 % of the input's deviation, for the news of a smooth input is next to nothing. A late stamp looks the same,
-    and where that tells the record better, the sentence names both. `misread` is the error (rms, in the unit of u) of single readings of
-    u, as of a coarse converter: y is driven by what was there, so past values of y tell up to this much of them without any loop.
+    Granger, Econometrica 37 (1969) 424, by an F test of 5 lags of y; None where it is not so. The input has up to 40
+    lags: sines, sweeps and filtered noise are told by their own long past, which y remembers, too (5 lags of both
+    called 7 of 10 multisines computed from y). What y tells must be 2 % of the input's deviation, for the news of a
+    smooth input is next to nothing. A late stamp looks the same, and where that tells the record better, the sentence
+    names both. `misread` is the error (rms, in the unit of u) of single readings of u, as of a coarse converter: y is
+    driven by what was there, so past values of y tell up to this much of them without any loop.
     """
     a, b = recording[u], recording[y]
     good = np.isfinite(a) & np.isfinite(b)
@@ -172,30 +202,36 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
         shift = late * float(np.median(np.diff(recording.t)))
         write = f"clock_shift = {{ {u} = [{-2 * shift:.3g}, {2 * shift:.3g}] }}"
         sentence = (
-            f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers early, or be computed from {y} (closed "
-            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see docs/closed-loop.md. "
+            f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers early, or be computed "
+            f"from {y} (closed "
+            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see "
+            f"docs/closed-loop.md. "
             f"A filter before {u}, or {y} smoothed over later samples, looks the same."
         )
         figures["late"] = shift
     else:
         write = ""
         sentence = (
-            f"{told_of}seems to be computed from {y} (closed loop), or {y} knows it better: {u} was read with noise, through a filter or "
-            f"too seldom, or {y} was smoothed or interpolated over later samples. All of that pulls the parameters. For a loop see "
+            f"{told_of}seems to be computed from {y} (closed loop), or {y} knows it better: {u} was read with noise, "
+            f"through a filter or "
+            f"too seldom, or {y} was smoothed or interpolated over later samples. All of that pulls the parameters. "
+            f"For a loop see "
             "docs/closed-loop.md, or estimate with a Kalman filter; else take both as they were read, smooth a noisy "
             f"{u} in a cleaning step, and sample faster what moves between samples."
         )
     return Look(
-        "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write, figures, other=y
+        "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write,
+        figures, other=y
     )  # fmt: skip
 
 
 def stamped_late(a: np.ndarray, b: np.ndarray) -> int:
-    """By how many samples an input a (n,) seems to be stamped late beside an output b (n,): 0 where a feedback tells both better.
+    """By how many samples an input a (n,) seems to be stamped late beside an output b (n,): 0 where a feedback tells
+    both better.
 
-    Both predict one sample ahead from a few samples of each (`NEAR`), and the likelihoods of the two signals are compared. Late: the input
-    from its own past, the output from its past and the input some samples ahead. Feedback: each from the past of both, where the input may
-    also follow the newest output.
+    Both predict one sample ahead from a few samples of each (`NEAR`), and the likelihoods of the two signals are
+    compared. Late: the input from its own past, the output from its past and the input some samples ahead. Feedback:
+    each from the past of both, where the input may also follow the newest output.
     """
     first = max(0, int(np.argmax(a != a[0])) - LAGS)
     a, b = a[first : first + MOST], b[first : first + MOST]
@@ -204,7 +240,8 @@ def stamped_late(a: np.ndarray, b: np.ndarray) -> int:
 
 
 def _better_late(a: np.ndarray, b: np.ndarray, lags: int) -> tuple[float, int]:
-    """By how much a late stamp tells two signals (n,) better than a feedback (logarithm of squares), and by how many samples it is late."""
+    """By how much a late stamp tells two signals (n,) better than a feedback (logarithm of squares), and by how many
+    samples it is late."""
     most = min(EARLIER, len(a) // 10)
     now = np.arange(lags, len(a) - most)
     back = now[:, None] - np.arange(1, lags + 1)
@@ -221,9 +258,11 @@ def _better_late(a: np.ndarray, b: np.ndarray, lags: int) -> tuple[float, int]:
 
 
 def news_told(a: np.ndarray, b: np.ndarray, own_lags: int | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Of a signal a (n,) what its own past does not tell, and what of that the past `LAGS` values of b (n,) tell, of the last samples.
+    """Of a signal a (n,) what its own past does not tell, and what of that the past `LAGS` values of b (n,) tell, of
+    the last samples.
 
-    Its own past are `own_lags` values, of None up to `OWN`, as the record allows; both arrays are as much shorter than a.
+    Its own past are `own_lags` values, of None up to `OWN`, as the record allows; both arrays are as much shorter than
+    a.
     """
     own_lags = max(LAGS, min(OWN, len(a) // 15)) if own_lags is None else own_lags
     n = len(a) - own_lags
@@ -234,7 +273,8 @@ def news_told(a: np.ndarray, b: np.ndarray, own_lags: int | None = None) -> tupl
 
 
 def _share_told(a: np.ndarray, new: np.ndarray, told: np.ndarray) -> tuple[float, float]:
-    """The share of what is new in a signal that is told of it, and the squares of that; nothing where nothing is new or all of it told."""
+    """The share of what is new in a signal that is told of it, and the squares of that; nothing where nothing is new
+    or all of it told."""
     before, after = float(np.sum(new**2)), float(np.sum((new - told) ** 2))
     if before <= 1e-20 * float(np.sum(a**2)) or after <= 0:
         return 0.0, 0.0

@@ -40,18 +40,22 @@ def _entry(path: str | os.PathLike[str]):
     brought = offered("readers", frozenset(_OWN))
     if suffix[1:] not in brought or file.suffix.lower() == ".gz":
         known = sorted([*_READERS, *(f".{name}" for name in brought)])
-        raise RecordingError(f"{file.name}: no reader for files ending in {suffix!r}; known are {known} and text with .gz.")
+        raise RecordingError(
+            f"{file.name}: no reader for files ending in {suffix!r}; known are {known} and text with .gz."
+        )
     return suffix, _brought(brought[suffix[1:]])
 
 
 def _brought(plugin: Plugin) -> tuple[Callable[..., Recording], Callable[..., Table], tuple[str, ...]]:
-    """A reader of another package: a function of the path that gives named arrays, one may be "time"; names may hold units in []."""
+    """A reader of another package: a function of the path that gives named arrays, one may be "time"; names may hold
+    units in []."""
 
     def table(path: str | os.PathLike[str], time: str | int | None = None) -> Table:
         arrays = plugin.load(RecordingError)(existing(path))
         if not isinstance(arrays, Mapping):
             raise RecordingError(
-                f"{Path(path).name}: the reader {plugin.name!r} of the package {plugin.package} gave a {type(arrays).__name__}; "
+                f"{Path(path).name}: the reader {plugin.name!r} of the package {plugin.package} gave a "
+                f"{type(arrays).__name__}; "
                 "it has to give a mapping of names to arrays."
             )
         return array_table(Path(path).name, {str(name): np.asarray(values) for name, values in arrays.items()}, time)
@@ -99,8 +103,12 @@ def _of(path: str | os.PathLike[str]) -> Iterator[None]:
     except (PlantfitError, KeyboardInterrupt, SystemExit, GeneratorExit):
         raise
     except MemoryError as error:
-        raise RecordingError(f"{name}: the memory of this machine is not enough to read it; cut the file into parts.") from error
+        raise RecordingError(
+            f"{name}: the memory of this machine is not enough to read it; cut the file into parts."
+        ) from error
     except BaseException as error:  # parsers of broken files raise nearly everything, that of polars a BaseException
         first = (str(error).splitlines() or [""])[0][:200]
-        told = f"{name} cannot be read ({type(error).__name__}: {first}); check that the file is whole and of this kind."
+        told = (
+            f"{name} cannot be read ({type(error).__name__}: {first}); check that the file is whole and of this kind."
+        )
         raise RecordingError(told) from error

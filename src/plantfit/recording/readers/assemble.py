@@ -49,7 +49,11 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
         log += said
         units[name] = column.unit
     units = _with_given_units(table, units, options.get("units") or {}, chosen)
-    log += [f"{brackets_told(c.header, unknown)}." for n, c in chosen.items() if units[n] is None and (unknown := unknown_unit(c.header))]
+    log += [
+        f"{brackets_told(c.header, unknown)}."
+        for n, c in chosen.items()
+        if units[n] is None and (unknown := unknown_unit(c.header))
+    ]
     count, values, t, said = _in_order(table, t, values, options.get("sort", False), options.get("duplicates"))
     signals = {name: Signal(array, units[name]) for name, array in values.items()}
     name = options.get("name") or table.source
@@ -60,7 +64,8 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
 def brackets_told(header: str, unknown: str) -> str:
     """What became of a header whose brackets hold no known unit."""
     return (
-        f"{unknown!r} in the header {header!r} is not a known unit and counts as part of the name; correct it, or state the unit in units"
+        f"{unknown!r} in the header {header!r} is not a known unit and counts as part of the name; correct it, or "
+        f"state the unit in units"
     )
 
 
@@ -68,7 +73,9 @@ def _check_options(table: Table, options: Options) -> None:
     unknown = [key for key in options if key not in Options.__annotations__]
     if unknown:
         hint = close_match(unknown[0], Options.__annotations__)
-        raise RecordingError(f"{table.source}: unknown reading option {unknown[0]!r}{hint}; known are {list(Options.__annotations__)}.")
+        raise RecordingError(
+            f"{table.source}: unknown reading option {unknown[0]!r}{hint}; known are {list(Options.__annotations__)}."
+        )
     if options.get("duplicates") not in (None, "mean", "first"):
         raise RecordingError(f"{table.source}: duplicates is {options.get('duplicates')!r}; use 'mean' or 'first'.")
     if options.get("time") is not None and options.get("period") is not None:
@@ -82,14 +89,23 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
     if period is not None:
         if not (np.isfinite(period) and period > 0):
             raise RecordingError(f"{table.source}: period is {period!r}; give the seconds between two rows, above 0.")
-        return np.arange(len(table.columns[0].cells)) * float(period), None, [f"Time counted from 0 in steps of {period:g} s."]
+        return (
+            np.arange(len(table.columns[0].cells)) * float(period),
+            None,
+            [f"Time counted from 0 in steps of {period:g} s."],
+        )
     column = table.column(wanted, "time") if wanted is not None else guess_time(table)
     if column is None and table.period is not None:
         name, step = table.period
-        return step * np.arange(len(table.columns[0].cells)), None, [f"Time counted from 0 in steps of {step:g} s, by {name!r}."]
+        return (
+            step * np.arange(len(table.columns[0].cells)),
+            None,
+            [f"Time counted from 0 in steps of {step:g} s, by {name!r}."],
+        )
     if column is None:
         raise RecordingError(
-            f"{table.source}: no column looks like time; give time= one of {[c.header for c in table.columns]} or period= in seconds."
+            f"{table.source}: no column looks like time; give time= one of {[c.header for c in table.columns]} or "
+            f"period= in seconds."
         )
     t, sentence = seconds(table, column, options.get("time_unit"))
     return t, column, [sentence]
@@ -108,11 +124,14 @@ def _chosen(
         others = [column for column in table.columns if column is not time]
         numeric = [column for column in others if mostly_numbers(table, column)]
         chosen, log = _own_names(numeric, table)
-        log += [f"Column {column.header!r} holds no numbers and was left out." for column in others if column not in numeric]
+        log += [
+            f"Column {column.header!r} holds no numbers and was left out." for column in others if column not in numeric
+        ]
         log += [f"{name!r} was left out because {why}." for name, why in table.left_out.items()]
     if not chosen:
         raise RecordingError(
-            f"{table.source}: there is no column of numbers besides the time; the file has {[c.header for c in table.columns]}."
+            f"{table.source}: there is no column of numbers besides the time; the file has "
+            f"{[c.header for c in table.columns]}."
         )
     return chosen, log
 
@@ -127,7 +146,10 @@ def _own_names(columns: Sequence[Column], table: Table) -> tuple[dict[str, Colum
             count += 1
             name = f"{clean}_{count}"
         if name != clean:
-            log.append(f"Column {[*table.columns].index(column)} ({column.header!r}) is called {name!r}, because {clean!r} was taken.")
+            log.append(
+                f"Column {[*table.columns].index(column)} ({column.header!r}) is called {name!r}, because {clean!r} "
+                f"was taken."
+            )
         chosen[name] = column
     return chosen, log
 
@@ -139,7 +161,8 @@ def _with_given_units(
     for name, unit in given.items():
         if name not in units:
             raise RecordingError(
-                f"{table.source}: units names {name!r}{close_match(name, units)}, which is not a signal; the signals are {list(units)}."
+                f"{table.source}: units names {name!r}{close_match(name, units)}, which is not a signal; the signals "
+                f"are {list(units)}."
             )
         try:
             parse(unit)
@@ -148,14 +171,18 @@ def _with_given_units(
         stated = units[name]
         if stated is not None and logarithmic(stated):
             raise UnitError(
-                f"{table.source}: column {chosen[name].header!r} is in {stated!r}, which is logarithmic, but units says {unit!r} for "
-                f"{name!r}; convert the values of the column, or leave {name!r} out of units and declare it without a unit to "
+                f"{table.source}: column {chosen[name].header!r} is in {stated!r}, which is logarithmic, but units "
+                f"says {unit!r} for "
+                f"{name!r}; convert the values of the column, or leave {name!r} out of units and declare it without a "
+                f"unit to "
                 "compute with levels."
             )
         if stated is not None and not _may_mean(stated, unit) and parse(stated) != parse(unit):
             raise UnitError(
-                f"{table.source}: column {chosen[name].header!r} says {stated!r}, but units says {unit!r} for {name!r}; "
-                f"leave {name!r} out of units, or correct the header. A value in {stated!r} is converted to the unit of the model."
+                f"{table.source}: column {chosen[name].header!r} says {stated!r}, but units says {unit!r} for "
+                f"{name!r}; "
+                f"leave {name!r} out of units, or correct the header. A value in {stated!r} is converted to the unit "
+                f"of the model."
             )
         result[name] = unit
     return result
@@ -179,7 +206,8 @@ def _in_order(
     if len(back) and not sort:
         row = int(back[0]) + 1
         raise ClockError(
-            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; sort the rows (sort = true in the study file, "
+            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; sort the rows (sort = true "
+            f"in the study file, "
             "sort=True in Python), or cut the file there if it holds two runs.",
             "sort = true",
         )
@@ -194,7 +222,8 @@ def _in_order(
     if duplicates is None:
         row = int(order[same[0] + 1])
         raise ClockError(
-            f"{table.where(row)}: time {t[same[0]]:.9g} s appears twice; give duplicates = 'mean', or 'first' to keep the first row.",
+            f"{table.where(row)}: time {t[same[0]]:.9g} s appears twice; give duplicates = 'mean', or 'first' to keep "
+            f"the first row.",
             'duplicates = "mean"',
         )
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])

@@ -16,8 +16,10 @@ _WORDS = "t|time|zeit|elapsed|timestamp|temps|tiempo|tempo"
 _UNITS = "ns|us|µs|ms|s|sec|min|h"
 _SUFFIX = re.compile(rf"^(?:{_WORDS})[_ ]({_UNITS})$", re.IGNORECASE)
 _NAMES = re.compile(
-    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|time ?stamp|date ?time|elapsed time|zeitstempel|uhrzeit"
-    rf"|datum|datum[ /]+uhrzeit|heure|horodatage|date et heure|hora|utc|x[-_ ]?axis|x[-_ ]?value|({_WORDS})[_ ]({_UNITS}))$",
+    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|time ?stamp|date ?time|elapsed "
+    rf"time|zeitstempel|uhrzeit"
+    rf"|datum|datum[ /]+uhrzeit|heure|horodatage|date et heure|hora|utc|x[-_ ]?axis|x[-_ ]?value|({_WORDS})[_ "
+    rf"]({_UNITS}))$",
     re.IGNORECASE,
 )
 FAR = 1e11  # s since 1970, in the year 5138
@@ -42,8 +44,8 @@ def is_time_name(name: str) -> bool:
 def guess_time(table: Table) -> Column | None:
     """The column that a reader would take as time: by its name, by its cells, or the first of a file without header.
 
-    Of several names the first counts, but dates alone come after clock readings, whose midnights are seen, and a field of a structure
-    (data.t) counts by the name of the field.
+    Of several names the first counts, but dates alone come after clock readings, whose midnights are seen, and a field
+    of a structure (data.t) counts by the name of the field.
     """
     named = [c for c in table.columns if is_time_name(c.name) or is_time_name(c.name.rpartition(".")[2])]
     whole = [c for c in named if not _dates_alone(c)]
@@ -74,19 +76,24 @@ def _dates_alone(column: Column) -> bool:
 
 
 def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
-    """(unit, how it is known) for a time column of numbers; raises UnitError for a contradiction or a unit that is no time."""
+    """(unit, how it is known) for a time column of numbers; raises UnitError for a contradiction or a unit that is
+    no time."""
     suffix = _SUFFIX.match(column.name)
     stated = column.unit or (suffix[1] if suffix else _BARE_UNITS.get(column.name.lower()))
     if stated is not None and not compatible(stated, "s"):
         if given is None:
-            raise UnitError(f"Time column {column.header!r} has the unit {stated!r}, which is not a unit of time; choose another column.")
+            raise UnitError(
+                f"Time column {column.header!r} has the unit {stated!r}, which is not a unit of time; choose another "
+                f"column."
+            )
         stated = None
     if given is not None:
         if not compatible(given, "s"):
             raise UnitError(f"time_unit {given!r} is not a unit of time; use 's', 'ms', 'us', 'min', 'h' or 'day'.")
         if stated is not None and factor_offset(given, stated) != (1.0, 0.0):
             raise UnitError(
-                f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or correct the header."
+                f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or "
+                f"correct the header."
             )
         return given, "given"
     return (stated, "stated by the file") if stated is not None else ("s", "assumed, the file names no unit")
@@ -122,20 +129,24 @@ def _refuse_far(table: Table, column: Column, first: float) -> None:
     """Numbers since 1970 of loggers are in ms, us or ns where they would be in the year 5000 in s."""
     unit = "ms" if abs(first) < 1e14 else "us" if abs(first) < 1e17 else "ns"
     raise UnitError(
-        f"{table.source}: time column {column.header!r} has no unit and begins at {first:.6g}, thousands of years in s; say its unit, "
+        f"{table.source}: time column {column.header!r} has no unit and begins at {first:.6g}, thousands of years in "
+        f"s; say its unit, "
         f"as in time_unit = {unit!r} for {unit} since 1970."
     )
 
 
 def _refuse_unit(column: Column, time_unit: str | None, kind: str) -> None:
     if time_unit is not None:
-        raise UnitError(f"Time column {column.header!r} holds {kind}, which have no unit {time_unit!r}; leave time_unit out.")
+        raise UnitError(
+            f"Time column {column.header!r} holds {kind}, which have no unit {time_unit!r}; leave time_unit out."
+        )
 
 
 def _no_gaps(table: Table, column: Column, there: np.ndarray) -> None:
     if not there.all():
         raise RecordingError(
-            f"{table.where(int(np.argmin(there)))}: time column {column.header!r} is empty; fill in the time or delete that row."
+            f"{table.where(int(np.argmin(there)))}: time column {column.header!r} is empty; fill in the time or delete "
+            f"that row."
         )
 
 
@@ -145,13 +156,22 @@ def _from_temporal(table: Table, column: Column) -> np.ndarray:
     # 64 bits of nanoseconds reach no farther, and older polars do not say so
     if cells.dtype in (pl.Date, pl.Datetime) and not cells.dt.year().is_between(1678, 2261).all():
         raise RecordingError(
-            f"{table.source}: time column {column.header!r} holds dates before 1678 or after 2261; correct them, or give seconds."
+            f"{table.source}: time column {column.header!r} holds dates before 1678 or after 2261; correct them, or "
+            f"give seconds."
         )
-    nanoseconds = cells.cast(pl.Datetime("ns") if cells.dtype in (pl.Date, pl.Datetime) else cells.dtype).to_physical().cast(pl.Int64)
+    nanoseconds = (
+        cells.cast(pl.Datetime("ns") if cells.dtype in (pl.Date, pl.Datetime) else cells.dtype)
+        .to_physical()
+        .cast(pl.Int64)
+    )
     if cells.dtype == pl.Time:  # of a day, which may end
         days = np.concatenate([[0], np.cumsum(np.diff(nanoseconds.to_numpy()) < -43_200_000_000_000)])
         nanoseconds = nanoseconds + pl.Series(days * 86_400_000_000_000)
-    ticks = {"ms": 1e3, "us": 1e6, "ns": 1e9}[getattr(cells.dtype, "time_unit", None) or "ns"] if cells.dtype == pl.Duration else 1e9
+    ticks = (
+        {"ms": 1e3, "us": 1e6, "ns": 1e9}[getattr(cells.dtype, "time_unit", None) or "ns"]
+        if cells.dtype == pl.Duration
+        else 1e9
+    )
     return (nanoseconds - nanoseconds[0]).to_numpy() / ticks
 
 
@@ -162,17 +182,22 @@ def _from_text(table: Table, column: Column, text: list[str | None], first: str)
     if None in found:
         row = found.index(None)
         kind = "a clock reading like 13:05:59.2" if clock else "a timestamp like 2024-05-31T13:05:59.2"
-        raise RecordingError(f"{table.where(row)}, time column {column.header!r}: {text[row]!r} is not {kind}; correct that cell.")
+        raise RecordingError(
+            f"{table.where(row)}, time column {column.header!r}: {text[row]!r} is not {kind}; correct that cell."
+        )
     if clock:
         return _past_midnight(np.array(found, dtype=float), column)
     if unclear:
-        raise RecordingError(f"{table.source}: time column {column.header!r}: {unclear}; write them as 2024-05-31 13:05:59.")
+        raise RecordingError(
+            f"{table.source}: time column {column.header!r}: {unclear}; write them as 2024-05-31 13:05:59."
+        )
     start = found[0]
     try:
         values = np.array([(stamp - start).total_seconds() for stamp in found])  # type: ignore[operator]
     except TypeError:
         raise RecordingError(
-            f"{table.source}: time column {column.header!r} mixes timestamps with and without a time zone; write all alike."
+            f"{table.source}: time column {column.header!r} mixes timestamps with and without a time zone; write all "
+            f"alike."
         ) from None
     return values, f"Time from the timestamps {column.header!r}, in seconds from {start}."
 

@@ -31,7 +31,8 @@ class Table:
     """Columns of equal length. `places` are the line (or row) numbers in the file, `place` their word.
 
     `decimal` is "auto", "." or ",". `left_out` says why other things of the file are not columns.
-    `header` tells whether the columns were named by the file. `period` is what the file calls the seconds between rows, and how many.
+    `header` tells whether the columns were named by the file. `period` is what the file calls the seconds between rows,
+    and how many.
     """
 
     source: str
@@ -54,20 +55,33 @@ class Table:
         if isinstance(wanted, (int, np.integer)) and not isinstance(wanted, bool):
             if not 0 <= wanted < len(self.columns):
                 raise RecordingError(
-                    f"{self.source} has no column {wanted} for {purpose}; it has {len(self.columns)} columns, numbered from 0."
+                    f"{self.source} has no column {wanted} for {purpose}; it has {len(self.columns)} columns, numbered "
+                    f"from 0."
                 )
             return self.columns[wanted]
-        for read in (lambda c: c.header, lambda c: c.name, lambda c: identifier(c.name), lambda c: identifier(c.header)):
+        for read in (
+            lambda c: c.header,
+            lambda c: c.name,
+            lambda c: identifier(c.name),
+            lambda c: identifier(c.header),
+        ):
             found = [c for c in self.columns if read(c) == str(wanted).strip()]
             if len(found) == 1:
                 return found[0]
             if found:
                 numbers = [self.columns.index(c) for c in found]
-                raise RecordingError(f"{self.source} has {len(found)} columns {wanted!r} for {purpose}; choose one by number: {numbers}.")
+                raise RecordingError(
+                    f"{self.source} has {len(found)} columns {wanted!r} for {purpose}; choose one by number: {numbers}."
+                )
         if wanted in self.left_out:
-            raise RecordingError(f"{self.source}: {wanted!r} cannot be used for {purpose} because {self.left_out[str(wanted)]}.")
+            raise RecordingError(
+                f"{self.source}: {wanted!r} cannot be used for {purpose} because {self.left_out[str(wanted)]}."
+            )
         headers = [c.header for c in self.columns]
-        raise RecordingError(f"{self.source} has no column {wanted!r} for {purpose}{close_match(str(wanted), headers)}; it has {headers}.")
+        raise RecordingError(
+            f"{self.source} has no column {wanted!r} for {purpose}{close_match(str(wanted), headers)}; it has "
+            f"{headers}."
+        )
 
 
 def close_match(wanted: str, names: Iterable[str]) -> str:
@@ -100,9 +114,12 @@ def unknown_unit(header: str) -> str | None:
 
 # endings of names that are hardly anything else; of single letters only two, since T_A and x_m may be anything
 _ENDINGS = {
-    "degC": "degC", "degF": "degF", "rpm": "rpm", "RPM": "rpm", "rad_s": "rad/s", "rad_per_s": "rad/s", "deg_s": "deg/s", "m_s": "m/s",
-    "rad": "rad", "deg": "deg", "mm": "mm", "cm": "cm", "km": "km", "kg": "kg", "mbar": "mbar", "bar": "bar", "kPa": "kPa", "hPa": "hPa",
-    "Pa": "Pa", "mV": "mV", "kV": "kV", "V": "V", "mA": "mA", "kW": "kW", "W": "W", "kWh": "kWh", "Hz": "Hz", "kHz": "kHz",
+    "degC": "degC", "degF": "degF", "rpm": "rpm", "RPM": "rpm", "rad_s": "rad/s", "rad_per_s": "rad/s",
+    "deg_s": "deg/s", "m_s": "m/s",
+    "rad": "rad", "deg": "deg", "mm": "mm", "cm": "cm", "km": "km", "kg": "kg", "mbar": "mbar", "bar": "bar",
+    "kPa": "kPa", "hPa": "hPa",
+    "Pa": "Pa", "mV": "mV", "kV": "kV", "V": "V", "mA": "mA", "kW": "kW", "W": "W", "kWh": "kWh", "Hz": "Hz",
+    "kHz": "kHz",
     "ohm": "ohm", "pct": "%", "percent": "%", "l_min": "l/min", "lpm": "l/min", "m3_h": "m^3/h", "l_h": "l/h",
 }  # fmt: skip
 _ENDED = re.compile(rf".*[^_\W]_(?P<unit>{'|'.join(sorted(_ENDINGS, key=len, reverse=True))})")
@@ -131,7 +148,9 @@ def cells_of(name: str, array: np.ndarray) -> pl.Series:
     return pl.Series(name, array.tolist() if array.dtype == object else array, strict=False)
 
 
-def named_columns(headers: Iterable[str], cells: Iterable[pl.Series], units: Iterable[str | None] | None = None) -> tuple[Column, ...]:
+def named_columns(
+    headers: Iterable[str], cells: Iterable[pl.Series], units: Iterable[str | None] | None = None
+) -> tuple[Column, ...]:
     """Columns from header texts; a unit row, where there is one, wins over nothing but an absent bracket."""
     headers, cells = list(headers), list(cells)
     rows = list(units) if units is not None else [None] * len(headers)

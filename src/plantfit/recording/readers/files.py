@@ -16,7 +16,9 @@ def existing(path: str | os.PathLike[str]) -> Path:
     except FileNotFoundError:
         pass
     except (OSError, ValueError) as error:  # too long, a NUL, no right to look
-        raise RecordingError(f"File {str(file)!r:.200} cannot be read ({getattr(error, 'strerror', None) or error}).") from None
+        raise RecordingError(
+            f"File {str(file)!r:.200} cannot be read ({getattr(error, 'strerror', None) or error})."
+        ) from None
     if file.is_file():
         return file
     if file.is_dir():
@@ -33,7 +35,9 @@ def read_bytes(file: Path) -> bytes:
         data = file.read_bytes()
         return gzip.decompress(data) if data[:2] == b"\x1f\x8b" else data
     except (OSError, EOFError) as error:
-        raise RecordingError(f"File {str(file)!r} cannot be read ({error}); check that it is complete and may be read.") from None
+        raise RecordingError(
+            f"File {str(file)!r} cannot be read ({error}); check that it is complete and may be read."
+        ) from None
 
 
 def decoded(data: bytes, file: Path) -> tuple[str, str]:
@@ -42,7 +46,8 @@ def decoded(data: bytes, file: Path) -> tuple[str, str]:
         return data.decode("utf-16", errors="replace"), "UTF-16"
     if b"\x00" in data[:4096] or data[:4] == b"PK\x03\x04":
         raise RecordingError(
-            f"File {file.name!r} is not text; save it as CSV, or give its name the ending of its format, such as .xlsx, .mat, "
+            f"File {file.name!r} is not text; save it as CSV, or give its name the ending of its format, such as "
+            f".xlsx, .mat, "
             ".parquet or .npz."
         )
     try:

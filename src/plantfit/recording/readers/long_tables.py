@@ -15,8 +15,9 @@ TOGETHER = 0.75  # times a reading at most: a column of modes or alarms has as m
 def widened(table: Table) -> Table:
     """A long table with a column for each tag and a row for each time; any other table as it is.
 
-    Long is a table of a time column, one column of texts of which each comes back in at least `FEWEST` rows, and one column of numbers,
-    where most times have several readings and no tag has two at one time. A tag that was not read at a time is missing there.
+    Long is a table of a time column, one column of texts of which each comes back in at least `FEWEST` rows, and one
+    column of numbers, where most times have several readings and no tag has two at one time. A tag that was not read at
+    a time is missing there.
     """
     if len(table.columns) != 3 or len(table.columns[0].cells) < 2 * FEWEST:
         return table

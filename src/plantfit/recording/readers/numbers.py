@@ -20,24 +20,31 @@ def is_missing(cell: str | None) -> bool:
 def is_number(cell: str) -> bool:
     """Whether a cell is a number with a decimal point or a decimal comma."""
     cell = cell.strip()
-    return bool(_COMMA.fullmatch(cell) or re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf", cell, re.IGNORECASE))
+    return bool(
+        _COMMA.fullmatch(cell) or re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?|[+-]?inf", cell, re.IGNORECASE)
+    )
 
 
 def clean_text(cells: pl.Series) -> pl.Series:
     """Trimmed text, null where missing."""
     text = cells.str.strip_chars(' \t"')
-    return pl.select(pl.when(text.str.to_lowercase().is_in(list(MISSING))).then(None).otherwise(text).alias(cells.name)).to_series()
+    return pl.select(
+        pl.when(text.str.to_lowercase().is_in(list(MISSING))).then(None).otherwise(text).alias(cells.name)
+    ).to_series()
 
 
 def casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool]:
-    """(values (n,), which may be those of the cells, rows that hold text, whether a decimal comma was read) for text or number cells."""
+    """(values (n,), which may be those of the cells, rows that hold text, whether a decimal comma was read) for text
+    or number cells."""
     if cells.dtype != pl.String:
         if not (cells.dtype.is_numeric() or cells.dtype == pl.Boolean or cells.dtype == pl.Null):
             return np.full(len(cells), np.nan), np.flatnonzero(cells.is_not_null().to_numpy()), False
         values = cells.cast(pl.Float64)
         return (values.fill_null(np.nan) if values.null_count() else values).to_numpy(), np.zeros(0, dtype=int), False
     text = clean_text(cells)
-    point = text.cast(pl.Float64, strict=False) if table.decimal != "," else pl.Series([None] * len(text), dtype=pl.Float64)
+    point = (
+        text.cast(pl.Float64, strict=False) if table.decimal != "," else pl.Series([None] * len(text), dtype=pl.Float64)
+    )
     bad = (point.is_null() & text.is_not_null()).to_numpy()
     pointed = text.str.contains(".", literal=True).fill_null(False)
     comma_read = False
@@ -80,7 +87,9 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
         values = np.where(np.isinf(values), np.nan, values)
         log.append(f"{infinite} infinite values of {column.header!r} count as missing.")
     if not np.isfinite(values).any():
-        raise RecordingError(f"{table.source}: column {column.header!r} for {purpose} holds no numbers; choose another column.")
+        raise RecordingError(
+            f"{table.source}: column {column.header!r} for {purpose} holds no numbers; choose another column."
+        )
     missing = int(np.isnan(values).sum())
     if missing:
         log.append(f"{missing} of {len(values)} values of {column.header!r} are missing.")
@@ -92,12 +101,16 @@ def _refuse_thousands(table: Table, column: Column, values: np.ndarray) -> None:
     text = clean_text(column.cells).drop_nulls()
     with_comma = text.str.contains(",", literal=True)
     grouped, plain = text.filter(with_comma), text.filter(~with_comma)
-    if not plain.str.contains(r"^[+-]?[1-9]\d\d$").any() or not grouped.str.contains(r"^[+-]?[1-9]\d{0,2},\d{3}$").all():
+    if (
+        not plain.str.contains(r"^[+-]?[1-9]\d\d$").any()
+        or not grouped.str.contains(r"^[+-]?[1-9]\d{0,2},\d{3}$").all()
+    ):
         return
     thousands = text.str.replace(",", "", literal=True).cast(pl.Float64, strict=False).drop_nulls().to_numpy()
     if _sweeps(thousands) < _sweeps(values[np.isfinite(values)]):
         raise RecordingError(
-            f"{table.source}: column {column.header!r} has {grouped[0]!r} beside whole numbers such as {plain[0]!r}, so that the comma may "
+            f"{table.source}: column {column.header!r} has {grouped[0]!r} beside whole numbers such as {plain[0]!r}, "
+            f"so that the comma may "
             "part thousands; write its numbers without them, or give decimal=',' if it is a decimal comma."
         )
 

@@ -9,7 +9,8 @@ from contextlib import contextmanager, suppress
 
 @contextmanager
 def unheard() -> Iterator[None]:
-    """Keep back what a parser that panics inside writes to standard error; anything else goes there when the parser has ended."""
+    """Keep back what a parser that panics inside writes to standard error; anything else goes there when the parser
+    has ended."""
     try:
         sys.stderr.flush()
         shown = os.dup(2)

@@ -1,4 +1,5 @@
-"""Dates with clock readings as loggers write them: ISO, day first, month first, with a decimal comma, with AM and PM."""
+"""Dates with clock readings as loggers write them: ISO, day first, month first, with a decimal comma, with AM and
+PM."""
 
 import re
 from collections.abc import Sequence
@@ -28,8 +29,8 @@ def is_timestamp(cell: str) -> bool:
 def timestamps(cells: Sequence[str | None]) -> tuple[list[datetime | None], str | None]:
     """(readings, None where a cell is none; why the order of day and month is not known, or None).
 
-    ISO 8601 is read first. Where day and month may be exchanged, or a year of two digits may come first, the order is the one in which
-    every cell is a date; of several, the one in which the record takes least time without going back.
+    ISO 8601 is read first. Where day and month may be exchanged, or a year of two digits may come first, the order is
+    the one in which every cell is a date; of several, the one in which the record takes least time without going back.
     """
     iso = [_iso(cell or "") for cell in cells]
     if cells and iso[0] is not None:
@@ -37,7 +38,9 @@ def timestamps(cells: Sequence[str | None]) -> tuple[list[datetime | None], str 
     first = _LOCAL.fullmatch((cells[0] or "").strip()) if cells else None
     if first is None:
         return [None] * len(cells), None
-    orders: tuple[Order, ...] = ("ymd",) if len(first["a"]) == 4 else ("dmy",) if first["mark"] == "." else ("mdy", "dmy")
+    orders: tuple[Order, ...] = (
+        ("ymd",) if len(first["a"]) == 4 else ("dmy",) if first["mark"] == "." else ("mdy", "dmy")
+    )
     if len(first["a"]) == 2 == len(first["c"]):  # 24-05-31 may be in May 2024, and not the 24th of May 2031
         orders = (*orders, "ymd")
     read = {order: [_local(cell or "", order) for cell in cells] for order in orders}
@@ -46,7 +49,12 @@ def timestamps(cells: Sequence[str | None]) -> tuple[list[datetime | None], str 
         return next(iter((whole or read).values())), None
     took = {order: _span(found) for order, found in whole.items()}
     order = min(whole, key=lambda o: took[o])  # the first of those that are alike
-    unclear = order != "ymd" and took[order] > timedelta(days=1) and list(took.values()).count(took[order]) > 1 and "mdy" in whole
+    unclear = (
+        order != "ymd"
+        and took[order] > timedelta(days=1)
+        and list(took.values()).count(took[order]) > 1
+        and "mdy" in whole
+    )
     return whole[order], "day and month can be exchanged in all of its dates" if unclear else None
 
 

@@ -39,7 +39,8 @@ class _Helper:
         self.owner, self.lock = 0, threading.Lock()
 
     def ends(self, kind: str, file: Path) -> bool | None:
-        """Whether reading ends with a result or an exception; False if the process ended with it, None if time ran out."""
+        """Whether reading ends with a result or an exception; False if the process ended with it, None if time ran
+        out."""
         with self.lock:
             if self.process is None or self.owner != os.getpid() or self.process.poll() is not None:
                 self.process, self.owner = self._started(), os.getpid()
@@ -65,7 +66,9 @@ class _Helper:
         words = [sys.executable, "-I", "-c", _TRY]
         quiet = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
         atexit.register(self.stop)
-        return subprocess.Popen(words, start_new_session=True, **quiet)  # of its own session: Ctrl-C is for the process that asks
+        return subprocess.Popen(
+            words, start_new_session=True, **quiet
+        )  # of its own session: Ctrl-C is for the process that asks
 
     def stop(self) -> None:
         process, self.process = self.process, None
@@ -87,7 +90,8 @@ def _helper() -> _Helper:
 
 
 def crash(kind: str, file: Path) -> str | None:
-    """What the reader of a kind of file does at this one instead of ending: "crashes" or "does not end"; None if it ends."""
+    """What the reader of a kind of file does at this one instead of ending: "crashes" or "does not end"; None if it
+    ends."""
     if not sys.executable:
         return None
     try:
@@ -98,9 +102,11 @@ def crash(kind: str, file: Path) -> str | None:
 
 
 def check(kind: str, file: Path) -> None:
-    """Raise RecordingError for a file ("mat", "parquet") at which the reader of scipy or polars crashes or does not end.
+    """Raise RecordingError for a file ("mat", "parquet") at which the reader of scipy or polars crashes or does not
+    end.
 
-    Found by tests/fuzz: broken MATLAB files end scipy 1.17 by a signal, and broken Parquet files polars 2.1 by an allocation of exbibytes.
+    Found by tests/fuzz: broken MATLAB files end scipy 1.17 by a signal, and broken Parquet files polars 2.1 by an
+    allocation of exbibytes.
     """
     why = crash(kind, file)
     if why is None:

@@ -22,7 +22,8 @@ DEFAULT_METHODS: tuple[Mapping[str, Any], ...] = (
 
 @dataclass(frozen=True)
 class DerivativeError:
-    """RMSE of one method against the true derivatives (signal's unit per s and per s^2), `log` its sentence with the cut-off."""
+    """RMSE of one method against the true derivatives (signal's unit per s and per s^2), `log` its sentence with the
+    cut-off."""
 
     settings: Mapping[str, Any]
     velocity: float
@@ -42,10 +43,12 @@ def compare_derivatives(
     edge: float = 0.05,
     methods: Sequence[Mapping[str, Any]] = DEFAULT_METHODS,
 ) -> list[DerivativeError]:
-    """Errors of each of `methods` (settings of `differentiate`) on a `path` with known derivatives, functions of time (s).
+    """Errors of each of `methods` (settings of `differentiate`) on a `path` with known derivatives, functions of time
+    (s).
 
-    The sensor adds white `noise` (standard deviation), then rounds to `step`; `seed` draws the noise. The first and last share `edge`
-    of the samples is not scored. Raises RecordingError for settings that do not fit a method and for uneven times where one needs even.
+    The sensor adds white `noise` (standard deviation), then rounds to `step`; `seed` draws the noise. The first and
+    last share `edge` of the samples is not scored. Raises RecordingError for settings that do not fit a method and for
+    uneven times where one needs even.
     """
     t = np.asarray(t, dtype=float)
     if not 0 <= edge < 0.5:

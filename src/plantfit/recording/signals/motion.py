@@ -20,16 +20,20 @@ def smooth_motion(
     noise: float | None = None,
     order: int = 3,
 ) -> Recording:
-    """Smooth a path on its own time stamps, even or not, and add its `velocity` and `acceleration` as signals of these names.
+    """Smooth a path on its own time stamps, even or not, and add its `velocity` and `acceleration` as signals of these
+    names.
 
-    The smoother is that of `differentiate(method="kalman")`; `cutoff` in Hz, or a rule of `cutoff_frequency` with its `noise`. Unlike
-    a velocity and an acceleration made apart, the three belong to one path. Raises RecordingError for names that are taken.
+    The smoother is that of `differentiate(method="kalman")`; `cutoff` in Hz, or a rule of `cutoff_frequency` with its
+    `noise`. Unlike a velocity and an acceleration made apart, the three belong to one path. Raises RecordingError for
+    names that are taken.
     """
     source = signal_of(recording, signal)
     step = f"smooth_motion({signal!r})"
     for name in (velocity, acceleration):
         if name in recording.signals:
-            raise RecordingError(f"{step}: recording {recording.name!r} already has a signal {name!r}; give another name.")
+            raise RecordingError(
+                f"{step}: recording {recording.name!r} already has a signal {name!r}; give another name."
+            )
     if order not in (3, 4):
         raise RecordingError(f"{step}: order is {order!r}; give 3 or 4.")
     frequency, why = resolve_cutoff(recording, signal, cutoff, order, noise)
@@ -42,7 +46,8 @@ def smooth_motion(
     by_stretch(source.values, 2 * order + 1, fill)
     rate = None if source.unit is None else per_second(source.unit)
     sentence = (
-        f"{signal!r} Kalman smoothed at {frequency:.3g} Hz, with {velocity!r} and {acceleration!r}{lost(source.values, states[:, 0])}."
+        f"{signal!r} Kalman smoothed at {frequency:.3g} Hz, with {velocity!r} and "
+        f"{acceleration!r}{lost(source.values, states[:, 0])}."
     )
     recording = with_signal(recording, signal, states[:, 0], source.unit, sentence + why)
     signals = {**recording.signals}

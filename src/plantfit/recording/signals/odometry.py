@@ -23,13 +23,14 @@ def odometry(
 ) -> Recording:
     """Add the pose x, y (m), heading (rad, not wrapped) and the path travelled, distance (m), from both wheels' counts.
 
-        eta = 2 pi ratio N / counts,  s = radius eta,  ds = (ds_right + ds_left)/2,  dheading = (ds_right - ds_left)/track
-        dx = ds sinc cos(heading + dheading/2),  dy = ds sinc sin(heading + dheading/2),  sinc = sin(dheading/2)/(dheading/2)
+        eta = 2 pi ratio N / counts,  s = radius eta,  ds = (ds_right + ds_left)/2,  dheading = (ds_right -
+        ds_left)/track dx = ds sinc cos(heading + dheading/2),  dy = ds sinc sin(heading + dheading/2),  sinc =
+        sin(dheading/2)/(dheading/2)
 
-    Exact where both wheels keep their speeds from sample to sample, and do not slip. `radius` of the wheels and `track` between
-    them in m; `ratio` turns of the wheel for one of the encoder; `start` is the first pose; distance falls while driving backwards.
-    Over missing samples one arc joins the counts before and after.
-    Source: the 2018 paper of `encoder`, eq. 4 and 7; Siegwart, Nourbakhsh, Introduction to Autonomous Mobile Robots, section 5.2.4.
+    Exact where both wheels keep their speeds from sample to sample, and do not slip. `radius` of the wheels and `track`
+    between them in m; `ratio` turns of the wheel for one of the encoder; `start` is the first pose; distance falls
+    while driving backwards. Over missing samples one arc joins the counts before and after. Source: the 2018 paper of
+    `encoder`, eq. 4 and 7; Siegwart, Nourbakhsh, Introduction to Autonomous Mobile Robots, section 5.2.4.
     """
     step = f"odometry({left!r}, {right!r})"
     scale = 2 * np.pi * require_positive(ratio, f"{step}: ratio") / require_positive(counts, f"{step}: counts")
@@ -52,7 +53,8 @@ def odometry(
 
 
 def pose_along(dl: np.ndarray, dr: np.ndarray, track: float, start: Sequence[float]) -> tuple[np.ndarray, ...]:
-    """x, y (m), heading (rad), distance (m), each (n + 1,), from the paths (n,) of the left and the right wheel (m), an arc each."""
+    """x, y (m), heading (rad), distance (m), each (n + 1,), from the paths (n,) of the left and the right wheel (m),
+    an arc each."""
     ds, turn = 0.5 * (dl + dr), (dr - dl) / track
     heading = start[2] + np.concatenate([[0.0], np.cumsum(turn)])
     chord, middle = ds * np.sinc(turn / (2 * np.pi)), heading[:-1] + 0.5 * turn

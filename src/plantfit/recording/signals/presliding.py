@@ -10,9 +10,9 @@ from plantfit.recording.record import Recording
 def presliding(recording: Recording, signal: str, name: str, distance: float, start: float = 0.0) -> Recording:
     """Add the friction state z in (-1, 1) of a measured path as `name`, without unit.
 
-    dz/dq = (1 - z sgn(dq))/distance, `distance` in the signal's unit: the model of Dahl (Aerospace Corp. TOR-0158(3107-18)-1, 1968)
-    with exponent 1. Sliding far one way gives the sign of the motion; at rest z stays, where a sign of the velocity would be noise.
-    Begins at `start`, anew after missing samples.
+    dz/dq = (1 - z sgn(dq))/distance, `distance` in the signal's unit: the model of Dahl (Aerospace Corp.
+    TOR-0158(3107-18)-1, 1968) with exponent 1. Sliding far one way gives the sign of the motion; at rest z stays, where
+    a sign of the velocity would be noise. Begins at `start`, anew after missing samples.
     """
     source = signal_of(recording, signal)
     step = f"presliding({signal!r})"

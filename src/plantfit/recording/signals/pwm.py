@@ -8,13 +8,20 @@ from plantfit.recording.record import Recording
 
 
 def duty_to_voltage(
-    recording: Recording, signal: str, name: str, supply: float | str, full_scale: float, bits: int | None = 8, efficiency: float = 1.0
+    recording: Recording,
+    signal: str,
+    name: str,
+    supply: float | str,
+    full_scale: float,
+    bits: int | None = 8,
+    efficiency: float = 1.0,
 ) -> Recording:
-    """Add the mean voltage of an H-bridge as `name` (V): efficiency * supply * n / (2^bits - 1), n = round((2^bits - 1) duty / full_scale).
+    """Add the mean voltage of an H-bridge as `name` (V): efficiency * supply * n / (2^bits - 1), n = round((2^bits - 1)
+    duty / full_scale).
 
-    `full_scale` is the duty that means always on: 255 for an 8-bit register, 1 for a share, 100 for percent; negative duty drives
-    backwards. `supply` is a number (V) or a signal with the battery's voltage; `bits` None leaves the duty unrounded.
-    Raises RecordingError for duty beyond full scale.
+    `full_scale` is the duty that means always on: 255 for an 8-bit register, 1 for a share, 100 for percent; negative
+    duty drives backwards. `supply` is a number (V) or a signal with the battery's voltage; `bits` None leaves the duty
+    unrounded. Raises RecordingError for duty beyond full scale.
     """
     source = signal_of(recording, signal)
     step = f"duty_to_voltage({signal!r})"
@@ -27,14 +34,18 @@ def duty_to_voltage(
     beyond = np.flatnonzero(np.abs(share) > 1 + 1e-9)
     if len(beyond):
         raise RecordingError(
-            f"{step}: the duty is {source.values[beyond[0]]:g} at {recording.t[beyond[0]]:g} s, beyond full_scale = {top:g}; "
+            f"{step}: the duty is {source.values[beyond[0]]:g} at {recording.t[beyond[0]]:g} s, beyond full_scale = "
+            f"{top:g}; "
             "give the value that means always on."
         )
     if bits is not None:
         share = np.round(share * (2**bits - 1)) / (2**bits - 1)
     volts, about = _supply(recording, supply, step)
     rounding = f"rounded to {bits} bits, " if bits is not None else ""
-    sentence = f"{name!r} is the voltage of duty {signal!r} ({rounding}{about}, efficiency {efficiency:g}), {len(recording)} samples."
+    sentence = (
+        f"{name!r} is the voltage of duty {signal!r} ({rounding}{about}, efficiency {efficiency:g}), "
+        f"{len(recording)} samples."
+    )
     return with_new(recording, name, efficiency * volts * share, "V", sentence, step)
 
 

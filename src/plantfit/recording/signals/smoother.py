@@ -4,10 +4,10 @@ The signal is m-fold integrated white noise of spectral density q, measured with
 
     x' = (x2, ..., xm, w),    E w(t) w(s) = q delta(t - s),    y_k = x1(t_k) + e_k                             (1)
 
-Its smoother is found from the banded normal equations of all states at once, which gives what the forward and backward recursions of
-Rauch, Tung and Striebel give (AIAA Journal 3, 1965), in the form of Bell, SIAM J. Optimization 4 (1994). For m = 2 and 3 it is the
-cubic and the quintic smoothing spline (Wahba, J. Royal Statistical Society B 40, 1978). With even steps h, away from the ends, it is
-a zero-phase Butterworth filter of order m,
+Its smoother is found from the banded normal equations of all states at once, which gives what the forward and backward
+recursions of Rauch, Tung and Striebel give (AIAA Journal 3, 1965), in the form of Bell, SIAM J. Optimization 4 (1994).
+For m = 2 and 3 it is the cubic and the quintic smoothing spline (Wahba, J. Royal Statistical Society B 40, 1978). With
+even steps h, away from the ends, it is a zero-phase Butterworth filter of order m,
 
     1/(1 + (f/fc)^(2m)),    (2 pi fc)^(2m) = q/(r^2 h)                                                         (2)
 """
@@ -30,7 +30,8 @@ _FLATTEST = 1e-13  # least (2 pi fc h)^(2m) that float64 solves
 
 @dataclass(frozen=True)
 class Smoothed:
-    """Signal and derivatives (n, m) at the samples, in its unit and seconds; the rms `noise` taken away; the `cutoff` in Hz of eq. (2)."""
+    """Signal and derivatives (n, m) at the samples, in its unit and seconds; the rms `noise` taken away; the
+    `cutoff` in Hz of eq. (2)."""
 
     states: np.ndarray
     noise: float
@@ -46,18 +47,23 @@ def kalman_smoother(
 ) -> Smoothed:
     """Smooth values (n,) at increasing times t (n,) by eq. (1) with m = `order`.
 
-    `cutoff` in Hz, or that of the largest likelihood (at `noise`, in the signal's unit, if that is known), or that of generalised
-    cross-validation (Craven, Wahba, Numerische Mathematik 31, 1979). Raises RecordingError for fewer than 2 m + 1 samples
-    and for a cut-off too far below the sampling rate.
+    `cutoff` in Hz, or that of the largest likelihood (at `noise`, in the signal's unit, if that is known), or that of
+    generalised cross-validation (Craven, Wahba, Numerische Mathematik 31, 1979). Raises RecordingError for fewer than 2
+    m + 1 samples and for a cut-off too far below the sampling rate.
     """
     if len(values) < 2 * order + 1:
-        raise RecordingError(f"Kalman smoothing of order {order} needs {2 * order + 1} samples, not {len(values)}; use a longer stretch.")
+        raise RecordingError(
+            f"Kalman smoothing of order {order} needs {2 * order + 1} samples, not {len(values)}; use a longer stretch."
+        )
     system = _System(np.asarray(t, dtype=float), np.asarray(values, dtype=float), order)
     if isinstance(cutoff, str):
-        cutoff = system.best(partial(_likelihood, system, noise) if cutoff == "likelihood" else partial(_cross_validation, system))
+        cutoff = system.best(
+            partial(_likelihood, system, noise) if cutoff == "likelihood" else partial(_cross_validation, system)
+        )
     elif cutoff < system.lowest:
         raise RecordingError(
-            f"Kalman smoothing at {cutoff:g} Hz is ill-conditioned at {1 / system.h:g} samples a second; decimate the recording first "
+            f"Kalman smoothing at {cutoff:g} Hz is ill-conditioned at {1 / system.h:g} samples a second; decimate the "
+            f"recording first "
             f"or give at least {system.lowest:.2g} Hz."
         )
     at = system.solve(cutoff)
@@ -88,7 +94,8 @@ class _Solution:
 
 
 class _System:
-    """The normal equations in steps of the median period h, states scaled by powers of h: (r^2 = 1, ratio = q h^(2m-1)/r^2)."""
+    """The normal equations in steps of the median period h, states scaled by powers of h: (r^2 = 1, ratio = q
+    h^(2m-1)/r^2)."""
 
     def __init__(self, t: np.ndarray, values: np.ndarray, m: int):
         self.m, self.n = m, len(t)
@@ -98,7 +105,9 @@ class _System:
         steps = np.diff(t) / self.h
         i, j = np.indices((m, m))
         powers = np.array([factorial(k) for k in range(2 * m)], dtype=float)
-        self.ahead = ahead = np.where(j >= i, steps[:, None, None] ** np.maximum(j - i, 0) / powers[np.maximum(j - i, 0)], 0.0)
+        self.ahead = ahead = np.where(
+            j >= i, steps[:, None, None] ** np.maximum(j - i, 0) / powers[np.maximum(j - i, 0)], 0.0
+        )
         a, b = m - 1 - i, m - 1 - j
         spread = steps[:, None, None] ** (a + b + 1) / ((a + b + 1) * powers[a] * powers[b])
         self.inverse = inverse = np.linalg.inv(spread)
@@ -135,7 +144,9 @@ class _System:
         driven = x[1:] - np.einsum("kij,kj->ki", self.ahead, x[:-1])
         squares = np.sum((self.y - x[:, 0]) ** 2) + np.einsum("ki,kij,kj->", driven, self.inverse, driven) / ratio
         # det(covariance of y) = det(precision of the states given y) / det(prior precision), by Sylvester's identity
-        log_determinant = 2 * float(np.sum(np.log(factor[0]))) + (n - 1) * m * np.log(ratio) + self.log_spread - m * np.log(_TRUST)
+        log_determinant = (
+            2 * float(np.sum(np.log(factor[0]))) + (n - 1) * m * np.log(ratio) + self.log_spread - m * np.log(_TRUST)
+        )
         x[:, 0] += self.middle
         return _Solution(x / self.h ** np.arange(m), float(squares), log_determinant)
 
@@ -145,5 +156,7 @@ class _System:
         grid = np.linspace(np.log(low), np.log(high), 25)
         best = int(np.argmin([cost(float(np.exp(v))) for v in grid]))
         ends = grid[max(best - 1, 0)], grid[min(best + 1, len(grid) - 1)]
-        found: Any = minimize_scalar(lambda v: cost(float(np.exp(v))), bounds=ends, method="bounded", options={"xatol": 1e-3})
+        found: Any = minimize_scalar(
+            lambda v: cost(float(np.exp(v))), bounds=ends, method="bounded", options={"xatol": 1e-3}
+        )
         return float(np.exp(found.x))

@@ -1,4 +1,5 @@
-"""A signal that was read in whole steps: a smooth curve beside it, and what other places of the steps would have read of that curve."""
+"""A signal that was read in whole steps: a smooth curve beside it, and what other places of the steps would have
+read of that curve."""
 
 import numpy as np
 
@@ -16,9 +17,10 @@ MOST = 0.5  # steps rms that the readings may lie off it; rounding alone gives 0
 def unrounded(y: np.ndarray, rests: bool = True) -> np.ndarray:
     """A smooth curve (n,) beside readings y (n,) in steps of 1.
 
-    Where readings move, a cubic at each sample over the longest window, of up to 513 samples, beside which no window reads more than half
-    a step rms off, nor any shorter one. A signal that jumps by several steps from sample to sample stays as it is there, and so does one
-    that `rests`: a motor that stands still does so anywhere within a step, while a signal that turns back only looks as if it rested.
+    Where readings move, a cubic at each sample over the longest window, of up to 513 samples, beside which no window
+    reads more than half a step rms off, nor any shorter one. A signal that jumps by several steps from sample to sample
+    stays as it is there, and so does one that `rests`: a motor that stands still does so anywhere within a step, while
+    a signal that turns back only looks as if it rested.
     """
     curve = np.array(y, dtype=float)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], ~(_rests(curve) & rests), [False]]).astype(int)))
@@ -28,7 +30,8 @@ def unrounded(y: np.ndarray, rests: bool = True) -> np.ndarray:
 
 
 def _rests(y: np.ndarray) -> np.ndarray:
-    """Samples (n,) of readings that stay the same for long, and much longer than before and after: not of a slow motion."""
+    """Samples (n,) of readings that stay the same for long, and much longer than before and after: not of a slow
+    motion."""
     begins = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1])
     lengths = np.diff(np.append(begins, len(y)))
     beside = np.maximum(np.append(lengths[1:], 0), np.append(0, lengths[:-1]))
@@ -51,7 +54,10 @@ def _smooth(y: np.ndarray) -> np.ndarray:
         good = np.zeros(n, dtype=bool)
         good[inner] = near & fits[inner]
         curve[inner] = np.where(good[inner], middle, curve[inner])
-        for place, at, of in ((slice(0, half), 0, slice(0, half)), (slice(n - half, n), -1, slice(width - half, width))):
+        for place, at, of in (
+            (slice(0, half), 0, slice(0, half)),
+            (slice(n - half, n), -1, slice(width - half, width)),
+        ):
             if near[at] and fits[place].all():  # both ends by their first window
                 curve[place], good[place] = basis[:, of].T @ parts[:, at], True
         fits = good
@@ -59,7 +65,8 @@ def _smooth(y: np.ndarray) -> np.ndarray:
 
 
 def misread(curve: np.ndarray, phase: float) -> np.ndarray:
-    """By how much (n,) whole steps read a curve (n,) wrong, less than half a step either way, where they lie `phase` steps (0 to 1) off."""
+    """By how much (n,) whole steps read a curve (n,) wrong, less than half a step either way, where they lie `phase`
+    steps (0 to 1) off."""
     place = curve + phase
     return np.floor(place) - place + 0.5
 
@@ -67,13 +74,13 @@ def misread(curve: np.ndarray, phase: float) -> np.ndarray:
 def reread(recording: Recording, name: str, step: float, places: int, counted: bool) -> list[Recording]:
     """The recording with an input as steps at so many other places might have read it.
 
-    The signal has the error of such steps more than as it was read. Not `counted`, its readings are rounded to multiples of `step`.
-    `counted`, its integral is: the signal is a speed made of counts, held from sample to sample, and `step` (in its unit times seconds) is
-    one count. Missing samples stay missing.
+    The signal has the error of such steps more than as it was read. Not `counted`, its readings are rounded to
+    multiples of `step`. `counted`, its integral is: the signal is a speed made of counts, held from sample to sample,
+    and `step` (in its unit times seconds) is one count. Missing samples stay missing.
 
-    The steps lie evenly over one step in turn. Where a signal rests its curve lies on a step, and two rests would be read wrong by the
-    same; so each reading is also of a motion that is longer by up to `LONGER` steps (`ABOUT` if not counted), spread over the way that it
-    goes.
+    The steps lie evenly over one step in turn. Where a signal rests its curve lies on a step, and two rests would be
+    read wrong by the same; so each reading is also of a motion that is longer by up to `LONGER` steps (`ABOUT` if not
+    counted), spread over the way that it goes.
     """
     values, t = recording[name], recording.t
     there = np.isfinite(values)
@@ -88,6 +95,9 @@ def reread(recording: Recording, name: str, step: float, places: int, counted: b
         error = step * misread(curve + longer * np.mod(k * GOLDEN, 1.0), (k + 0.5) / places)
         if counted:
             error = np.diff(error, append=error[-1]) / np.where(held > 0, held, 1.0)
-        signals = {**recording.signals, name: Signal(np.where(there, values + error, values), recording.signals[name].unit)}
+        signals = {
+            **recording.signals,
+            name: Signal(np.where(there, values + error, values), recording.signals[name].unit),
+        }
         found.append(Recording(t, signals, recording.name, recording.log, recording.clocked))
     return found

@@ -1,7 +1,8 @@
 """Plotly figures as plain dictionaries, one file per theme.
 
-A page keeps a figure with `Drawings.add(figure, label)` (`report/drawings.py`), and its template places it by `drawing`. Pages hold the
-cartesian bundle of plotly, which draws no other kinds of traces (`tests/report/test_page_script.py`).
+A page keeps a figure with `Drawings.add(figure, label)` (`report/drawings.py`), and its template places it by
+`drawing`. Pages hold the cartesian bundle of plotly, which draws no other kinds of traces
+(`tests/report/test_page_script.py`).
 """
 
 from plantfit.report.figures.convergence import convergence_figure, waterfall_figure

@@ -25,7 +25,9 @@ def convergence_figure(runs: Sequence[Run]) -> Figure:
         if many:
             data += _quartiles(own, method, colour, band)
         if lines or not many:
-            data += [_run_line(r, colour, faint=many, legend=not many and j == 0) for j, r in enumerate(own[:MOST_LINES])]
+            data += [
+                _run_line(r, colour, faint=many, legend=not many and j == 0) for j, r in enumerate(own[:MOST_LINES])
+            ]
     costs = np.concatenate([array(r.history.cost) for r in runs] or [np.array([])])
     counts = np.concatenate([array(r.history.evaluations) for r in runs] or [np.array([])])
     layout = style.layout(340, showlegend=True, hovermode="closest")
@@ -53,7 +55,9 @@ def waterfall_figure(runs: Sequence[Run]) -> Figure:
             }
         )
     layout = style.layout(260, showlegend=len(names) > 1, hovermode="closest")
-    layout["xaxis"] = style.axis("runs, sorted by final cost", tickformat="d", nticks=10, range=[0.5, len(ended) + 0.5], showgrid=False)
+    layout["xaxis"] = style.axis(
+        "runs, sorted by final cost", tickformat="d", nticks=10, range=[0.5, len(ended) + 0.5], showgrid=False
+    )
     layout["yaxis"] = style.log_axis("final cost", np.array([r.cost for r in ended], dtype=float))
     return {"data": data, "layout": layout}
 
@@ -75,7 +79,13 @@ def _quartiles(runs: Sequence[Run], method: str, colour: str, band: str) -> list
     grid = np.geomspace(max(first, 1.0), max(last, first, 1.0), GRID_POINTS)
     curves = np.stack([cost_at(e, c, grid) for e, c in histories])
     low, middle, high = np.nanquantile(curves, [0.25, 0.5, 0.75], axis=0)
-    base = {"type": "scatter", "mode": "lines", "x": style.numbers(grid, 5), "legendgroup": style.plain(method), "hoverinfo": "skip"}
+    base = {
+        "type": "scatter",
+        "mode": "lines",
+        "x": style.numbers(grid, 5),
+        "legendgroup": style.plain(method),
+        "hoverinfo": "skip",
+    }
     edge = base | {"line": {"width": 0}, "showlegend": False}
     name = style.plain(f"{method}: median of {len(runs)}, quartiles")
     return [

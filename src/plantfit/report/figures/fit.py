@@ -18,7 +18,9 @@ MARKERS_UP_TO = 150  # samples that are drawn as points
 
 def fit_figure(recording: Recording, points: int) -> Figure:
     """All signals of one recording; at most about `points` samples of each are drawn."""
-    heights = [h for _ in recording.outputs for h in (OUTPUT_HEIGHT, SMALL_HEIGHT)] + [SMALL_HEIGHT] * len(recording.inputs)
+    heights = [h for _ in recording.outputs for h in (OUTPUT_HEIGHT, SMALL_HEIGHT)] + [SMALL_HEIGHT] * len(
+        recording.inputs
+    )
     domains = _domains(heights)
     t = array(recording.t)
     data, shapes, notes = [], [], []
@@ -34,14 +36,26 @@ def fit_figure(recording: Recording, points: int) -> Figure:
         measured, simulated = array(output.measured), array(output.simulated)
         first = panel == 0
         look, residual = style.dots(measured, style.MEASURED, MARKERS_UP_TO), measured - simulated
-        data.append(_line("measured", t, measured, panel, points, style.MEASURED, 2.8, showlegend=first, legendgroup="m", **look))
-        data.append(_line("simulated", t, simulated, panel, points, style.SIMULATED, 1.4, showlegend=first, legendgroup="s"))
-        data.append(_line("residual", t, residual, panel + 1, points, style.RESIDUAL, 1, **style.dots(residual, style.RESIDUAL)))
+        data.append(
+            _line(
+                "measured", t, measured, panel, points, style.MEASURED, 2.8, showlegend=first, legendgroup="m", **look
+            )
+        )
+        data.append(
+            _line("simulated", t, simulated, panel, points, style.SIMULATED, 1.4, showlegend=first, legendgroup="s")
+        )
+        data.append(
+            _line("residual", t, residual, panel + 1, points, style.RESIDUAL, 1, **style.dots(residual, style.RESIDUAL))
+        )
         shapes += _zones(t, output, panel, labelled=True) + _zones(t, output, panel + 1, labelled=False)
         notes.append(style.heading(with_unit(name, output.unit), 0, domains[panel][1]))
-        notes.append(style.heading(with_unit(f"residual of {name}", output.unit), 0, domains[panel + 1][1], font=style.SMALL))
+        notes.append(
+            style.heading(with_unit(f"residual of {name}", output.unit), 0, domains[panel + 1][1], font=style.SMALL)
+        )
         layout[_axis("yaxis", panel)] = style.axis(domain=domains[panel], nticks=6)
-        layout[_axis("yaxis", panel + 1)] = style.axis(domain=domains[panel + 1], nticks=4, zeroline=True, zerolinecolor=style.MUTED)
+        layout[_axis("yaxis", panel + 1)] = style.axis(
+            domain=domains[panel + 1], nticks=4, zeroline=True, zerolinecolor=style.MUTED
+        )
         panel += 2
     for name, signal in recording.inputs.items():
         data.append(_line(f"input {name}", t, array(signal.values), panel, points, style.INPUT, 1.2))
@@ -51,7 +65,10 @@ def fit_figure(recording: Recording, points: int) -> Figure:
     for k in range(panel):
         last = k == panel - 1
         layout[_axis("xaxis", k)] = style.axis(
-            "time [s]" if last else "", anchor=_axis("y", k), showticklabels=last, **({} if k == 0 else {"matches": "x"})
+            "time [s]" if last else "",
+            anchor=_axis("y", k),
+            showticklabels=last,
+            **({} if k == 0 else {"matches": "x"}),
         )
     return {"data": data, "layout": layout | {"shapes": shapes, "annotations": notes}}
 
@@ -68,7 +85,9 @@ def _domains(heights: list[int]) -> list[list[float]]:
     return [[max(0.0, (top - height) / total), top / total] for top, height in zip(tops, heights, strict=True)]
 
 
-def _line(name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more: Any) -> dict[str, Any]:
+def _line(
+    name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more: Any
+) -> dict[str, Any]:
     keep = envelope(values, points)
     base = {
         "type": "scatter",

@@ -24,8 +24,8 @@ ROOM = 1.05  # times what is to be seen
 
 
 def look_figure(look: Look, recording: Recording) -> Figure | None:
-    """The signal of a look, the steps of the clock, a record beside a time of the model, or what is new in an input beside what an output
-    tells of it; None for looks that failed, and for signals that are not recorded."""
+    """The signal of a look, the steps of the clock, a record beside a time of the model, or what is new in an input
+    beside what an output tells of it; None for looks that failed, and for signals that are not recorded."""
     t = array(recording.t)
     if look.kind in TIMES and len(t) > 1:
         return _beside_time(look, t, recording)
@@ -34,7 +34,13 @@ def look_figure(look: Look, recording: Recording) -> Figure | None:
     if look.kind in CLOCK and len(t) > 1:
         return _figure(look, t[:-1], np.diff(t), f"step of the clock of {recording.name} [s]", len(t) <= POINTS)
     values, unit = _signal(look.signal, recording)
-    if look.kind == FAILED or values is None or look.begin is None or look.end is None or not np.any(np.isfinite(values)):
+    if (
+        look.kind == FAILED
+        or values is None
+        or look.begin is None
+        or look.end is None
+        or not np.any(np.isfinite(values))
+    ):
         return None
     begin, end = _window(look, t, values)
     title = with_unit(f"{look.signal} in {recording.name}", unit)
@@ -53,7 +59,9 @@ def _beside_time(look: Look, t: np.ndarray, recording: Recording) -> Figure | No
     values = array(output.measured)[:shown]
     if not np.any(np.isfinite(values)):
         return None
-    title = f"{with_unit(f'{name} in {recording.name}', output.unit)}; shaded: {how} {significant(time, 4)} s by the bounds"
+    title = (
+        f"{with_unit(f'{name} in {recording.name}', output.unit)}; shaded: {how} {significant(time, 4)} s by the bounds"
+    )
     figure = _figure(replace(look, begin=None, end=None), t[:shown], values, title, slowly)
     end = t[0] + time
     figure["layout"]["shapes"] = [_zone(float(t[0]), float(end))]
@@ -71,7 +79,9 @@ def _told(look: Look, t: np.ndarray, recording: Recording) -> Figure | None:
     power = np.convolve(told**2, np.ones(min(CLOSE, len(told))), "valid")
     first = int(np.argmax(power))
     here = slice(first, first + CLOSE)
-    title = with_unit(f"new in {look.signal}, and (coloured) what past values of {look.other} tell of it, in {recording.name}", unit)
+    title = with_unit(
+        f"new in {look.signal}, and (coloured) what past values of {look.other} tell of it, in {recording.name}", unit
+    )
     figure = _figure(replace(look, begin=None, end=None), later[here], new[here], title, False)
     line = {**figure["data"][0], "y": style.numbers(told[here]), "x": style.numbers(later[here], 9)}
     figure["data"] = [figure["data"][0], {**line, "line": {"color": style.WARNING, "width": 1.6}}]
@@ -130,7 +140,12 @@ def _figure(look: Look, t: np.ndarray, values: np.ndarray, title: str, single: b
     layout["xaxis"] = style.axis("time [s]")
     layout["yaxis"] = style.axis(nticks=4)
     layout["annotations"] = [style.heading(title, 0, 1, font=style.SMALL)]
-    short = look.begin is not None and look.end is not None and len(t) > 1 and look.end - look.begin < WHOLE * (t[-1] - t[0])
+    short = (
+        look.begin is not None
+        and look.end is not None
+        and len(t) > 1
+        and look.end - look.begin < WHOLE * (t[-1] - t[0])
+    )
     if short and look.kind not in CLOCK:
         layout["shapes"] = [_zone(look.begin, look.end)]
     return {"data": data, "layout": layout}

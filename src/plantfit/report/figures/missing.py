@@ -15,7 +15,8 @@ PANEL, GAP, TOP, BOTTOM = 150, 40, 58, 46  # pixels
 
 
 def share_figure(first: Round) -> Figure:
-    """A bar for each addition of a round: its share of the mean square, the largest on top; those that were named stand out."""
+    """A bar for each addition of a round: its share of the mean square, the largest on top; those that were named
+    stand out."""
     shown = first.tried[:MOST_BARS][::-1]
     shares = np.array([100.0 * (t.explained or 0.0) for t in shown])
     bars = {
@@ -40,12 +41,17 @@ def share_figure(first: Round) -> Figure:
 def residual_change_figure(series: Sequence[ResidualChange], points: int) -> Figure:
     """Residuals over time with the model as it is and with an addition, one panel for each output of a recording."""
     height = PANEL * len(series) + GAP * (len(series) - 1)
-    layout = style.layout(height + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM})
+    layout = style.layout(
+        height + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM}
+    )
     data, notes = [], []
     for k, one in enumerate(series):
         top = (height - k * (PANEL + GAP)) / height
         axis = "" if k == 0 else str(k + 1)
-        for name, values, colour, width in (("as it is", one.before, style.MEASURED, 1.4), ("with it", one.after, style.SIMULATED, 1.2)):
+        for name, values, colour, width in (
+            ("as it is", one.before, style.MEASURED, 1.4),
+            ("with it", one.after, style.SIMULATED, 1.2),
+        ):
             data.append(_line(name, array(one.t), array(values), axis, colour, width, points, k == 0))
         title = f"residual of {one.output}" + (f" in {one.recording}" if len(series) > 1 else "")
         notes.append(style.heading(with_unit(title, one.unit), 0, top, font=style.SMALL))
@@ -56,7 +62,9 @@ def residual_change_figure(series: Sequence[ResidualChange], points: int) -> Fig
     return {"data": data, "layout": layout | {"annotations": notes}}
 
 
-def _line(name: str, t: np.ndarray, values: np.ndarray, axis: str, colour: str, width: float, points: int, legend: bool) -> dict:
+def _line(
+    name: str, t: np.ndarray, values: np.ndarray, axis: str, colour: str, width: float, points: int, legend: bool
+) -> dict:
     keep = envelope(values, points)
     return {
         "type": "scatter",

@@ -39,7 +39,9 @@ def table_figure(tables: Sequence[OperatingTable]) -> Figure:
         data.append(_key("not visited", style.MUTED, "x-thin-open"))
     if any(s == "at bound" for line in lines for s in line.status):
         data.append(_key("on a bound", style.WARNING, "diamond"))
-    layout = style.layout(HEIGHT, showlegend=len(data) > 2, hovermode="closest", margin={"l": 56, "r": 14, "t": 40, "b": 44})
+    layout = style.layout(
+        HEIGHT, showlegend=len(data) > 2, hovermode="closest", margin={"l": 56, "r": 14, "t": 40, "b": 44}
+    )
     layout["legend"] = layout["legend"] | {"x": 0, "xanchor": "left"}
     layout["xaxis"] = style.axis(with_unit(first.over[-1], first.over_units[-1]))
     layout["yaxis"] = style.axis(with_unit(first.name, first.unit), range=_range(lines))
@@ -89,10 +91,19 @@ def _drawn(line: Line, k: int, shift: float, table: OperatingTable) -> list[dict
         (("not visited",), style.MUTED, "x-thin-open"),
         (("at bound",), style.WARNING, "diamond"),
     )
-    return [through, *(_points(line, x, kinds, look, symbol, group, table) for kinds, look, symbol in looks if {*kinds} & {*line.status})]
+    return [
+        through,
+        *(
+            _points(line, x, kinds, look, symbol, group, table)
+            for kinds, look, symbol in looks
+            if {*kinds} & {*line.status}
+        ),
+    ]
 
 
-def _points(line: Line, x: np.ndarray, kinds: Sequence[str], colour: str, symbol: str, group: str, table: OperatingTable) -> dict[str, Any]:
+def _points(
+    line: Line, x: np.ndarray, kinds: Sequence[str], colour: str, symbol: str, group: str, table: OperatingTable
+) -> dict[str, Any]:
     at = [k for k, status in enumerate(line.status) if status in kinds]
     above, below = (np.nan_to_num(v[at]) for v in (line.high - line.values, line.values - line.low))
     return {
@@ -121,7 +132,9 @@ def _words(line: Line, k: int, table: OperatingTable) -> str:
     unit = f" {unit_label(table.unit)}" if unit_label(table.unit) else ""
     over = f" {unit_label(table.over_units[-1])}" if unit_label(table.over_units[-1]) else ""
     if line.status[k] == "not visited":
-        return f"{line.name}, {table.over[-1]} = {significant(float(line.nodes[k]))}{over}: not visited, so not measured"
+        return (
+            f"{line.name}, {table.over[-1]} = {significant(float(line.nodes[k]))}{over}: not visited, so not measured"
+        )
     sure = "" if np.isnan(line.low[k]) else f"; 95 % interval {interval(float(line.low[k]), float(line.high[k]))}"
     where = f"{table.over[-1]} = {significant(float(line.nodes[k]))}{over}"
     return f"{line.name}, {where}: {significant(float(line.values[k]))}{unit}{sure} ({line.status[k]})"

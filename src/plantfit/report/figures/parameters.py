@@ -19,7 +19,9 @@ def interval_figure(parameters: Sequence[Parameter], runs: Sequence[Run]) -> Fig
     shown = drawable(parameters)
     rows = {p.name: len(shown) - 1 - k for k, p in enumerate(shown)}
     sure = [(*_clipped(p), rows[p.name]) for p in shown if p.low is not None and p.high is not None]
-    wide = [(*_reach(p, p.uncertainty.low, p.uncertainty.high), rows[p.name]) for p in shown if p.uncertainty is not None]
+    wide = [
+        (*_reach(p, p.uncertainty.low, p.uncertainty.high), rows[p.name]) for p in shown if p.uncertainty is not None
+    ]
     data = [
         _lines("bounds", [(0.0, 1.0, rows[p.name]) for p in shown], style.TRACK, 8, showlegend=False, hoverinfo="skip"),
         *([_lines("95 % interval with stated errors", wide, style.WARNING, 3)] if wide else []),
@@ -27,7 +29,9 @@ def interval_figure(parameters: Sequence[Parameter], runs: Sequence[Run]) -> Fig
         _values(shown, rows),
         *_runs(shown, runs, rows),
     ]
-    layout = style.layout(ROW * len(shown) + 80, showlegend=True, hovermode="closest", margin={"l": 40, "r": 14, "t": 62, "b": 10})
+    layout = style.layout(
+        ROW * len(shown) + 80, showlegend=True, hovermode="closest", margin={"l": 40, "r": 14, "t": 62, "b": 10}
+    )
     layout["xaxis"] = style.axis(range=[-0.02, 1.02], showgrid=False, showticklabels=False)
     layout["yaxis"] = style.axis(
         range=[-0.7, len(shown) - 0.4],
@@ -44,7 +48,11 @@ def interval_figure(parameters: Sequence[Parameter], runs: Sequence[Run]) -> Fig
 def drawable(parameters: Sequence[Parameter]) -> list[Parameter]:
     """Parameters with a value and both bounds; fixed ones have no place to be drawn at."""
     unknown = ("fixed", "not visited")
-    return [p for p in parameters if None not in (p.value, p.lower_bound, p.upper_bound) and p.status not in unknown and _width(p) > 0]
+    return [
+        p
+        for p in parameters
+        if None not in (p.value, p.lower_bound, p.upper_bound) and p.status not in unknown and _width(p) > 0
+    ]
 
 
 def position(parameter: Parameter, value: float) -> float:
@@ -70,7 +78,9 @@ def weight_figure(combination: Combination) -> Figure:
         "hovertemplate": "%{y}: %{x:.3f}<extra></extra>",
     }
     layout = style.layout(28 * len(names) + 86, margin={"l": 40, "r": 14, "t": 26, "b": 44})
-    layout["xaxis"] = style.axis("weight in the combination", range=[-reach, reach], zeroline=True, zerolinecolor=style.MUTED, nticks=7)
+    layout["xaxis"] = style.axis(
+        "weight in the combination", range=[-reach, reach], zeroline=True, zerolinecolor=style.MUTED, nticks=7
+    )
     layout["yaxis"] = style.axis(type="category", showgrid=False, tickfont={"size": 13, "color": style.INK})
     return {"data": [bars], "layout": layout}
 
@@ -96,7 +106,9 @@ def _lines(name: str, pieces: list[tuple[float, float, int]], colour: str, width
 
 def _values(shown: Sequence[Parameter], rows: dict[str, int]) -> dict:
     texts = [
-        f"{p.name} = {plus_minus(p.value, p.standard_error)} {unit_label(p.unit)}; 95 % interval {interval(p.low, p.high)}" for p in shown
+        f"{p.name} = {plus_minus(p.value, p.standard_error)} {unit_label(p.unit)}; 95 % interval "
+        f"{interval(p.low, p.high)}"
+        for p in shown
     ]
     return {
         "type": "scatter",
@@ -125,7 +137,9 @@ def _runs(shown: Sequence[Parameter], runs: Sequence[Run], rows: dict[str, int])
     return [_dots(name, group, symbol, lift, shown, rows) for name, group, symbol, lift in looks if group]
 
 
-def _dots(name: str, runs: Sequence[Run], symbol: str, lift: float, shown: Sequence[Parameter], rows: dict[str, int]) -> dict:
+def _dots(
+    name: str, runs: Sequence[Run], symbol: str, lift: float, shown: Sequence[Parameter], rows: dict[str, int]
+) -> dict:
     dots = [(p, r, value) for p in shown for r in runs if (value := r.parameters.get(p.name)) is not None]
     return {
         "type": "scatter",
@@ -134,7 +148,10 @@ def _dots(name: str, runs: Sequence[Run], symbol: str, lift: float, shown: Seque
         "x": [float(f"{np.clip(position(p, value), 0, 1):.5g}") for p, _, value in dots],
         "y": [rows[p.name] + lift for p, _, _ in dots],
         "marker": {"symbol": symbol, "size": 6, "color": style.RESIDUAL, "opacity": 0.75},
-        "text": [style.plain(f"{r.method} run {r.run}: {p.name} = {significant(value)} {unit_label(p.unit)}") for p, r, value in dots],
+        "text": [
+            style.plain(f"{r.method} run {r.run}: {p.name} = {significant(value)} {unit_label(p.unit)}")
+            for p, r, value in dots
+        ],
         "hovertemplate": "%{text}<extra></extra>",
     }
 
@@ -142,6 +159,9 @@ def _dots(name: str, runs: Sequence[Run], symbol: str, lift: float, shown: Seque
 def _bound_labels(p: Parameter, row: int) -> list[dict]:
     """Both bounds under the ends of the row, the unit and the scale with the upper one."""
     tail = f" {unit_label(p.unit)}" if unit_label(p.unit) else ""
-    low, high = significant(p.lower_bound), significant(p.upper_bound) + tail + (", log scale" if p.scale == "log" else "")
+    low, high = (
+        significant(p.lower_bound),
+        significant(p.upper_bound) + tail + (", log scale" if p.scale == "log" else ""),
+    )
     place = {"xref": "x", "yref": "y", "yanchor": "top", "yshift": -5, "font": style.SMALL}
     return [style.heading(low, 0, row, **place), style.heading(high, 1, row, **(place | {"xanchor": "right"}))]

@@ -14,7 +14,10 @@ def stem_figure(lags_s: np.ndarray, values: np.ndarray, bound: float | None, tit
     keep = envelope(values, MOST_STEMS)
     lags, values = lags_s[keep], values[keep]
     outside = np.abs(values) > (np.inf if bound is None else bound)
-    data = [_stems(lags[~outside], values[~outside], style.SIMULATED), _stems(lags[outside], values[outside], style.WARNING)]
+    data = [
+        _stems(lags[~outside], values[~outside], style.SIMULATED),
+        _stems(lags[outside], values[outside], style.WARNING),
+    ]
     reach = max(1.15 * np.nanmax(np.abs(values), initial=0.0), 1.6 * (bound or 0.0), 1e-3)
     layout = style.layout(210, hovermode="closest", margin={"l": 48, "r": 10, "t": 28, "b": 42})
     layout["xaxis"] = style.axis("lag [s]", nticks=7)

@@ -21,7 +21,9 @@ class Panel(NamedTuple):
     lines: Mapping[str, np.ndarray]
 
 
-def strobe_figure(t: np.ndarray, points: np.ndarray, at: Sequence[float], panels: Sequence[Panel], title: str = "") -> Figure:
+def strobe_figure(
+    t: np.ndarray, points: np.ndarray, at: Sequence[float], panels: Sequence[Panel], title: str = ""
+) -> Figure:
     """A chain of links, drawn at the times `at` (s), faint to dark, with the path of its tip; `panels` beside it.
 
     t (N,) in s; points (N, k, 2) in m: x and y of k points along the chain, the last one its tip. A line has the same
@@ -44,10 +46,15 @@ def strobe_figure(t: np.ndarray, points: np.ndarray, at: Sequence[float], panels
     for k, panel in enumerate(panels):
         top = 1.0 - k * (height + GAP)
         x, y = f"x{k + 2}", f"y{k + 2}"
-        data += [_signal(t, values, name, names.index(name), x, y, first=k == _first(panels, name)) for name, values in panel.lines.items()]
+        data += [
+            _signal(t, values, name, names.index(name), x, y, first=k == _first(panels, name))
+            for name, values in panel.lines.items()
+        ]
         last = k == len(panels) - 1
         matches = {} if k == 0 else {"matches": "x2"}
-        layout[f"xaxis{k + 2}"] = style.axis("time [s]" if last else "", domain=SIGNALS, anchor=y, showticklabels=last, **matches)
+        layout[f"xaxis{k + 2}"] = style.axis(
+            "time [s]" if last else "", domain=SIGNALS, anchor=y, showticklabels=last, **matches
+        )
         layout[f"yaxis{k + 2}"] = style.axis(domain=[max(0.0, top - height), top], anchor=x, nticks=6)
         notes.append(style.heading(panel.title, SIGNALS[0], top))
     return {"data": data, "layout": layout | {"annotations": notes}}

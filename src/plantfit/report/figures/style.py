@@ -19,7 +19,12 @@ FIT_ZONE, VALIDATION_ZONE, BOUND_ZONE = "var(--fit-zone)", "var(--validation-zon
 TRACK, WARNING, CLEAR = "var(--track)", "var(--warning)", "rgba(0,0,0,0)"
 SERIES, BANDS = tuple(f"var(--series-{k})" for k in range(1, 7)), tuple(f"var(--band-{k})" for k in range(1, 7))
 SMALL = {"size": 11, "color": MUTED}
-NARROW, WIDE, KEY, ROW = 15, 105, 6, 20  # characters of a name's line, of a legend's row and of a key in it; pixels of a row
+NARROW, WIDE, KEY, ROW = (
+    15,
+    105,
+    6,
+    20,
+)  # characters of a name's line, of a legend's row and of a key in it; pixels of a row
 
 
 def layout(height: int, **more: Any) -> dict[str, Any]:
@@ -29,10 +34,22 @@ def layout(height: int, **more: Any) -> dict[str, Any]:
         "autosize": True,
         "paper_bgcolor": CLEAR,
         "plot_bgcolor": CLEAR,
-        "font": {"family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif", "size": 12, "color": INK},
+        "font": {
+            "family": "system-ui, -apple-system, 'Segoe UI', Roboto, 'DejaVu Sans', sans-serif",
+            "size": 12,
+            "color": INK,
+        },
         "margin": {"l": 56, "r": 14, "t": 58, "b": 44},
         "hoverlabel": {"bgcolor": "var(--card)", "bordercolor": GRID, "font": {"color": INK}, "namelength": -1},
-        "legend": {"orientation": "h", "x": 1, "xanchor": "right", "y": 1, "yanchor": "bottom", "bgcolor": CLEAR, "font": {"size": 12}},
+        "legend": {
+            "orientation": "h",
+            "x": 1,
+            "xanchor": "right",
+            "y": 1,
+            "yanchor": "bottom",
+            "bgcolor": CLEAR,
+            "font": {"size": 12},
+        },
         "modebar": {"bgcolor": CLEAR, "color": MUTED, "activecolor": INK},
         "uirevision": "keep",
         "showlegend": False,
@@ -65,7 +82,10 @@ def log_axis(title: str, values: np.ndarray, **more: Any) -> dict[str, Any]:
 
 def categories(names: Sequence[str], **more: Any) -> dict[str, Any]:
     """An axis of names, long ones in lines: turned ones take half of a figure."""
-    told = {"tickvals": [plain(n) for n in names], "ticktext": ["<br>".join(map(plain, textwrap.wrap(n, NARROW))) for n in names]}
+    told = {
+        "tickvals": [plain(n) for n in names],
+        "ticktext": ["<br>".join(map(plain, textwrap.wrap(n, NARROW))) for n in names],
+    }
     return axis(type="category", tickfont={"size": 12, "color": INK}, **told, **more)
 
 
@@ -77,7 +97,15 @@ def with_legend(layout: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
 
 def heading(text: str, x: float, y: float, **more: Any) -> dict[str, Any]:
     """A panel's title at its upper left corner, in paper coordinates."""
-    base = {"text": plain(text), "x": x, "y": y, "xref": "paper", "yref": "paper", "xanchor": "left", "yanchor": "bottom"}
+    base = {
+        "text": plain(text),
+        "x": x,
+        "y": y,
+        "xref": "paper",
+        "yref": "paper",
+        "xanchor": "left",
+        "yanchor": "bottom",
+    }
     return base | {"showarrow": False, "align": "left", "font": {"size": 12, "color": INK}} | more
 
 
@@ -87,8 +115,8 @@ def plain(text: str) -> str:
 
 
 def dots(values: np.ndarray, colour: str, few: int = 0) -> dict[str, Any]:
-    """What draws a trace (n,) as points where it has at most `few` samples, or where a line would not show most of them, as each stands
-    alone between missing ones; else nothing."""
+    """What draws a trace (n,) as points where it has at most `few` samples, or where a line would not show most of
+    them, as each stands alone between missing ones; else nothing."""
     there = np.isfinite(values)
     beside = np.r_[False, there[:-1]] | np.r_[there[1:], False]
     alone = np.sum(there & ~beside) > 0.5 * np.sum(there)

@@ -35,7 +35,8 @@ def heads(record: TunedController) -> tuple[str, ...]:
     unit = record.output.unit
     load = "s" if unit in (None, "", "1") else f"{unit}*s"
     return (
-        "tuning", with_unit("K", record.units.get("K", record.units["Kp"])), "Ti [s]", "Td [s]", "b", "IAE step [s]", "overshoot %",
+        "tuning", with_unit("K", record.units.get("K", record.units["Kp"])), "Ti [s]", "Td [s]", "b", "IAE step [s]",
+        "overshoot %",
         with_unit("IAE load", load), "Ms", "GM", "PM [deg]", "kept by",
     )  # fmt: skip
 
@@ -46,11 +47,25 @@ def table_rows(record: TunedController) -> list[tuple[str, ...]]:
 
 
 def _row(r: Loop) -> tuple[str, ...]:
-    margins = (f"{r.ms:.2f}", _number(r.gain_margin, 2), _number(r.phase_margin, 0)) if r.stable else ("unstable", "-", "-")
+    margins = (
+        (f"{r.ms:.2f}", _number(r.gain_margin, 2), _number(r.phase_margin, 0)) if r.stable else ("unstable", "-", "-")
+    )
     if isinstance(r, CascadeLoop):  # its gain is in other units than those of the head
         pid = ("-", f"{r.Ti:.4g}", f"{r.Td:.3g}", f"{r.b:.2g}")
-        return (r.name, *pid, f"{r.iae:.4g}", f"{r.overshoot:.1f}", f"{r.load_iae:.4g}", *margins, f"{100 * r.share:.0f} %")
-    pid = (f"{r.K:.4g}", f"{r.Ti:.4g}", f"{r.Td:.3g}", f"{r.b:.2g}") if isinstance(r, PidLoop | SmithLoop) else ("-", "-", "-", "-")
+        return (
+            r.name,
+            *pid,
+            f"{r.iae:.4g}",
+            f"{r.overshoot:.1f}",
+            f"{r.load_iae:.4g}",
+            *margins,
+            f"{100 * r.share:.0f} %",
+        )
+    pid = (
+        (f"{r.K:.4g}", f"{r.Ti:.4g}", f"{r.Td:.3g}", f"{r.b:.2g}")
+        if isinstance(r, PidLoop | SmithLoop)
+        else ("-", "-", "-", "-")
+    )
     return (r.name, *pid, f"{r.iae:.4g}", f"{r.overshoot:.1f}", f"{r.load_iae:.4g}", *margins, f"{100 * r.share:.0f} %")
 
 
@@ -60,20 +75,34 @@ def settings(record: TunedController) -> str:
     per = {name: f" {label}" if label else "" for name, label in labels.items()}
     if isinstance(best, ScheduledLoop):
         ends = " to ".join(f"{g:.5g}" for g in (min(best.Kp, key=abs), max(best.Kp, key=abs)))
-        return f"gains of {len(best.levels)} levels of {record.output.name}, Kp {ends}{per['Kp']}; they stand in the table of the levels"
+        return (
+            f"gains of {len(best.levels)} levels of {record.output.name}, Kp {ends}{per['Kp']}; they stand in the "
+            f"table of the levels"
+        )
     if isinstance(best, PidLoop | SmithLoop | CascadeLoop):
         told = (
             f"Kp {best.Kp:.6g}{per['Kp']}, Ki {best.Ki:.6g}{per['Ki']}, Kd {best.Kd:.6g}{per['Kd']}, b {best.b:.3g}, "
             f"filter {best.filter_time:.3g} s"
         )
         if isinstance(best, CascadeLoop) and record.inner is not None:
-            inner = f"PI of {record.inner.name}: Kp {best.inner_Kp:.6g}{per['inner_Kp']}, Ki {best.inner_Ki:.6g}{per['inner_Ki']}"
+            inner = (
+                f"PI of {record.inner.name}: Kp {best.inner_Kp:.6g}{per['inner_Kp']}, Ki "
+                f"{best.inner_Ki:.6g}{per['inner_Ki']}"
+            )
             return f"PID of {record.output.name}: {told}; {inner}"
-        ahead = f", {best.ahead} samples ahead, {100 * best.taken:.3g} % of a miss per sample" if isinstance(best, SmithLoop) else ""
+        ahead = (
+            f", {best.ahead} samples ahead, {100 * best.taken:.3g} % of a miss per sample"
+            if isinstance(best, SmithLoop)
+            else ""
+        )
         return told + ahead
     if record.plan is not None:
         plan = record.plan
-        told = f"plans {len(plan.moves)} moves over {plan.seconds:.4g} s with {plan.rows} limits, {plan.steps} steps a sample"
+        told = (
+            f"plans {len(plan.moves)} moves over {plan.seconds:.4g} s with {plan.rows} limits, {plan.steps} steps "
+            f"a "
+            f"sample"
+        )
         return f"{told} ({plan.multiplications} multiplications); without limits {_servo(best, per)}"
     return _servo(best, per)
 
@@ -81,7 +110,8 @@ def settings(record: TunedController) -> str:
 def _servo(best: ServoLoop | PredictiveLoop, per: Mapping[str, str]) -> str:
     *states, load = best.K
     return (
-        f"K ({', '.join(f'{v:.5g}' for v in states)}) of the states, {load:.4g} of the load, set point {best.f:.5g}{per['Kp']}, "
+        f"K ({', '.join(f'{v:.5g}' for v in states)}) of the states, {load:.4g} of the load, set point "
+        f"{best.f:.5g}{per['Kp']}, "
         f"{len(best.P)} past inputs, filter ({', '.join(f'{v:.4g}' for v in best.gain)})"
     )
 
@@ -119,10 +149,16 @@ def asked(record: TunedController) -> list[str]:
         low, high = (f"{v:.5g}" if _finite(v) else "any" for v in ends)
         told.append(f"{record.output.name} is to stay within {low} to {high}{y}.")
     if _finite(w.rate):
-        told.append(f"{record.input.name} moves by at most {w.rate:.4g}{u} in a second, whichever controller drives it.")
+        told.append(
+            f"{record.input.name} moves by at most {w.rate:.4g}{u} in a second, whichever controller drives it."
+        )
     if record.others:
         told.append(f"Held: {', '.join(f'{n} = {v:.5g}' for n, v in record.others.items())}.")
-    left = [f"{n} = {v}" for n, v in record.proposed.items() if n not in ("overshoot", "ms", "share", "input_noise", "anti_windup", "over")]
+    left = [
+        f"{n} = {v}"
+        for n, v in record.proposed.items()
+        if n not in ("overshoot", "ms", "share", "input_noise", "anti_windup", "over")
+    ]
     if left:
         told += [f"Proposed: {text}." for text in left]
     return told
@@ -133,8 +169,15 @@ def reduction(record: TunedController) -> str:
     r = record.reduced
     what = "first order with dead time" if r.how == "as it is" else f"reduced to first order with dead time by {r.how}"
     if r.integrating:
-        return f"The rules saw the plant as an integrator ({r.gain:.4g} per second) with dead time {r.dead_time:.4g} s ({r.how})."
-    return f"The rules saw the plant as {what}: gain {r.gain:.4g}, lag {r.lag:.4g} s, dead time {r.dead_time:.4g} s, half a sample in it."
+        return (
+            f"The rules saw the plant as an integrator ({r.gain:.4g} per second) with dead time {r.dead_time:.4g} "
+            f"s "
+            f"({r.how})."
+        )
+    return (
+        f"The rules saw the plant as {what}: gain {r.gain:.4g}, lag {r.lag:.4g} s, dead time {r.dead_time:.4g} s, "
+        f"half a sample in it."
+    )
 
 
 def level_heads(record: TunedController) -> tuple[str, ...]:
@@ -168,7 +211,8 @@ def front_rows(record: TunedController) -> list[tuple[str, ...]]:
     """Texts under `front_heads`."""
     assert record.front is not None
     return [
-        (str(p.number), *(f"{p.figures[n]:.4g}" for n in record.front.figures), f"{100 * p.share:.0f} %") for p in record.front.points
+        (str(p.number), *(f"{p.figures[n]:.4g}" for n in record.front.figures),
+         f"{100 * p.share:.0f} %") for p in record.front.points
     ]  # fmt: skip
 
 
@@ -176,9 +220,14 @@ def front_told(record: TunedController) -> str:
     """What to do with a front."""
     assert record.front is not None
     front = record.front
-    taken = f"Point {front.picked} is the controller here" if front.picked else "The controller here is that of the least weighted sum"
+    taken = (
+        f"Point {front.picked} is the controller here"
+        if front.picked
+        else "The controller here is that of the least weighted sum"
+    )
     return (
-        f"Each point is a controller: over all plants no other is better in {' and '.join(n.replace('_', ' ') for n in front.figures)}. "
+        f"Each point is a controller: over all plants no other is better in "
+        f"{' and '.join(n.replace('_', ' ') for n in front.figures)}. "
         f"Figures are those of the best fit. {taken}; --pick takes another."
     )
 
@@ -191,7 +240,11 @@ def sentences(record: TunedController) -> list[str]:
 def _front_section(record: TunedController) -> list[dict[str, Any]]:
     if record.front is None:
         return []
-    table = {"caption": "Figures of the best fit; kept by: share of all plants", "columns": front_heads(record), "rows": front_rows(record)}
+    table = {
+        "caption": "Figures of the best fit; kept by: share of all plants",
+        "columns": front_heads(record),
+        "rows": front_rows(record),
+    }
     picture = {"figure": front_figure(record.front), "label": "controllers of the front, numbered as --pick takes them"}
     return [{"title": "Front", "sentences": [front_told(record)], "figures": [picture], "tables": [table]}]
 
@@ -213,15 +266,19 @@ def _schedule_section(record: TunedController) -> list[dict[str, Any]]:
         return []
     best = record.schedule.levels[record.schedule.best_single].level
     table = {
-        "caption": "Gains over the level; between levels they lie on the straight line, beyond the ends they are those of the end",
+        "caption": "Gains over the level; between levels they lie on the straight line, beyond the ends they are those "
+                   "of the end",
         "columns": level_heads(record), "rows": level_rows(record),
         "note": f"kept by: share of all plants that keep the wishes there; one PID: that of {best:.5g} at all levels.",
     }  # fmt: skip
     return [{"title": "Levels", "sentences": [], "tables": [table]}]
 
 
-def write_controller_page(record: TunedController, curves: Mapping[str, Any], path: str | Path, files: Sequence[str] = ()) -> Path:
-    """Write the page of a tuned controller (`controllers.Controller.typed` and `.curves`) to `path`; StoreError where that fails."""
+def write_controller_page(
+    record: TunedController, curves: Mapping[str, Any], path: str | Path, files: Sequence[str] = ()
+) -> Path:
+    """Write the page of a tuned controller (`controllers.Controller.typed` and `.curves`) to `path`; StoreError
+    where that fails."""
     best, w = record.controllers[0], record.wishes
     plants = f"{record.plants} plants"
     form = record.form
@@ -234,7 +291,9 @@ def write_controller_page(record: TunedController, curves: Mapping[str, Any], pa
         more = "" if isinstance(best, CascadeLoop | ScheduledLoop) else " Its matrices are in the JSON and C files."
         told = f"{form[0].upper()}{form[1:]}: {settings(record)}.{more}"
     rows = table_rows(record)
-    sources = "; ".join(f"{r.name}: {r.source}" for r in record.controllers if not r.source.startswith(("this", "the same")))
+    sources = "; ".join(
+        f"{r.name}: {r.source}" for r in record.controllers if not r.source.startswith(("this", "the same"))
+    )
     page = {
         "title": f"Controller of {record.name}",
         "subtitle": f"{record.output.name} by {record.input.name}: {form} on plants {record.plants_are}",

@@ -9,7 +9,8 @@ from plantfit.report.numbers import UNKNOWN, interval, significant, unit_label
 
 MOST_DRAWN = 24  # parameters in a figure
 NOTE = (
-    "Value and 95 % interval. Least squares: intervals that follow the valley of the cost. Maximum likelihood: symmetric on the scale of "
+    "Value and 95 % interval. Least squares: intervals that follow the valley of the cost. Maximum likelihood: "
+    "symmetric on the scale of "
     "each parameter, errors may be correlated. Filters: what they believe after the last sample."
 )
 
@@ -28,7 +29,12 @@ def estimators_rows(record: EstimatesByMethod, ascii_only: bool = False) -> tupl
 def noise_rows(record: EstimatesByMethod, ascii_only: bool = False) -> tuple[list[str], list[list[str]]]:
     """The same of the noise levels."""
     rows = [
-        [f"{r.kind} {_named(r, ascii_only)}", significant(r.value, 4, ascii_only), _range(r.low, r.high, ascii_only), r.how]
+        [
+            f"{r.kind} {_named(r, ascii_only)}",
+            significant(r.value, 4, ascii_only),
+            _range(r.low, r.high, ascii_only),
+            r.how,
+        ]
         for r in record.noise
     ]
     return ["noise", "standard deviation", "95 % interval", "how"], rows
@@ -40,7 +46,12 @@ def estimators_page(record: EstimatesByMethod, runs: Mapping[str, Mapping[str, A
     noise_head, levels = noise_rows(record)
     tables = [{"caption": "Parameters by method", "columns": head, "rows": rows, "note": NOTE}]
     tables.append(
-        {"caption": "Noise", "columns": noise_head, "rows": levels, "note": "Process noise: by how much it moves a state in a second."}
+        {
+            "caption": "Noise",
+            "columns": noise_head,
+            "rows": levels,
+            "note": "Process noise: by how much it moves a state in a second.",
+        }
     )
     pairs = [[f"{p.first} and {p.second}", significant(p.statistic, 3), str(p.degrees), _p(p.p), _p(p.p_adjusted),
               "yes" if p.differs else "no"] for p in record.agreement]  # fmt: skip
@@ -50,7 +61,8 @@ def estimators_page(record: EstimatesByMethod, runs: Mapping[str, Mapping[str, A
                 "caption": "Do the methods differ?",
                 "columns": ["methods", "chi-squared", "degrees of freedom", "p", "p, corrected", "beyond chance"],
                 "rows": pairs,
-                "note": "Both estimates come from the same samples, and the test counts them as independent: it is careful.",
+                "note": "Both estimates come from the same samples, and the test counts them as independent: it is "
+                "careful.",
             }
         )
     drawn = {m: _tracks(own) for m, own in runs.items()}
@@ -67,7 +79,9 @@ def estimators_page(record: EstimatesByMethod, runs: Mapping[str, Mapping[str, A
     if figures:
         sections.append({"title": "How the constants settle", "figures": figures})
     if record.assumed:
-        sections.append({"title": "What was assumed", "sentences": [f"{s[:1].upper()}{s[1:]}." for s in record.assumed]})
+        sections.append(
+            {"title": "What was assumed", "sentences": [f"{s[:1].upper()}{s[1:]}." for s in record.assumed]}
+        )
     return {"title": record.name, "subtitle": "Parameters by several methods", "sections": sections}
 
 
@@ -97,7 +111,9 @@ def _cell(estimate: EstimateOfMethod | None, ascii_only: bool) -> str:
     if estimate is None:
         return "held"
     value = significant(estimate.value, 4, ascii_only)
-    inside = _range(estimate.low, estimate.high, ascii_only) or ("at a bound" if estimate.at_bound else "not determined")
+    inside = _range(estimate.low, estimate.high, ascii_only) or (
+        "at a bound" if estimate.at_bound else "not determined"
+    )
     return f"{value} ({inside})" if ascii_only else f"{value}\n{inside}"  # on a page the interval has a line of its own
 
 

@@ -17,14 +17,16 @@ def heads(record: HeldPlant) -> tuple[str, ...]:
     """Heads of the table, with units."""
     unit = record.units[record.wishes.along] or ""
     return (
-        "searched on", *(f"K {n}" for n in record.states), "Ms", with_unit("below", unit), "above", "95 % below", "above", "return",
+        "searched on", *(f"K {n}" for n in record.states), "Ms", with_unit("below", unit), "above", "95 % below",
+        "above", "return",
     )  # fmt: skip
 
 
 def table_rows(record: HeldPlant) -> list[tuple[str, ...]]:
     """Texts under `heads`."""
     return [
-        (r.name, *(f"{v:.4g}" for v in r.gain), f"{r.ms:.2f}", f"{r.below:.3g}", f"{r.above:.3g}", f"{r.below_worst:.3g}",
+        (r.name, *(f"{v:.4g}" for v in r.gain), f"{r.ms:.2f}", f"{r.below:.3g}", f"{r.above:.3g}",
+         f"{r.below_worst:.3g}",
          f"{r.above_worst:.3g}", f"{100 * r.share:.0f} %")
         for r in record.regulators
     ]  # fmt: skip
@@ -34,7 +36,9 @@ def settings(record: HeldPlant) -> str:
     """The regulator in a line."""
     best, w = record.regulators[0], record.wishes
     told = ", ".join(f"{v:.5g} {n}" for v, n in zip(best.gain, record.states, strict=True))
-    return f"LQR: {w.input} = {record.point[w.input]:.4g} less ({told}) of the deviations that a Kalman filter estimates."
+    return (
+        f"LQR: {w.input} = {record.point[w.input]:.4g} less ({told}) of the deviations that a Kalman filter estimates."
+    )
 
 
 def asked(record: HeldPlant) -> list[str]:
@@ -59,9 +63,11 @@ def write_held_page(record: HeldPlant, curves: Mapping[str, Any], path: str | Pa
     state, command = (with_unit(n, record.units[n] or "") for n in (w.along, w.input))
     page = {
         "title": f"Regulator of {record.name}",
-        "subtitle": f"{', '.join(f'{n} = {v:.4g}' for n, v in w.at.items())} held by {w.input}, on plants {record.plants_are}",
+        "subtitle": f"{', '.join(f'{n} = {v:.4g}' for n, v in w.at.items())} held by {w.input}, on plants "
+                    f"{record.plants_are}",
         "sections": [
-            {"title": "Verdict", "sentences": [_MARKS[v.level] + v.sentence for v in record.verdict] + [settings(record)]},
+            {"title": "Verdict",
+             "sentences": [_MARKS[v.level] + v.sentence for v in record.verdict] + [settings(record)]},
             {"title": "Asked for", "sentences": asked(record)},
             {
                 "title": "From the lean back to the point",
@@ -73,9 +79,11 @@ def write_held_page(record: HeldPlant, curves: Mapping[str, Any], path: str | Pa
             {
                 "title": "Regulators",
                 "tables": [{
-                    "caption": "Gains of the deviations; how far below and above the point the best fit is caught, and 95 % of the plants",
+                    "caption": "Gains of the deviations; how far below and above the point the best fit is caught, and "
+                               "95 % of the plants",
                     "columns": heads(record), "rows": table_rows(record),
-                    "note": "Starts are tried along the state that leans, all else at rest; return: share of the plants that return from "
+                    "note": "Starts are tried along the state that leans, all else at rest; return: share of the "
+                            "plants that return from "
                     "the lean that was asked for, to both sides.",
                 }],
             },

@@ -8,8 +8,10 @@ from plantfit.report.numbers import UNKNOWN, interval, significant, unit_label
 
 MOST_DRAWN = 40  # parameters
 NOTE = (
-    "verdict: the report's own, at 95 %. covariance: the linearised problem, allowing for correlated residuals. profile: all others "
-    "refitted. bootstrap: refits of records with resampled blocks of residuals. posterior: draws by NUTS. < and > mark ends at a bound of "
+    "verdict: the report's own, at 95 %. covariance: the linearised problem, allowing for correlated residuals. "
+    "profile: all others "
+    "refitted. bootstrap: refits of records with resampled blocks of residuals. posterior: draws by NUTS. < and > mark "
+    "ends at a bound of "
     "the search."
 )
 
@@ -22,7 +24,9 @@ def interval_rows(found: ComparisonOfIntervals, ascii_only: bool = True) -> tupl
         unit = (p.unit or "") if ascii_only else unit_label(p.unit)
         own = {k.kind: k for k in p.kinds}
         cells = [_cell(own.get(kind), ascii_only) for kind in kinds]
-        rows.append([f"{p.name} [{unit}]" if unit not in ("", "1") else p.name, significant(p.value, 4, ascii_only), *cells])
+        rows.append(
+            [f"{p.name} [{unit}]" if unit not in ("", "1") else p.name, significant(p.value, 4, ascii_only), *cells]
+        )
     return ["parameter", "value", *kinds], rows
 
 
@@ -44,8 +48,10 @@ def intervals_page(found: ComparisonOfIntervals) -> dict[str, Any]:
             {
                 "title": "Profiles and draws",
                 "sentences": [
-                    "The profile is how much the sum of squares grows, all other parameters refitted, as a share of the threshold of the "
-                    "level. Bars are refits of the bootstrap and draws of the posterior, the highest bar of each as high as the threshold."
+                    "The profile is how much the sum of squares grows, all other parameters refitted, as a share of "
+                    "the threshold of the "
+                    "level. Bars are refits of the bootstrap and draws of the posterior, the highest bar of each as "
+                    "high as the threshold."
                 ],
                 "figures": [{"figure": profile_figure(p), "label": f"Profile and draws of {p.name}"} for p in profiles],
             }

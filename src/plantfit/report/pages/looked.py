@@ -16,16 +16,24 @@ POINTS = 4000
 
 def look_page(found: FirstLook) -> dict[str, Any]:
     """The page of what `first_look.look` finds."""
-    sections: list[dict[str, Any]] = [{"title": "What the recording says", "verdict": [v.plain() for v in found.verdict]}]
+    sections: list[dict[str, Any]] = [
+        {"title": "What the recording says", "verdict": [v.plain() for v in found.verdict]}
+    ]
     for o in found.outputs:
         unit = unit_label(o.unit)
         tail = f" [{unit}]" if unit else ""
         rows = [
-            [str(r.order), significant(r.rmse, 4), significant(r.arx_rmse, 4), significant(r.bic, 4) if r.bic is None else f"{r.bic:.1f}"]
+            [
+                str(r.order),
+                significant(r.rmse, 4),
+                significant(r.arx_rmse, 4),
+                significant(r.bic, 4) if r.bic is None else f"{r.bic:.1f}",
+            ]
             for r in o.orders
         ]
         table = {
-            "caption": f"Linear models of {o.output}", "columns": ["order", f"RMSE{tail}", f"RMSE of ARX{tail}", "BIC above least"],
+            "caption": f"Linear models of {o.output}",
+            "columns": ["order", f"RMSE{tail}", f"RMSE of ARX{tail}", "BIC above least"],
             "rows": rows, "note": "Fitted samples, simulated from the inputs alone; the least BIC is taken.",
         }  # fmt: skip
         drawn = ModelSeries(

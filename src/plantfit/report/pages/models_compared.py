@@ -8,8 +8,10 @@ from plantfit.report.numbers import UNKNOWN, significant, unit_label
 
 POINTS_IN_FILE, MOST_POINTS, FEWEST_POINTS = 120_000, 4000, 300  # samples drawn: in all, per signal
 NOTE = (
-    "RMSE by simulation from the recorded inputs, not one step ahead. Unseen: samples that no model was fitted to. Left out: samples as "
-    "predicted by fits without the fifth of the recording that they lie in. AICc and BIC: above the least of the models, residuals counted "
+    "RMSE by simulation from the recorded inputs, not one step ahead. Unseen: samples that no model was fitted to. "
+    "Left out: samples as "
+    "predicted by fits without the fifth of the recording that they lie in. AICc and BIC: above the least of the "
+    "models, residuals counted "
     "by what their correlation leaves of them."
 )
 
@@ -35,14 +37,24 @@ def models_rows(found: ComparisonOfModels, ascii_only: bool = False) -> tuple[li
             cells += [_text(o.fit, ascii_only), _text(_judged(o, word), ascii_only)]
         if many:
             cells.append(_text(_judged(m.rmse, word), ascii_only))
-        rows.append([*cells, *(f"{v:.1f}" if v is not None and abs(v) < 1e6 else _text(v, ascii_only) for v in (m.aicc, m.bic))])
+        rows.append(
+            [*cells, *(f"{v:.1f}" if v is not None and abs(v) < 1e6 else _text(v, ascii_only) for v in (m.aicc, m.bic))]
+        )
     return head, rows
 
 
 def pair_rows(found: ComparisonOfModels) -> tuple[list[str], list[list[str]]]:
     """Heads and rows of texts of the table of differences."""
     unit = unit_label(found.unit)
-    head = ["better", "than", f"RMSE less by{f' [{unit}]' if unit else ''}", "± (95 %)", "p", "degrees of freedom", "told apart"]
+    head = [
+        "better",
+        "than",
+        f"RMSE less by{f' [{unit}]' if unit else ''}",
+        "± (95 %)",
+        "p",
+        "degrees of freedom",
+        "told apart",
+    ]
     rows = [
         [
             p.better, p.worse, significant(p.difference, 3), significant(p.half_width, 2), f"{p.p:.2g}", str(p.degrees),
@@ -61,7 +73,8 @@ def models_page(found: ComparisonOfModels) -> dict[str, Any]:
     tables = [{"caption": "Models", "columns": head, "rows": rows, "note": NOTE}]
     if pairs:
         note = (
-            "Paired losses in blocks of at least five times the correlation time of their difference; the level is shared by all pairs of "
+            "Paired losses in blocks of at least five times the correlation time of their difference; the level is "
+            "shared by all pairs of "
             "models. Differences under 0.5 % of the RMSE are not told apart: simulations are no more exact."
         )
         tables.append({"caption": "Differences", "columns": pairs_head, "rows": pairs, "note": note})
@@ -69,7 +82,8 @@ def models_page(found: ComparisonOfModels) -> dict[str, Any]:
     figures = [
         {
             "figure": overlay_figure(s, names, points),
-            "label": f"{s.output} of recording {s.recording}: measured, all models, and the residuals of each on one scale.",
+            "label": f"{s.output} of recording {s.recording}: measured, all models, and the residuals of each on one "
+            f"scale.",
         }
         for s in found.series
     ]

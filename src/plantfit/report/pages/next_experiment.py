@@ -10,7 +10,14 @@ from plantfit.findings.results.next_experiment import NextExperiment
 from plantfit.report.case_page import write_case_page
 from plantfit.report.figures.pages.excitation import waveform_figure
 
-COLUMNS = ("parameter", "value", "standard error now", "with this record too", "of this record alone", "largest over the plants")
+COLUMNS = (
+    "parameter",
+    "value",
+    "standard error now",
+    "with this record too",
+    "of this record alone",
+    "largest over the plants",
+)
 _MEANT = {
     "D": "the ellipsoid of all errors is as small as can be (D-optimal)",
     "A": "the mean square of the relative errors is as small as can be (A-optimal)",
@@ -21,7 +28,8 @@ _MEANT = {
 def error_rows(record: NextExperiment) -> list[tuple[str, ...]]:
     """Texts of `COLUMNS` for each parameter."""
     return [
-        (_with_unit(r.name, r.unit), f"{r.value:.4g}", *(_error(v) for v in (r.now, r.then, r.alone, r.worst))) for r in record.parameters
+        (_with_unit(r.name, r.unit), f"{r.value:.4g}", *(_error(v) for v in (r.now, r.then, r.alone, r.worst)))
+        for r in record.parameters
     ]
 
 
@@ -37,7 +45,11 @@ def asked(record: NextExperiment) -> list[str]:
         ends = [f"above {r.low:.5g}" if r.low is not None else "", f"below {r.high:.5g}" if r.high is not None else ""]
         kept = "it goes from {:.5g} to {:.5g}".format(*array(r.reached))
         found.append(f"{name} {' and '.join(e for e in ends if e)} {_plain(r.unit)}".rstrip() + f": {kept}.")
-    plants = "the best fit" if record.plants == 1 else f"the best fit and {record.plants - 1} other plants that the data allow"
+    plants = (
+        "the best fit"
+        if record.plants == 1
+        else f"the best fit and {record.plants - 1} other plants that the data allow"
+    )
     if record.criterion == "difference":
         plants = "the best fit of each model"
     found.append(f"Judged on {plants}; {record.tried} inputs were simulated.")
@@ -48,9 +60,11 @@ def write_next_experiment_page(
     record: NextExperiment, t: np.ndarray, inputs: Mapping[str, tuple[np.ndarray, str | None]],
     outputs: Mapping[str, tuple[np.ndarray, str | None]], path: str | Path, file: str,
 ) -> Path:  # fmt: skip
-    """Write the page of a designed input (`ExperimentDesign.typed`) to `path`; signals (N,) with units at times t (N,) in s."""
+    """Write the page of a designed input (`ExperimentDesign.typed`) to `path`; signals (N,) with units at times t
+    (N,) in s."""
     figures = [
-        {"figure": waveform_figure(t, y, n, unit), "label": f"{n} over time"} for n, (y, unit) in (*inputs.items(), *outputs.items())
+        {"figure": waveform_figure(t, y, n, unit), "label": f"{n} over time"}
+        for n, (y, unit) in (*inputs.items(), *outputs.items())
     ]
     compared = [("this input", record.shape, "1")]
     compared += [(c.kind, c.name, "inf" if c.times is None else f"{c.times:.2f}") for c in record.compared]
@@ -63,7 +77,8 @@ def write_next_experiment_page(
              "tables": [{"caption": "Standard errors", "columns": COLUMNS, "rows": error_rows(record)}]},
             {"title": "What will be played, and what the model foretells", "figures": figures},
             {"title": "Beside other inputs of the same length and limits",
-             "tables": [{"caption": "The best of each kind", "columns": ("kind", "settings", worse), "rows": compared}]},
+             "tables": [{"caption": "The best of each kind", "columns": ("kind", "settings", worse),
+                         "rows": compared}]},
         ],
     }  # fmt: skip
     return write_case_page(page, path)

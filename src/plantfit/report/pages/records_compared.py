@@ -9,8 +9,10 @@ from plantfit.report.numbers import UNKNOWN, interval, plus_minus, significant, 
 
 MOST_DRAWN = 60  # parameters
 NOTE = (
-    "Every recording fitted alone, from the joint answer and by a search within the same bounds. Value and standard error; p of Cochran's "
-    "Q over the recordings (Welch), corrected for all tests (Holm). A star marks what the data of a recording alone do not determine: "
+    "Every recording fitted alone, from the joint answer and by a search within the same bounds. Value and standard "
+    "error; p of Cochran's "
+    "Q over the recordings (Welch), corrected for all tests (Holm). A star marks what the data of a recording alone do "
+    "not determine: "
     "not compared."
 )
 
@@ -27,7 +29,9 @@ def records_rows(found: ComparisonOfRecords, ascii_only: bool = False) -> tuple[
     unit = label(found.unit)
     tail = f" [{unit}]" if unit not in ("", "1") else ""
     rows.append([f"RMSE, own values{tail}", *(_number(r.rmse_alone, 4, ascii_only) for r in found.recordings), "", ""])
-    rows.append([f"RMSE, joint values{tail}", *(_number(r.rmse_joint, 4, ascii_only) for r in found.recordings), "", ""])
+    rows.append(
+        [f"RMSE, joint values{tail}", *(_number(r.rmse_joint, 4, ascii_only) for r in found.recordings), "", ""]
+    )
     return ["", *names, "all", "p"], rows
 
 
@@ -38,7 +42,14 @@ def records_page(found: ComparisonOfRecords) -> dict[str, Any]:
     moved = _moved_rows(found)
     if moved:
         columns = ["recording", "parameter", "there", "in the others", "moved by", "p", "beyond chance"]
-        tables.append({"caption": "What moved", "columns": columns, "rows": moved, "note": "Against the weighted mean of the others."})
+        tables.append(
+            {
+                "caption": "What moved",
+                "columns": columns,
+                "rows": moved,
+                "note": "Against the weighted mean of the others.",
+            }
+        )
     tests = [
         [
             p.name, significant(p.q, 3), significant(p.degrees, 3), _chance(p.p, False), _chance(p.p_adjusted, False),
@@ -52,10 +63,14 @@ def records_page(found: ComparisonOfRecords) -> dict[str, Any]:
         chances = _chance(t.p, False), _chance(t.p_adjusted, False)
         tests.append(["all together", significant(t.q, 3), significant(t.degrees, 3), *chances, "", ""])
     if tests:
-        note = "I²: share of the scatter that is more than the standard errors explain; then the standard deviation between recordings."
+        note = (
+            "I²: share of the scatter that is more than the standard errors explain; then the standard deviation "
+            "between recordings."
+        )
         tables.append(
             {
-                "caption": "Tests", "columns": ["parameter", "Q", "degrees of freedom", "p", "p, corrected", "I²", "between recordings"],
+                "caption": "Tests", "columns": ["parameter", "Q", "degrees of freedom", "p", "p, corrected", "I²",
+                                                "between recordings"],
                 "rows": tests, "note": note,
             }
         )  # fmt: skip
@@ -63,7 +78,8 @@ def records_page(found: ComparisonOfRecords) -> dict[str, Any]:
     figures = [
         {
             "figure": forest_figure(p, apart),
-            "label": f"{p.name} of every recording alone and of all: value and 95 % interval; the band is the joint interval.",
+            "label": f"{p.name} of every recording alone and of all: value and 95 % interval; the band is the joint "
+            f"interval.",
         }
         for p in found.parameters[:MOST_DRAWN]
     ]
@@ -93,10 +109,18 @@ def _moved_rows(found: ComparisonOfRecords) -> list[list[str]]:
 def _cell(row: Estimated, ascii_only: bool) -> str:
     if row.standard_error is None:
         low, high = row.low, row.high
-        text = significant(row.value, 4) if low is None or high is None else f"{significant(row.value, 3)} ({interval(low, high)})"
+        text = (
+            significant(row.value, 4)
+            if low is None or high is None
+            else f"{significant(row.value, 3)} ({interval(low, high)})"
+        )
     else:
         text = plus_minus(row.value, row.standard_error, ascii_only)
-    return text.replace("±", "+-").replace("\u2212", "-").replace(UNKNOWN, "-").replace("\u2013", "-") if ascii_only else text
+    return (
+        text.replace("±", "+-").replace("\u2212", "-").replace(UNKNOWN, "-").replace("\u2013", "-")
+        if ascii_only
+        else text
+    )
 
 
 def _chance(p: float | None, ascii_only: bool) -> str:

@@ -9,10 +9,17 @@ from plantfit.trust.sensitivity.screening import Screening
 from plantfit.trust.sensitivity.sobol_indices import SobolIndices
 
 
-def screening_section(found: Mapping[str, Screening], title: str = "Sensitivity: Morris screening", of: str = "the cost") -> dict[str, Any]:
-    """The section of a page (see `case_page`) for screenings by the name of the point that each is around; `of` says what reacts."""
+def screening_section(
+    found: Mapping[str, Screening], title: str = "Sensitivity: Morris screening", of: str = "the cost"
+) -> dict[str, Any]:
+    """The section of a page (see `case_page`) for screenings by the name of the point that each is around; `of` says
+    what reacts."""
     first = next(iter(found.values()))
-    where = "over the whole box" if first.radius is None else f"within {100 * first.radius:g} % of the bounds around the point"
+    where = (
+        "over the whole box"
+        if first.radius is None
+        else f"within {100 * first.radius:g} % of the bounds around the point"
+    )
     alone = any(n == 1 for s in found.values() for n in s.sizes)
     rows = []
     for label, s in found.items():
@@ -21,9 +28,12 @@ def screening_section(found: Mapping[str, Screening], title: str = "Sensitivity:
             said = [significant(s.mu_star[k]), significant(s.half_width[k], 2), f"{100 * share[k]:.1f}"]
             more = [significant(s.mu[k]), significant(s.sigma[k])] if alone else []
             rows.append([label, group, str(s.sizes[k]), *said, *more])
-    columns = ["around", "group", "coordinates", "mu*", f"± {100 * first.confidence:g} %", "share [%]"] + (["mu", "sigma"] if alone else [])
+    columns = ["around", "group", "coordinates", "mu*", f"± {100 * first.confidence:g} %", "share [%]"] + (
+        ["mu", "sigma"] if alone else []
+    )
     sentences = [
-        f"mu* is the mean size of the change of {of} when a group moves through the whole width that was looked at, {where}.",
+        f"mu* is the mean size of the change of {of} when a group moves through the whole width that was looked at, "
+        f"{where}.",
         *(_dropped(label, s.dropped, s.trajectories, "trajectories") for label, s in found.items() if s.dropped),
     ]
     series = {label: _pairs(s.groups, s.mu_star, s.half_width) for label, s in found.items()}
@@ -35,7 +45,9 @@ def screening_section(found: Mapping[str, Screening], title: str = "Sensitivity:
     }
 
 
-def sobol_section(found: SobolIndices, title: str = "Sensitivity: Sobol indices", of: str = "the cost") -> dict[str, Any]:
+def sobol_section(
+    found: SobolIndices, title: str = "Sensitivity: Sobol indices", of: str = "the cost"
+) -> dict[str, Any]:
     """The section of a page for Sobol indices."""
     rows = [
         [group, str(found.sizes[k]), significant(found.first[k], 3), significant(found.first_half_width[k], 2),
@@ -52,8 +64,19 @@ def sobol_section(found: SobolIndices, title: str = "Sensitivity: Sobol indices"
     return {
         "title": title,
         "sentences": [f"Shares of the variance of {of} for parameters spread evenly over {where}.", *dropped],
-        "tables": [{"caption": "Sobol indices by group", "columns": ["group", "coordinates", "first", half, "total", half], "rows": rows}],
-        "figures": [{"figure": sensitivity_figure("share of the variance", series), "label": "Sobol indices, with bootstrap intervals"}],
+        "tables": [
+            {
+                "caption": "Sobol indices by group",
+                "columns": ["group", "coordinates", "first", half, "total", half],
+                "rows": rows,
+            }
+        ],
+        "figures": [
+            {
+                "figure": sensitivity_figure("share of the variance", series),
+                "label": "Sobol indices, with bootstrap intervals",
+            }
+        ],
     }
 
 
@@ -63,4 +86,7 @@ def _pairs(groups: Any, values: Any, halves: Any) -> dict[str, tuple[float, floa
 
 def _dropped(label: str, dropped: int, of: int, what: str) -> str:
     place = f"{label}: " if label else ""
-    return f"{place}{dropped} of {of} {what} held a run that failed and are left out whole; the figures are those of the part that runs."
+    return (
+        f"{place}{dropped} of {of} {what} held a run that failed and are left out whole; the figures are those of "
+        f"the part that runs."
+    )

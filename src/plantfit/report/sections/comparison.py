@@ -23,7 +23,8 @@ MEANS: dict[str, Callable[[MethodRuns], RunsSummary]] = {
     "mean time of a run [s]": lambda m: m.seconds,
 }
 MEANS_NOTE = (
-    "Over the finite final costs of the runs; CI by Student's t; evaluations and time are means, time as measured with whatever "
+    "Over the finite final costs of the runs; CI by Student's t; evaluations and time are means, time as measured with "
+    "whatever "
     "ran beside it. The lowest mean stands out."
 )
 LEVELS = {"good": ("Shown", "✓"), "info": ("Note", "i"), "warning": ("Caution", "!")}
@@ -78,13 +79,17 @@ def _cost_figures(problem: ProblemComparison, drawings: Drawings, whole: bool) -
     methods = problem.methods
     final = {m.name: m.sorted.cost for m in methods if m.sorted and m.sorted.cost}
     ended = [m for m in methods if m.name in final]
-    named = {name: v for name, v in (("noise floor", problem.floor), ("known optimum", problem.optimum)) if v is not None}
+    named = {
+        name: v for name, v in (("noise floor", problem.floor), ("known optimum", problem.optimum)) if v is not None
+    }
     distribution = means = ordered = None
     if ended:
         label = "Distribution of the final costs of each method, with runs as points."
         distribution = drawings.add(costs.distribution_figure(final, named), label)
         if whole:
-            ordered = drawings.add(costs.sorted_figure(ended), "Final costs of each method over the share of its runs, sorted.")
+            ordered = drawings.add(
+                costs.sorted_figure(ended), "Final costs of each method over the share of its runs, sorted."
+            )
     if len(ended) > 1:
         means = [_means(of, title, ended, drawings) for title, of in MEANS.items()]
     most = max((m.runs for m in methods), default=0)
@@ -98,7 +103,9 @@ def _cost_figures(problem: ProblemComparison, drawings: Drawings, whole: bool) -
     }
 
 
-def _means(of: Callable[[MethodRuns], RunsSummary], title: str, methods: Sequence[MethodRuns], drawings: Drawings) -> dict[str, Any]:
+def _means(
+    of: Callable[[MethodRuns], RunsSummary], title: str, methods: Sequence[MethodRuns], drawings: Drawings
+) -> dict[str, Any]:
     found = {m.name: of(m) for m in methods}
     figure = costs.means_figure(title, {name: (s.mean, s.t_interval) for name, s in found.items()})
     return drawings.add(figure, f"{title} of each method with its interval.")
@@ -118,7 +125,8 @@ def _curve_figures(problem: ProblemComparison, drawings: Drawings, whole: bool) 
     scale, count = problem.scale, (problem.ecdf and problem.ecdf.targets) or 0
     note = (
         f"Share of all pairs of a run and a target that were reached; {count} targets from {scale.reference:.4g} "
-        f"({scale.source}) down towards {scale.best:.6g} ({'the known optimum' if scale.known else 'the best cost found'}), "
+        f"({scale.source}) down towards {scale.best:.6g} "
+        f"({'the known optimum' if scale.known else 'the best cost found'}), "
         "five to a decade of the gap."
         if scale
         else ""
@@ -154,7 +162,9 @@ def _targets_note(problem: ProblemComparison) -> str:
     if not scale:
         return restarts
     goal = "the known optimum" if scale.known else "the best cost found"
-    return f"10^-k: {goal} {scale.best:.6g} plus 10^-k of the gap to {scale.reference:.4g}, the {scale.source}. {restarts}"
+    return (
+        f"10^-k: {goal} {scale.best:.6g} plus 10^-k of the gap to {scale.reference:.4g}, the {scale.source}. {restarts}"
+    )
 
 
 def _hitting(problem: ProblemComparison) -> tables.Table | None:
@@ -184,9 +194,13 @@ def _placed(p: Parameter) -> bool:
 
 
 def _folded(
-    values: Mapping[str, Number], best: Mapping[str, Number], symmetries: Sequence[SameModel], coordinates: Sequence[Parameter]
+    values: Mapping[str, Number],
+    best: Mapping[str, Number],
+    symmetries: Sequence[SameModel],
+    coordinates: Sequence[Parameter],
 ) -> Mapping[str, Number]:
-    """The values written as the best run's are: of all that exchanges and signs make the same model, those nearest to it."""
+    """The values written as the best run's are: of all that exchanges and signs make the same model, those nearest
+    to it."""
 
     def distance(own: Mapping[str, Number]) -> float:
         return max((abs(_place(p, own.get(p.name)) - _place(p, best.get(p.name))) for p in coordinates), default=0.0)
@@ -216,8 +230,10 @@ def _run_record(run: Run, coordinates: Sequence[Parameter]) -> RunRecord:
     cost = float(finite[-1]) if len(finite) else float("nan") if run.cost is None else run.cost
     values = {name: float("nan") if v is None else v for name, v in run.parameters.items()}
     return RunRecord(
-        run.method, run.run, run.seed or 0, np.array([_place(p, values.get(p.name)) for p in coordinates]), cost, values,
-        run.evaluations or 0.0, run.seconds or 0.0, Status.budget, run.failures, array(run.history.evaluations), history, {},
+        run.method, run.run, run.seed or 0, np.array([_place(p, values.get(p.name)) for p in coordinates]), cost,
+        values,
+        run.evaluations or 0.0, run.seconds or 0.0, Status.budget, run.failures, array(run.history.evaluations),
+        history, {},
     )  # fmt: skip
 
 

@@ -3,7 +3,14 @@
 from collections.abc import Callable, Mapping, Sequence
 
 from plantfit.findings.record import Number
-from plantfit.findings.results.methods_compared import CostTarget, MethodPair, MethodRuns, OverProblems, PairInTime, SameCostAnswers
+from plantfit.findings.results.methods_compared import (
+    CostTarget,
+    MethodPair,
+    MethodRuns,
+    OverProblems,
+    PairInTime,
+    SameCostAnswers,
+)
 from plantfit.report.numbers import UNKNOWN, count, interval, percent, seconds, significant
 from plantfit.report.sections.tables import Table
 from plantfit.study.comparing.pairwise import effect_word
@@ -32,7 +39,13 @@ def intervals_table(methods: Sequence[MethodRuns]) -> Table:
     """The three intervals of the mean side by side."""
     head = ("method", "mean", "normal (as in papers)", "Student's t", "bootstrap (BCa)")
     rows = tuple(
-        (m.name, significant(c.mean, 6), interval(*c.normal_interval), interval(*c.t_interval), interval(*c.bootstrap_interval))
+        (
+            m.name,
+            significant(c.mean, 6),
+            interval(*c.normal_interval),
+            interval(*c.t_interval),
+            interval(*c.bootstrap_interval),
+        )
         for m, c in ((m, m.cost) for m in methods)
     )
     return Table("95 % intervals of the mean cost", head, rows, frozenset(range(1, 5)))
@@ -62,7 +75,9 @@ def hitting_table(hitting: Sequence[PairInTime], cost: float) -> Table:
         limits = (1 - high, 1 - low) if first else (low, high)
         told = (significant(effect, 3), interval(*limits), effect_word(effect))
         rows.append((*names, *told, p_value(h.p)[2:], p_value(h.p_holm)[2:]))
-    return Table(f"Pairs of methods by time to the cost {significant(cost, 6)}", head, tuple(rows), frozenset({2, 3, 5, 6}))
+    return Table(
+        f"Pairs of methods by time to the cost {significant(cost, 6)}", head, tuple(rows), frozenset({2, 3, 5, 6})
+    )
 
 
 def targets_table(target: CostTarget) -> Table:
@@ -73,7 +88,10 @@ def targets_table(target: CostTarget) -> Table:
     for m, r in target.methods.items():
         low, high = r.rate_interval
         rate = (percent(r.rate), f"{percent(low)} to {percent(high)}")
-        spent = (_with_limits(r.ert, r.ert_interval, _amount), _with_limits(r.ert_seconds, r.ert_seconds_interval, _time))
+        spent = (
+            _with_limits(r.ert, r.ert_interval, _amount),
+            _with_limits(r.ert_seconds, r.ert_seconds_interval, _time),
+        )
         rows.append((m, f"{r.hits} of {r.n}", *rate, *spent))
     return Table(f"Target {significant(target.cost, 6)} ({target.label})", head, tuple(rows), frozenset(range(1, 6)))
 
@@ -81,10 +99,18 @@ def targets_table(target: CostTarget) -> Table:
 def optima_table(optima: SameCostAnswers, most: int = 8) -> Table:
     """Groups of runs that share the lowest cost, with the parameters that differ most."""
     names = optima.names
-    spread = [max(g.place[k] for g in optima.groups) - min(g.place[k] for g in optima.groups) for k in range(len(names))]
+    spread = [
+        max(g.place[k] for g in optima.groups) - min(g.place[k] for g in optima.groups) for k in range(len(names))
+    ]
     kept = sorted(sorted(range(len(names)), key=lambda k: -spread[k])[:most])
     rows = tuple(
-        (significant(g.cost, 7), str(g.runs), percent(g.share), _by(g.methods), *(significant(g.value[k]) for k in kept))
+        (
+            significant(g.cost, 7),
+            str(g.runs),
+            percent(g.share),
+            _by(g.methods),
+            *(significant(g.value[k]) for k in kept),
+        )
         for g in optima.groups
     )
     head = ("lowest cost", "runs", "share of runs", "methods", *(names[k] for k in kept))

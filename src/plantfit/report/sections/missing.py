@@ -16,14 +16,17 @@ MOST_LOOKS = 12  # pictures
 
 
 def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
-    """What the template shows of a diagnosis; None where none was made, or the verdict on top of the page says all of it."""
+    """What the template shows of a diagnosis; None where none was made, or the verdict on top of the page says all
+    of it."""
     found = record.diagnosis
     if found is None:
         return None
     rounds = [r for r in found.rounds if r.tried]
     bars = change = None
     if rounds:
-        bars = drawings.add(figures.share_figure(rounds[0]), "Share of the mean square left that each addition to the model explains.")
+        bars = drawings.add(
+            figures.share_figure(rounds[0]), "Share of the mean square left that each addition to the model explains."
+        )
     if found.residuals:
         label = f"Residuals over time with the model as it is and with {listed(found.with_)}."
         change = drawings.add(figures.residual_change_figure(found.residuals[:MOST_PANELS], POINTS), label)
@@ -77,7 +80,16 @@ def _where(look: Look) -> str:
 
 def _table(one: Round) -> Table:
     caption = "Tried" + (f" beside {listed(one.beside)}" if one.beside else "")
-    head = ("addition to the model", "explains", "RMSE without", "RMSE with it", "unseen without", "unseen with it", "its value", "unit")
+    head = (
+        "addition to the model",
+        "explains",
+        "RMSE without",
+        "RMSE with it",
+        "unseen without",
+        "unseen with it",
+        "its value",
+        "unit",
+    )
     rows = tuple(_row(t) for t in one.tried) + tuple((name, "not tried", *[""] * 6) for name in one.untried)
     marked = frozenset(k for k, t in enumerate(one.tried) if t.name in one.found)
     return Table(caption, head, rows, frozenset(range(1, 7)), marked)
@@ -86,7 +98,13 @@ def _table(one: Round) -> Table:
 def _row(t: Tried) -> tuple[str, ...]:
     share = "" if t.explained is None else percent(round(t.explained, 5))
     unseen = ("", "") if t.unseen_rmse is None else (significant(t.unseen_rmse, 4), significant(t.unseen_rmse_with, 4))
-    value = "" if t.value is None else plus_minus(t.value, t.standard_error) if t.standard_error else significant(t.value, 3)
+    value = (
+        ""
+        if t.value is None
+        else plus_minus(t.value, t.standard_error)
+        if t.standard_error
+        else significant(t.value, 3)
+    )
     return (t.name, share, significant(t.rmse, 4), significant(t.rmse_with, 4), *unseen, value, unit_label(t.unit))
 
 

@@ -6,7 +6,11 @@ import io
 from plantfit.findings.results.methods_compared import ComparisonOfMethods, MethodRuns, ProblemComparison
 
 COLUMNS = ("best", "worst", "mean", "median", "std", "SEM", "95 % CI low", "95 % CI high", "evaluations", "seconds")
-_SPECIAL = {c: f"\\{c}" for c in "&%$#_{}"} | {"~": r"\textasciitilde{}", "^": r"\textasciicircum{}", "\\": r"\textbackslash{}"}
+_SPECIAL = {c: f"\\{c}" for c in "&%$#_{}"} | {
+    "~": r"\textasciitilde{}",
+    "^": r"\textasciicircum{}",
+    "\\": r"\textbackslash{}",
+}
 
 
 def csv_table(record: ComparisonOfMethods) -> str:
@@ -26,12 +30,20 @@ def latex_table(record: ComparisonOfMethods) -> str:
     several = len(record.problems) > 1
     lead = ("Problem", "Method", "Runs") if several else ("Method", "Runs")
     head = (*lead, "Best", "Worst", "Mean", "Median", "Std", "SEM", r"95\,\% CI of the mean", "Evaluations", "Time [s]")
-    lines = [r"\begin{tabular}{" + "l" * (len(lead) - 1) + "r" * (len(head) - len(lead) + 1) + "}", r"\toprule", _row(head), r"\midrule"]
+    lines = [
+        r"\begin{tabular}{" + "l" * (len(lead) - 1) + "r" * (len(head) - len(lead) + 1) + "}",
+        r"\toprule",
+        _row(head),
+        r"\midrule",
+    ]
     for k, problem in enumerate(record.problems):
         lines += [r"\midrule"] if k else []
         lines += [_row(row) for row in _rows(problem, several)]
     lines += [r"\bottomrule", r"\end{tabular}"]
-    note = "% plantfit compare: 95 % CI is mean +- 1.96 SEM; evaluations and time are means over runs; bold: lowest; needs booktabs"
+    note = (
+        "% plantfit compare: 95 % CI is mean +- 1.96 SEM; evaluations and time are means over runs; bold: lowest; "
+        "needs booktabs"
+    )
     return "\n".join([note, *lines]) + "\n"
 
 

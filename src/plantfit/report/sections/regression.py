@@ -1,4 +1,5 @@
-"""A regression solved by instrumental variables: plain least squares beside them, and what is to be thought of the difference."""
+"""A regression solved by instrumental variables: plain least squares beside them, and what is to be thought of the
+difference."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -22,7 +23,10 @@ def rows_of(record: Mapping[str, Any], ascii_only: bool = True) -> list[tuple[st
             if e is None:
                 cells += ["none", ""]
             else:
-                cells += [plus_minus(e["value"], e["standard_error"], ascii_only), interval(e["low"], e["high"], ascii_only)]
+                cells += [
+                    plus_minus(e["value"], e["standard_error"], ascii_only),
+                    interval(e["low"], e["high"], ascii_only),
+                ]
         rows.append(tuple(cells))
     return rows
 
@@ -32,7 +36,8 @@ def sentences_of(record: Mapping[str, Any]) -> list[dict[str, str]]:
     said = []
     test = record["durbin_wu_hausman"]
     if test is None:
-        said.append({"level": "warning", "sentence": "Without instruments nothing shows whether errors in the columns draw least squares "
+        said.append({"level": "warning", "sentence": "Without instruments nothing shows whether errors in the columns "
+                                                     "draw least squares "
                                                      "away."})  # fmt: skip
     elif test["differs"]:
         said.append({"level": "warning", "sentence": f"{test['sentence']} Use the instrumental variables."})
@@ -44,7 +49,10 @@ def sentences_of(record: Mapping[str, Any]) -> list[dict[str, str]]:
     if record["apart"]:
         told = ", ".join(p["name"] for p in record["parameters"])
         said.append(
-            {"level": "info", "sentence": f"Only {told} stand in the columns; {', '.join(record['apart'])} are known by them alone."}
+            {
+                "level": "info",
+                "sentence": f"Only {told} stand in the columns; {', '.join(record['apart'])} are known by them alone.",
+            }
         )
     for part, word in (("fit", "fitted"), ("validation", "unseen")):
         errors = record["rmse"].get(part)
@@ -63,7 +71,8 @@ def _resting_on_few(record: Mapping[str, Any]) -> list[dict[str, str]]:
     counts = {n: round(max(1.0, d)) for n, d in few.items()}
     told = " and ".join(f"{n} (about {c} independent error{'s' if c > 1 else ''})" for n, c in counts.items())
     sentence = (
-        f"Few of the {record['rows']} rows decide {told}; the intervals are wider for it (Student's t). Move what shows them more often."
+        f"Few of the {record['rows']} rows decide {told}; the intervals are wider for it (Student's t). Move "
+        f"what shows them more often."
     )
     return [{"level": "info", "sentence": sentence}]
 
@@ -74,7 +83,8 @@ def page_of(record: Mapping[str, Any], recordings: Any) -> dict[str, Any]:
         "caption": "Coefficients",
         "columns": list(COLUMNS),
         "rows": rows_of(record, ascii_only=False),
-        "note": "Standard errors allow for correlated errors. Both are from the same rows, which plain least squares counts alike.",
+        "note": "Standard errors allow for correlated errors. Both are from the same rows, which plain least squares "
+        "counts alike.",
     }
     figures = []
     for r in recordings:
@@ -82,12 +92,15 @@ def page_of(record: Mapping[str, Any], recordings: Any) -> dict[str, Any]:
         figures.append(
             {
                 "figure": drawn,
-                "label": f"{', '.join(r['outputs'])} of {r['name']}, filtered as the columns are, and as the columns explain it",
+                "label": f"{', '.join(r['outputs'])} of {r['name']}, filtered as the columns are, and as the columns "
+                f"explain it",
             }
         )
     return {
         "title": record["name"],
-        "subtitle": "A regression by instrumental variables" if record["method"] == "instrumental variables" else "A regression",
+        "subtitle": "A regression by instrumental variables"
+        if record["method"] == "instrumental variables"
+        else "A regression",
         "sections": [
             {"title": "Result", "command": record["command"], "verdict": record["verdict"], "tables": [table]},
             {"title": "What the columns explain", "figures": figures},

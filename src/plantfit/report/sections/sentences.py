@@ -25,7 +25,9 @@ def subtitle(findings: Findings) -> str:
     if outputs:
         parts.append(f"to {listed(outputs)}")
     if findings.recordings:
-        parts.append(f"of {many(len(findings.recordings), 'recording')} ({listed(r.name for r in findings.recordings)})")
+        parts.append(
+            f"of {many(len(findings.recordings), 'recording')} ({listed(r.name for r in findings.recordings)})"
+        )
     if methods:
         parts.append(f"in {many(len(findings.runs), 'run')} of {listed(methods)}")
     return " ".join(parts) + "."
@@ -35,7 +37,9 @@ def tally(findings: Findings) -> str:
     """How many sentences of the verdict are good, need caution, are problems."""
     words = {"good": "good", "warning": "caution", "bad": "problem"}
     counts = {level: sum(v.level == level for v in findings.verdict) for level in words}
-    return " · ".join(f"{n} {words[level]}{'s' if level == 'bad' and n > 1 else ''}" for level, n in counts.items() if n)
+    return " · ".join(
+        f"{n} {words[level]}{'s' if level == 'bad' and n > 1 else ''}" for level, n in counts.items() if n
+    )
 
 
 def parameter_status(parameter: Parameter) -> str:
@@ -83,7 +87,8 @@ def begins(off: float, unit: str | None) -> str:
 
 
 def independence(name: str, cross: Cross, named: bool = False) -> str:
-    """Whether an input still shows in the residuals; what that means is left to the diagnosis where it `named` what is missing."""
+    """Whether an input still shows in the residuals; what that means is left to the diagnosis where it `named` what
+    is missing."""
     if named:
         return f"No correlation with {name} beyond chance." if cross.independent else f"Still correlated with {name}."
     if cross.independent:

@@ -26,23 +26,43 @@ class Table:
 def scores_table(scores: list[Score]) -> Table:
     """Fit and validation scores of every output."""
     rows = tuple(
-        (s.recording, s.output, s.part, quantity(s.rmse, s.unit), quantity(s.bias, s.unit), per_cent(s.fit_percent), count(s.n))
+        (
+            s.recording,
+            s.output,
+            s.part,
+            quantity(s.rmse, s.unit),
+            quantity(s.bias, s.unit),
+            per_cent(s.fit_percent),
+            count(s.n),
+        )
         for s in scores
     )
     head = ("recording", "output", "part", "RMSE", "bias", "fit", "samples")
-    return Table("Scores", head, rows, frozenset({3, 4, 5, 6}), frozenset(k for k, s in enumerate(scores) if s.part == "validation"))
+    return Table(
+        "Scores",
+        head,
+        rows,
+        frozenset({3, 4, 5, 6}),
+        frozenset(k for k, s in enumerate(scores) if s.part == "validation"),
+    )
 
 
 def parameters_table(parameters: Sequence[Parameter], caption: str = "Parameters") -> Table:
     """Values with standard errors, intervals, bounds and what is known."""
-    rows = tuple((p.name, _value(p), unit_label(p.unit), parameter_interval(p), _bounds(p), parameter_status(p)) for p in parameters)
+    rows = tuple(
+        (p.name, _value(p), unit_label(p.unit), parameter_interval(p), _bounds(p), parameter_status(p))
+        for p in parameters
+    )
     head = ("parameter", "value ± standard error", "unit", "95 % interval", "bounds", "status")
-    marked = frozenset(k for k, p in enumerate(parameters) if p.at_bound or p.status in ("weak", "flat", "at bound", "not visited"))
+    marked = frozenset(
+        k for k, p in enumerate(parameters) if p.at_bound or p.status in ("weak", "flat", "at bound", "not visited")
+    )
     return Table(caption, head, rows, frozenset({1, 3, 4}), marked)
 
 
 def parameter_interval(p: Parameter, ascii_only: bool = False) -> str:
-    """The 95 % interval; an end that the data do not set is said to be open, and no bound of the search stands there."""
+    """The 95 % interval; an end that the data do not set is said to be open, and no bound of the search stands
+    there."""
     if p.open is None or p.open == "both":
         return interval(p.low, p.high, ascii_only) if p.open is None else "open"
     end = significant(p.high if p.open == "lower" else p.low, ascii_only=ascii_only)
@@ -61,7 +81,9 @@ def entries_tables(parameters: Sequence[Parameter]) -> list[Table]:
     """The entries of every table, its name and count in the caption."""
     entries = [p for p in parameters if p.index]
     own = {name: [p for p in entries if p.parameter == name] for name in dict.fromkeys(p.parameter for p in entries)}
-    return [parameters_table(rows, f"All {len(rows)} entries of {name}: {statuses(rows)}") for name, rows in own.items()]
+    return [
+        parameters_table(rows, f"All {len(rows)} entries of {name}: {statuses(rows)}") for name, rows in own.items()
+    ]
 
 
 def statuses(parameters: Sequence[Parameter]) -> str:
@@ -96,7 +118,9 @@ def combinations_table(found: list[Combination]) -> Table:
     """Directions along which parameters move together, the loosest first."""
     rows = tuple((str(k), _moves(c.weights), significant(c.relative_sd, 2)) for k, c in enumerate(found, start=1))
     head = ("direction", "relative changes", "relative standard deviation")
-    return Table("Parameters that can move together while the simulated outputs hardly change", head, rows, frozenset({2}))
+    return Table(
+        "Parameters that can move together while the simulated outputs hardly change", head, rows, frozenset({2})
+    )
 
 
 def _moves(weights: Mapping[str, float | None]) -> str:
@@ -109,7 +133,12 @@ def _moves(weights: Mapping[str, float | None]) -> str:
 def weights_table(weights: list[Weight]) -> Table:
     """The residual of every output that counts as 1 in the cost, and who chose it."""
     rows = tuple((w.output, quantity(w.scale, w.unit), w.who) for w in weights)
-    return Table("Weights: residuals that count as 1", ("output", "residual that counts as 1", "how it was chosen"), rows, frozenset({1}))
+    return Table(
+        "Weights: residuals that count as 1",
+        ("output", "residual that counts as 1", "how it was chosen"),
+        rows,
+        frozenset({1}),
+    )
 
 
 def basins_table(basins: list[Basin]) -> Table:
@@ -120,7 +149,9 @@ def basins_table(basins: list[Basin]) -> Table:
         for b in basins[:MOST_RUNS]
     )
     cut = f", with the {len(names)} parameters that differ most" if len(names) < len(_named(basins)) else ""
-    return Table(f"Minima found{cut}", ("cost", "runs", "share of runs", *names), rows, frozenset(range(3 + len(names))))
+    return Table(
+        f"Minima found{cut}", ("cost", "runs", "share of runs", *names), rows, frozenset(range(3 + len(names)))
+    )
 
 
 def _named(basins: Sequence[Basin]) -> list[str]:

@@ -16,11 +16,16 @@ RELATIVE = ("gain", "clock")
 
 
 def of_findings(record: Findings) -> dict[str, Any] | None:
-    """What the report shows: `told`, the tables `budgets` and that of the `parameters`; None where nothing was stated."""
+    """What the report shows: `told`, the tables `budgets` and that of the `parameters`; None where nothing was
+    stated."""
     stated = record.uncertainty
     if stated is None:
         return None
-    return {"told": _told(stated), "budgets": [budget_table(b) for b in stated.budgets], "parameters": widened_table(record.parameters)}
+    return {
+        "told": _told(stated),
+        "budgets": [budget_table(b) for b in stated.budgets],
+        "parameters": widened_table(record.parameters),
+    }
 
 
 def budgets_of(plain: Sequence[Mapping[str, Any] | ReadingBudget], ascii_only: bool = False) -> list[Table]:
@@ -38,20 +43,42 @@ def budget_table(budget: ReadingBudget, ascii_only: bool = False) -> Table:
 
     rows: list[tuple[str, ...]] = [
         (
-            s.name, s.kind, s.acts + (", each recording its own" if s.per_recording else ""), s.shape, _limit(s, ascii_only),
+            s.name, s.kind, s.acts + (", each recording its own" if s.per_recording else ""), s.shape,
+            _limit(s, ascii_only),
             significant(s.divisor, 4, ascii_only), _amount(s.standard, s.unit, s.acts in RELATIVE, ascii_only),
             of_result(s.contribution), percent(s.share), _degrees(s.degrees_of_freedom, ascii_only),
         )
         for s in budget.sources
     ]  # fmt: skip
     empty = ("",) * 6
-    rows.append(("combined", *empty, of_result(budget.combined), percent(1.0), _degrees(budget.degrees_of_freedom, ascii_only)))
+    rows.append(
+        ("combined", *empty, of_result(budget.combined), percent(1.0), _degrees(budget.degrees_of_freedom, ascii_only))
+    )
     rows.append(("expanded, k = 2", *empty, of_result(budget.expanded), "", ""))
     if some:
         factor = significant(budget.coverage_factor, 3)
-        rows.append((f"95 %, k = {factor}", *empty, of_result((budget.coverage_factor or 0.0) * (budget.combined or 0.0)), "", ""))
+        rows.append(
+            (
+                f"95 %, k = {factor}",
+                *empty,
+                of_result((budget.coverage_factor or 0.0) * (budget.combined or 0.0)),
+                "",
+                "",
+            )
+        )
     unit = "" if relative else _unit(budget.unit, ascii_only)
-    head = ("source", "type", "acts as", "distribution", "limit", "divisor", "standard", _label("contribution", unit), "share", "dof")
+    head = (
+        "source",
+        "type",
+        "acts as",
+        "distribution",
+        "limit",
+        "divisor",
+        "standard",
+        _label("contribution", unit),
+        "share",
+        "dof",
+    )
     last = len(head) if some else len(head) - 1
     kept = tuple(tuple(row[:last]) for row in rows)
     return Table(_caption(budget, ascii_only), head[:last], kept, frozenset(range(4, last)))
@@ -77,13 +104,19 @@ def _caption(budget: ReadingBudget, ascii_only: bool) -> str:
         return f"The clock{where}: share by which times may be wrong"
     if budget.kind == "constant":
         return f"{budget.of} = {at}, held"
-    return f"One reading of {budget.of}{where}" + ("" if budget.at is None else f", at {at}, the most uncertain one recorded")
+    return f"One reading of {budget.of}{where}" + (
+        "" if budget.at is None else f", at {at}, the most uncertain one recorded"
+    )
 
 
 def _amount(value: float | None, unit: str | None, relative: bool, ascii_only: bool) -> str:
     """A number, or a share as % or ppm."""
     if value is not None and relative:
-        return f"{significant(100 * value, 3, ascii_only)} %" if value >= 1e-3 else f"{significant(1e6 * value, 3, ascii_only)} ppm"
+        return (
+            f"{significant(100 * value, 3, ascii_only)} %"
+            if value >= 1e-3
+            else f"{significant(1e6 * value, 3, ascii_only)} ppm"
+        )
     label = _unit(unit, ascii_only)
     return significant(value, 3, ascii_only) + (f" {label}" if label else "")
 
@@ -99,14 +132,33 @@ def widened_table(parameters: Sequence[Parameter], ascii_only: bool = False) -> 
     few = any(u.degrees_of_freedom is not None for _, u in known)
     rows = []
     for p, u in known:
-        parts = [_part(v, u.combined, ascii_only) for v in (u.noise, *(_together(u, names) for names in columns.values()))]
+        parts = [
+            _part(v, u.combined, ascii_only) for v in (u.noise, *(_together(u, names) for names in columns.values()))
+        ]
         times = significant(u.combined / u.noise, 2, ascii_only) if u.combined and u.noise else ""
         degrees = [_degrees(u.degrees_of_freedom, ascii_only)] if few else []
         value = plus_minus(p.value, u.combined, ascii_only)
-        rows.append((p.name, value, _unit(p.unit, ascii_only), interval(u.low, u.high, ascii_only), *degrees, times, *parts))
-    head = ("parameter", "value ± combined", "unit", "95 % interval", *(["dof"] if few else []), "times noise", "noise", *columns)
+        rows.append(
+            (p.name, value, _unit(p.unit, ascii_only), interval(u.low, u.high, ascii_only), *degrees, times, *parts)
+        )
+    head = (
+        "parameter",
+        "value ± combined",
+        "unit",
+        "95 % interval",
+        *(["dof"] if few else []),
+        "times noise",
+        "noise",
+        *columns,
+    )
     marked = frozenset(k for k, (_, u) in enumerate(known) if u.noise and u.shared and u.shared > u.noise)
-    return Table("Standard uncertainties of the parameters by source", head, tuple(rows), frozenset(range(len(head))) - {0, 2}, marked)
+    return Table(
+        "Standard uncertainties of the parameters by source",
+        head,
+        tuple(rows),
+        frozenset(range(len(head))) - {0, 2},
+        marked,
+    )
 
 
 def _columns(found: Sequence[StatedUncertainty]) -> dict[str, list[str]]:
@@ -119,7 +171,9 @@ def _columns(found: Sequence[StatedUncertainty]) -> dict[str, list[str]]:
         return max((u.sources.get(name) or 0.0) / u.combined for u in found if u.combined)
 
     large = sorted(names, key=most, reverse=True)[: MOST_SOURCES - 1]
-    return {n: [n] for n in names if n in large} | {f"{len(names) - len(large)} others": [n for n in names if n not in large]}
+    return {n: [n] for n in names if n in large} | {
+        f"{len(names) - len(large)} others": [n for n in names if n not in large]
+    }
 
 
 def _together(u: StatedUncertainty, names: Sequence[str]) -> float:
@@ -134,7 +188,8 @@ def _told(stated: Uncertainty) -> str:
     """How the errors were carried to the parameters."""
     if stated.method == "monte carlo":
         return (
-            f"Carried to the parameters by {stated.draws} draws of errors, each with a fit anew (GUM supplement 1); intervals "
+            f"Carried to the parameters by {stated.draws} draws of errors, each with a fit anew (GUM supplement 1); "
+            f"intervals "
             "hold 95 % of the answers. Standard uncertainties by source are to first order."
         )
     return "Carried to the parameters to first order (GUM): standard uncertainties add in squares to that by noise."

@@ -63,13 +63,17 @@ def _pyserial() -> Any:
     try:
         import serial
     except ImportError:
-        raise MissingExtra("Recording from a board needs the package pyserial; install it with: pip install 'plantfit[board]'") from None
+        raise MissingExtra(
+            "Recording from a board needs the package pyserial; install it with: pip install 'plantfit[board]'"
+        ) from None
     return serial
 
 
 def _why_not(port: str, error: Exception) -> str:
     code, text = getattr(error, "errno", None), str(error)
-    if os.name == "nt" and (inner := re.search(r"(\w*Error)\(\d+, ['\"](.*?)['\"]", text)):  # pyserial says so, and gives no number
+    if os.name == "nt" and (
+        inner := re.search(r"(\w*Error)\(\d+, ['\"](.*?)['\"]", text)
+    ):  # pyserial says so, and gives no number
         code, text = {"FileNotFoundError": errno.ENOENT, "PermissionError": errno.EBUSY}.get(inner[1]), inner[2]
     if code == errno.ENOENT or not (os.path.exists(port) or "://" in port or os.name == "nt"):
         found = ports()
@@ -79,7 +83,10 @@ def _why_not(port: str, error: Exception) -> str:
             else "this machine has no serial port now; plug the board in."
         )
     if code in (errno.EACCES, errno.EPERM):
-        return f"Port {port} may not be used by this user; add the user to the group that owns it (often dialout) and log in again."
+        return (
+            f"Port {port} may not be used by this user; add the user to the group that owns it (often dialout) and "
+            f"log in again."
+        )
     if code in (errno.EAGAIN, errno.EBUSY) or "lock" in text:
         return f"Port {port} is in use by another program; close that program first."
     if code in (errno.ENOTTY, errno.EINVAL, errno.EISDIR) or "configure port" in text:

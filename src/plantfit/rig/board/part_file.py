@@ -15,7 +15,8 @@ SYNC_SECONDS = 0.5
 
 
 class PartFile:
-    """Rows go to OUT.part, from a thread of its own so that a slow disk does not hold up the port; `finish` makes it OUT.
+    """Rows go to OUT.part, from a thread of its own so that a slow disk does not hold up the port; `finish` makes it
+    OUT.
 
     Raises RecordingError where OUT or OUT.part exists (unless `force`) or cannot be written. A crash leaves OUT.part,
     which `read_csv` reads.
@@ -28,7 +29,9 @@ class PartFile:
         try:
             self._file = self.part.open("w" if force else "x", encoding="utf-8", newline="")
         except OSError as error:
-            raise RecordingError(f"File {str(self.part)!r} cannot be written ({error.strerror}); choose another place.") from None
+            raise RecordingError(
+                f"File {str(self.part)!r} cannot be written ({error.strerror}); choose another place."
+            ) from None
         self.error: OSError | None = None
         self._body = _told(log).encode()
         self._queue: queue.SimpleQueue[str | None] = queue.SimpleQueue()
@@ -42,7 +45,8 @@ class PartFile:
             self._queue.put("\n".join(rows) + "\n")
 
     def finish(self, log: Sequence[str]) -> Path:
-        """Write what is left, put `log` at the top and give the file its name. Raises RecordingError; OUT.part is kept then."""
+        """Write what is left, put `log` at the top and give the file its name. Raises RecordingError; OUT.part is
+        kept then."""
         self.close()
         whole = self.out.with_name(self.out.name + ".whole")
         try:
@@ -75,7 +79,8 @@ class PartFile:
     def failed(self, error: OSError) -> RecordingError:
         """The sentence for a disk that refused."""
         return RecordingError(
-            f"{str(self.part)!r} could not be continued ({error.strerror}); what was recorded until then is kept in it: free "
+            f"{str(self.part)!r} could not be continued ({error.strerror}); what was recorded until then is kept in "
+            f"it: free "
             "some space and record again."
         )
 
@@ -85,7 +90,9 @@ class PartFile:
             with self._file as file:
                 while text is not None:
                     pieces = [text := self._queue.get()]
-                    time.sleep(SYNC_SECONDS if text is not None else 0)  # gather: fsync for every row would wear the disk
+                    time.sleep(
+                        SYNC_SECONDS if text is not None else 0
+                    )  # gather: fsync for every row would wear the disk
                     while not self._queue.empty():
                         pieces.append(text := self._queue.get())
                     file.write("".join(p for p in pieces if p))
@@ -106,7 +113,11 @@ def refuse_existing(out: Path, force: bool) -> None:
         raise RecordingError(f"Folder {str(out.parent)!r} does not exist; create it or choose another place.")
     for file in (out, part_of(out)):
         if file.exists() and not force:
-            left = "is left from a recording that did not end; rename it to keep it" if file != out else "exists; choose another name"
+            left = (
+                "is left from a recording that did not end; rename it to keep it"
+                if file != out
+                else "exists; choose another name"
+            )
             raise RecordingError(f"File {str(file)!r} {left}, or overwrite it with --force.")
 
 

@@ -1,4 +1,5 @@
-"""A controller on this computer that drives a board over the serial line, a sample of it every so many samples of the board."""
+"""A controller on this computer that drives a board over the serial line, a sample of it every so many samples of
+the board."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -27,8 +28,8 @@ class Running(Protocol):
 
 @dataclass(frozen=True)
 class Loop:
-    """What closes the loop: `controller` every `period` s from `output` to `input`, in their units, within `lower` and `upper`; set
-    points (n,) from `times` (n,) in s on, for `seconds`. `sentence` goes into the recording."""
+    """What closes the loop: `controller` every `period` s from `output` to `input`, in their units, within `lower`
+    and `upper`; set points (n,) from `times` (n,) in s on, for `seconds`. `sentence` goes into the recording."""
 
     controller: Running
     period: float
@@ -52,7 +53,8 @@ class Pilot:
         names = [c.name for c in board.channels]
         if loop.output not in names or loop.input != board.drive.name:
             raise BoardError(
-                f"The controller measures {loop.output!r} and drives {loop.input!r}; board {board.name!r} measures {', '.join(names)} and "
+                f"The controller measures {loop.output!r} and drives {loop.input!r}; board {board.name!r} measures "
+                f"{', '.join(names)} and "
                 f"drives {board.drive.name!r}: tune the loop of a study whose recording came from this board."
             )
         self._place = names.index(loop.output)
@@ -60,19 +62,22 @@ class Pilot:
         for end in (loop.lower, loop.upper):
             if abs(self._drive(end)) > abs(most) * (1 + 1e-9) + 0.5 * abs(board.drive.scale):
                 raise BoardError(
-                    f"The controller drives {loop.input} up to {self._drive(end):.4g} {board.drive.unit}, but the board gives up to "
+                    f"The controller drives {loop.input} up to {self._drive(end):.4g} {board.drive.unit}, but the "
+                    f"board gives up to "
                     f"{abs(most):.4g} {board.drive.unit}; tune it within the limits of the board (--lower, --upper)."
                 )
         if loop.period < SHORTEST:
             raise BoardError(
-                f"A loop every {loop.period:g} s over the serial line is faster than this computer answers ({SHORTEST:g} s); compile the C "
+                f"A loop every {loop.period:g} s over the serial line is faster than this computer answers "
+                f"({SHORTEST:g} s); compile the C "
                 "file of the controller into the board's firmware, or tune with a longer period."
             )
         sample = divide / board.tick_hz
         self.every = whole_ratio(
             loop.period,
             sample,
-            f"The controller's period of {loop.period:g} s is no whole number of samples of {sample:g} s; choose --rate.",
+            f"The controller's period of {loop.period:g} s is no whole number of samples of {sample:g} s; choose "
+            f"--rate.",
         )
         unit = board.channels[self._place].unit
         self.column = f"{loop.output}_set [{unit}]" if unit else f"{loop.output}_set"
@@ -112,7 +117,10 @@ class Pilot:
     def told(self) -> str:
         """For the recording's log."""
         again = f"; it began anew {self.starts - 1} times" if self.starts > 1 else ""
-        return f"The controller on this computer gave {self.commands} commands, {self.late} of them late because samples were lost{again}."
+        return (
+            f"The controller on this computer gave {self.commands} commands, {self.late} of them late because "
+            f"samples were lost{again}."
+        )
 
     def _drive(self, value: float) -> float:
         return self._unit(value, self.loop.input_unit, self.board.drive.unit)

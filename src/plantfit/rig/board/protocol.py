@@ -76,7 +76,8 @@ class Drive:
 
 @dataclass(frozen=True)
 class Board:
-    """A board as its hello declares it. `watchdog` in s; `buffer`: values it holds ahead; `boot` differs after a reset."""
+    """A board as its hello declares it. `watchdog` in s; `buffer`: values it holds ahead; `boot` differs after a
+    reset."""
 
     name: str
     firmware: str
@@ -89,7 +90,12 @@ class Board:
 
     def same_kind(self, other: "Board") -> bool:
         """Whether a recording can go on with `other`."""
-        return (self.name, self.tick_hz, self.drive, self.channels) == (other.name, other.tick_hz, other.drive, other.channels)
+        return (self.name, self.tick_hz, self.drive, self.channels) == (
+            other.name,
+            other.tick_hz,
+            other.drive,
+            other.channels,
+        )
 
 
 class Sample(NamedTuple):
@@ -117,7 +123,8 @@ class Hello:
         self._channels: dict[int, Channel] = {}
 
     def take(self, fields: list[str], port: str) -> None:
-        """One line that begins with H, A or C. Raises BoardError for another version and for a hello that makes no sense."""
+        """One line that begins with H, A or C. Raises BoardError for another version and for a hello that makes no
+        sense."""
         if fields[0] == "H" and fields[1:2] != [str(VERSION)]:
             raise BoardError(
                 f"The board on {port} speaks version {','.join(fields[1:2])} of the protocol and plantfit {VERSION}; "
@@ -135,7 +142,9 @@ class Hello:
             else:
                 self._channels[int(fields[1])] = Channel(fields[2], fields[3], float(fields[4]), float(fields[5]))
         except (ValueError, IndexError):
-            raise BoardError(f"The board on {port} declares itself by {','.join(fields)!r}, which the protocol does not know.") from None
+            raise BoardError(
+                f"The board on {port} declares itself by {','.join(fields)!r}, which the protocol does not know."
+            ) from None
 
     def board(self) -> Board | None:
         """The board once every line has come."""

@@ -8,7 +8,8 @@ from plantfit.rig.board.protocol import Board, Sample
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a recording stands. `latest` are samples since the last call, `connected` is False while the port is away."""
+    """Where a recording stands. `latest` are samples since the last call, `connected` is False while the port is
+    away."""
 
     board: Board
     seconds: float

@@ -39,9 +39,11 @@ def record(
     watch: Callable[[Progress], None] | None = None,
     loop: Loop | None = None,
 ) -> Recorded:
-    """Record from the board on `port` into the table `out`, playing `excitation` (its drive's signal, else its first) meanwhile.
+    """Record from the board on `port` into the table `out`, playing `excitation` (its drive's signal, else its first)
+    meanwhile.
 
-    A `loop` in its place lets a controller on this computer drive the board, until its set points end or `duration` is over.
+    A `loop` in its place lets a controller on this computer drive the board, until its set points end or `duration` is
+    over.
 
     Ends after the excitation, after `duration` (s), or when `stopping()` says so; the motor is
     stopped first. `rate`: samples a second, the board's fastest if left out. A port that goes away
@@ -53,7 +55,9 @@ def record(
     second, in OUT.part until the end. Raises BoardError, RecordingError, MissingExtra.
     """
     if loop is not None and excitation is not None:
-        raise RecordingError("Both an excitation and a controller are to drive the board; give the set points to the controller.")
+        raise RecordingError(
+            "Both an excitation and a controller are to drive the board; give the set points to the controller."
+        )
     if loop is not None:
         rate, duration = rate or 1.0 / loop.period, duration or loop.seconds
     for name, value in (("rate", rate), ("duration", duration), ("baud", baud), ("reconnect", reconnect)):
@@ -69,7 +73,10 @@ def record(
         values = [] if excitation is None else raw_values(excitation, board)
         pilot = None if loop is None else Pilot(loop, board, divide)
         rows = Rows(board, divide / board.tick_hz, None if pilot is None else pilot.column)
-        story = [f"Recorded from board {board.name!r} (firmware {board.firmware}) at {board.tick_hz / divide:g} samples a second."]
+        story = [
+            f"Recorded from board {board.name!r} (firmware {board.firmware}) at {board.tick_hz / divide:g} samples a "
+            f"second."
+        ]
         story += [] if loop is None else [loop.sentence]
         made = [] if excitation is None else takewhile(lambda line: not line.startswith("Read from"), excitation.log)
         story += [f"Played: {line}" for line in made]
@@ -102,7 +109,9 @@ class _Run:
         self.came = time.monotonic()  # when the last sample came
         self.began, self.watched = self.came, 0.0
 
-    def to_the_end(self, story: list[str], stopping: Callable[[], bool], watch: Callable[[Progress], None] | None) -> Recorded:
+    def to_the_end(
+        self, story: list[str], stopping: Callable[[], bool], watch: Callable[[Progress], None] | None
+    ) -> Recorded:
         failure: BaseException | None = None
         try:
             self._start()
@@ -122,7 +131,9 @@ class _Run:
         if self.rows.received == 0:
             self.file.discard()
             if failure is None:
-                failure = BoardError(f"The board on {self.session.port} sent no sample; check the cable and record again.")
+                failure = BoardError(
+                    f"The board on {self.session.port} sent no sample; check the cable and record again."
+                )
         else:
             self.file.finish((*story, *told.log))
         if failure is not None:
@@ -194,7 +205,8 @@ class _Run:
             except BoardError as error:
                 if time.monotonic() > until:
                     raise BoardError(
-                        f"The board on {self.session.port} was lost after {self.rows.t:.1f} s and did not come back within "
+                        f"The board on {self.session.port} was lost after {self.rows.t:.1f} s and did not come back "
+                        f"within "
                         f"{self.reconnect:g} s ({error}) What came before is in {str(self.file.out)!r}."
                     ) from None
                 time.sleep(_RETRY_SECONDS)
@@ -204,7 +216,8 @@ class _Run:
         if before is not None and not before.same_kind(board):
             self.session.drop()
             raise BoardError(
-                f"Another board ({board.name!r}) is now on {self.session.port}; what came before is in {str(self.file.out)!r}."
+                f"Another board ({board.name!r}) is now on {self.session.port}; what came before is in "
+                f"{str(self.file.out)!r}."
             )
         if before is not None and before.boot != board.boot:
             self.resets += 1
@@ -220,7 +233,8 @@ class _Run:
             rows, lines = self.rows, self.session.lines
             watch(
                 Progress(
-                    rows.board, max(rows.t, 0.0), rows.received, rows.lost, lines.garbled, self.reconnects, self.session.up,
+                    rows.board, max(rows.t, 0.0), rows.received, rows.lost, lines.garbled, self.reconnects,
+                    self.session.up,
                     self.playback.position, len(self.playback.values), latest,
                 )
             )  # fmt: skip
@@ -228,23 +242,30 @@ class _Run:
     def _told(self, stopped: bool, counts: list[int]) -> Recorded:
         rows, (dropped, refused, starved, watchdogs) = self.rows, counts
         garbled = self.session.lines.garbled
-        log = [f"{rows.received} samples came, {rows.lost} were lost in {rows.gaps} gaps; {garbled} lines were garbled."]
+        log = [
+            f"{rows.received} samples came, {rows.lost} were lost in {rows.gaps} gaps; {garbled} lines were garbled."
+        ]
         if self.reconnects:
             log.append(f"The port was opened again {self.reconnects} times; the board was reset {self.resets} times.")
         if starved or watchdogs:
             log.append(
-                f"The board stopped the motor {watchdogs} times because this machine was silent, {starved} times for want of values."
+                f"The board stopped the motor {watchdogs} times because this machine was silent, {starved} times for "
+                f"want of values."
             )
         if self.playback.values:
             log.append(f"{self.playback.position} of {len(self.playback.values)} values of the excitation were played.")
         if self.pilot is not None:
             log.append(self.pilot.told)
         log.append(
-            "The board acknowledged the stop." if stopped else "The board did not acknowledge the stop; its watchdog stops the motor."
+            "The board acknowledged the stop."
+            if stopped
+            else "The board did not acknowledge the stop; its watchdog stops the motor."
         )
         return Recorded(
-            self.file.out, rows.board, max(rows.t, 0.0), rows.received, rows.lost, rows.gaps, garbled, refused, dropped, starved,
-            watchdogs, self.reconnects, self.resets, stopped, self.playback.position, len(self.playback.values), tuple(log),
+            self.file.out, rows.board, max(rows.t, 0.0), rows.received, rows.lost, rows.gaps, garbled, refused, dropped,
+            starved,
+            watchdogs, self.reconnects, self.resets, stopped, self.playback.position, len(self.playback.values),
+            tuple(log),
         )  # fmt: skip
 
 
@@ -252,7 +273,8 @@ def _check_board(board: Board) -> None:
     """Raise BoardError for a board whose declarations cannot become a recording."""
     if min(board.tick_hz, board.buffer, board.drive.limit) <= 0:
         raise BoardError(
-            f"Board {board.name!r} declares {board.tick_hz} ticks a second, a buffer of {board.buffer} values and a drive limit of "
+            f"Board {board.name!r} declares {board.tick_hz} ticks a second, a buffer of {board.buffer} values and a "
+            f"drive limit of "
             f"{board.drive.limit}; all must be above 0: correct its firmware."
         )
     for part in (board.drive, *board.channels):
@@ -262,7 +284,8 @@ def _check_board(board: Board) -> None:
             or (part.unit and not known(part.unit))
         ):
             raise BoardError(
-                f"Board {board.name!r} declares {part.name!r} in {part.unit!r} with scale {part.scale:g}; a plain name, a known unit and a "
+                f"Board {board.name!r} declares {part.name!r} in {part.unit!r} with scale {part.scale:g}; a plain "
+                f"name, a known unit and a "
                 "scale other than 0 are needed: correct its firmware."
             )
 

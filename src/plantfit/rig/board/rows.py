@@ -8,7 +8,8 @@ MOST_ROWS = 100_000  # of one gap; a longer one is a single row
 
 
 class Rows:
-    """Cells of t [s], drive, channels, the set point of a loop, counter, gap. Times are the board's, from 0 at the first sample."""
+    """Cells of t [s], drive, channels, the set point of a loop, counter, gap. Times are the board's, from 0 at the
+    first sample."""
 
     def __init__(self, board: Board, period: float, wanted: str | None = None):
         self.board, self.period = board, period  # seconds between two samples
@@ -39,7 +40,9 @@ class Rows:
         self.t, self._stamp, self.next = t, (t, sample.us), (sample.counter + 1) % _WRAP
         self.received += 1
         drive, channels = self.board.drive, zip(self.board.channels, sample.raw, strict=True)
-        cells = ",".join(f"{v:.10g}" for v in (sample.drive * drive.scale, *(c.scale * r + c.offset for c, r in channels)))
+        cells = ",".join(
+            f"{v:.10g}" for v in (sample.drive * drive.scale, *(c.scale * r + c.offset for c, r in channels))
+        )
         if self._signals > 1 + len(self.board.channels):
             cells += "," if self.wanted is None else f",{self.wanted:.10g}"
         rows.append(f"{t:.6f},{cells},{sample.counter},0")
@@ -58,7 +61,8 @@ class Rows:
         return rows
 
     def rebooted(self, counter: int, elapsed: float) -> list[str]:
-        """The board was reset and starts anew at `counter`, `elapsed` s of this machine's clock after its last sample: one empty row."""
+        """The board was reset and starts anew at `counter`, `elapsed` s of this machine's clock after its last
+        sample: one empty row."""
         row = self._empty(self.t + elapsed / 2, "")
         self.lost, self.gaps = self.lost + 1, self.gaps + 1
         self.t += max(elapsed, 2 * self.period) - self.period

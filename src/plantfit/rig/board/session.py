@@ -18,7 +18,8 @@ _STOP_TRIES = 10
 
 
 class Session:
-    """Owns the port. Samples wait in `samples` in the order they came; `ended` is (counter, counts) once the stop was acknowledged."""
+    """Owns the port. Samples wait in `samples` in the order they came; `ended` is (counter, counts) once the stop
+    was acknowledged."""
 
     def __init__(self, port: str, baud: int):
         self.port, self.baud = port, baud
@@ -66,7 +67,8 @@ class Session:
         return board
 
     def start(self, divide: int, hold: int, playback: Playback) -> int | None:
-        """Start sampling, and playing from `playback.position`; the counter of the first sample, None where the line fails."""
+        """Start sampling, and playing from `playback.position`; the counter of the first sample, None where the line
+        fails."""
         self._number, self._started, self.playback, self.command = self._number + 1, None, playback, None
         line = encode("S", self._number, divide, hold, len(playback.values), playback.position)
         until, again = time.monotonic() + 2.0, 0.0
@@ -139,13 +141,15 @@ class Session:
                 self._started = int(fields[3])
             elif fields[0] == "E" and self.command is not None and "unknown" in fields[1]:
                 raise BoardError(
-                    f"The board on {self.port} takes no commands of a controller; flash the firmware that comes with this plantfit."
+                    f"The board on {self.port} takes no commands of a controller; flash the firmware that comes with "
+                    f"this plantfit."
                 )
             elif fields[:2] == ["K", "X"] and int(fields[2]) == self._number:
                 self.ended = int(fields[3]), [int(f) for f in fields[4:8]]
         except (ValueError, IndexError):
             raise BoardError(
-                f"The board on {self.port} sent {','.join(fields)!r}, whose checksum is right but which the protocol does not know; "
+                f"The board on {self.port} sent {','.join(fields)!r}, whose checksum is right but which the protocol "
+                f"does not know; "
                 "flash the firmware that comes with this plantfit."
             ) from None
 
@@ -160,11 +164,16 @@ class Session:
     def _silence(self, received: int, good: int) -> str:
         if received == 0:
             return (
-                f"The board on {self.port} does not answer; check its power, that plantfit's firmware is on it, and that this is its port."
+                f"The board on {self.port} does not answer; check its power, that plantfit's firmware is on it, "
+                f"and "
+                f"that this is its port."
             )
         if good == 0:
             return (
                 f"Port {self.port} sends bytes but no line of the protocol at {self.baud} baud; "
                 "choose the firmware's rate with --baud, or check that this is its port."
             )
-        return f"The board on {self.port} answers but its hello does not come through; check the cable, or lower the baud on both sides."
+        return (
+            f"The board on {self.port} answers but its hello does not come through; check the cable, or lower the "
+            f"baud on both sides."
+        )

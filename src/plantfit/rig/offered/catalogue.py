@@ -48,18 +48,22 @@ def record_rig(
 ) -> RigRecord:
     """A record of the rig `name` with its truth, as `plantfit rig` writes it.
 
-    `constants` sets any of the rig's numbers, in their units or as text with a unit ("25 cm"). Noise, phases and errors of instruments
-    come from `seed`: the same call gives the same bits. `duration` and `period` in s. `excitation` is what the rig's
-    `offered(name).excitation` says; `without` names optional channels that the record is to lack. `controller` is a file NAME-tune.json of
-    `plantfit tune`: its PID drives the rig, and `excitation` are its set points, by default the step that it was tuned for.
+    `constants` sets any of the rig's numbers, in their units or as text with a unit ("25 cm"). Noise, phases and errors
+    of instruments come from `seed`: the same call gives the same bits. `duration` and `period` in s. `excitation` is
+    what the rig's `offered(name).excitation` says; `without` names optional channels that the record is to lack.
+    `controller` is a file NAME-tune.json of `plantfit tune`: its PID drives the rig, and `excitation` are its set
+    points, by default the step that it was tuned for.
 
-    Raises SimulationError for an unknown name, an impossible value and a rig that cannot be driven so, UnitError for a wrong unit.
+    Raises SimulationError for an unknown name, an impossible value and a rig that cannot be driven so, UnitError for a
+    wrong unit.
     """
     rig, given = offered(name), dict(constants or {})
     known = {n.name: n for n in rig.numbers}
     for wanted in given:
         if wanted not in known:
-            raise SimulationError(f"Rig {name!r} has no {wanted!r}.{suggest(wanted, list(known))} It has {', '.join(known)}.")
+            raise SimulationError(
+                f"Rig {name!r} has no {wanted!r}.{suggest(wanted, list(known))} It has {', '.join(known)}."
+            )
     read = {n: _number(name, known[n], value) for n, value in given.items()}
     numbers = {n: d.value for n, d in known.items() if d.value is not None} | read
     if not isinstance(seed, int | np.integer) or isinstance(seed, bool) or not 0 <= seed < 2**63:
@@ -79,13 +83,19 @@ def record_rig(
         tuned = read_tuned(controller)
         own = tuned.settings.period
         if period is not None and not math.isclose(period, own):
-            raise SimulationError(f"The controller {tuned.name} samples every {own:g} s; leave --period {period:g} s out.")
+            raise SimulationError(
+                f"The controller {tuned.name} samples every {own:g} s; leave --period {period:g} s out."
+            )
         period = own
     length, step = duration or rig.duration, period or rig.period
     if length < 10 * step:
-        raise SimulationError(f"Rig {name!r}: {length:g} s with a sample every {step:g} s are under 10 samples; record longer.")
+        raise SimulationError(
+            f"Rig {name!r}: {length:g} s with a sample every {step:g} s are under 10 samples; record longer."
+        )
     if length / step > MOST_SAMPLES:
-        raise SimulationError(f"Rig {name!r}: {length:g} s with a sample every {step:g} s are over {MOST_SAMPLES} samples; record less.")
+        raise SimulationError(
+            f"Rig {name!r}: {length:g} s with a sample every {step:g} s are over {MOST_SAMPLES} samples; record less."
+        )
     lacking = tuple(dict.fromkeys(without))
     for channel in lacking:
         if channel not in rig.optional:
@@ -110,7 +120,9 @@ def _number(rig: str, number: Number, value: float | str) -> float:
     try:
         value = float(value)
     except (TypeError, ValueError, OverflowError):
-        raise SimulationError(f"Rig {rig!r}: {number.name} = {value!r} is not a number; give one in {number.unit or '1'}.") from None
+        raise SimulationError(
+            f"Rig {rig!r}: {number.name} = {value!r} is not a number; give one in {number.unit or '1'}."
+        ) from None
     if refused := number.refused(value):
         raise SimulationError(f"Rig {rig!r}: {refused}.")
     return value

@@ -1,4 +1,5 @@
-"""A DC motor on a microcontroller's board by name: voltage, speed and, unless left out, current, one line every 100 ms."""
+"""A DC motor on a microcontroller's board by name: voltage, speed and, unless left out, current, one line every 100
+ms."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -25,22 +26,26 @@ PERIOD, DURATION, BLOCK = 0.1, 150.0, 30.0  # s: a line of the serial port, a re
 OLDEST = 1e-3  # s: readings that tell of an earlier time are not sent
 STEPS_OF = 5e-4  # s between two steps of the rig's simulation
 
-# Tran et al., A Survey of Identification Experimental System Parameters Using Genetic Algorithm, section 5.2, there with K_f for Tf
+# Tran et al., A Survey of Identification Experimental System Parameters Using Genetic Algorithm, section 5.2, there
+# with K_f for Tf
 PUBLISHED = {"Rm": 2.826, "Lm": 0.0452, "Kb": 0.0061, "Kt": 0.0926, "Jm": 0.0023, "Cm": 0.0023, "Tf": 0.0000519}
 # Kt = Kb in SI units. The printed pair would turn each watt of back-EMF into 15 W of shaft power; Kt is kept of it.
 TRUTH = PUBLISHED | {"Kb": PUBLISHED["Kt"]}
 
 
 def board_rig(parameters: Mapping[str, float]) -> DcMotorRig:
-    """12 V bridge at 98 % with 8 bits that wanders by 2 mV rms, 500 lines read on all four edges, a Hall sensor of 20 mA rms."""
+    """12 V bridge at 98 % with 8 bits that wanders by 2 mV rms, 500 lines read on all four edges, a Hall sensor of
+    20 mA rms."""
     return DcMotorRig(
-        parameters, pulses=2000, ratio=1.0, slot_error=0.01, current="signed", current_noise=0.02, current_step=0.01, wander=0.002,
+        parameters, pulses=2000, ratio=1.0, slot_error=0.01, current="signed", current_noise=0.02, current_step=0.01,
+        wander=0.002,
         period=PERIOD, substeps=round(PERIOD / STEPS_OF),
     )  # fmt: skip
 
 
 def board_excitation(amplitude: float = 11.0, duration: float = DURATION, period: float = PERIOD) -> Recording:
-    """Sines of both signs beyond 1 V, which covers the dead zone, and a square wave: three sections of 10 s, up to `amplitude` (V).
+    """Sines of both signs beyond 1 V, which covers the dead zone, and a square wave: three sections of 10 s, up to
+    `amplitude` (V).
 
     The first line is sent before the bridge is switched on, so that every model starts at rest.
     """
@@ -51,15 +56,21 @@ def board_excitation(amplitude: float = 11.0, duration: float = DURATION, period
 
 
 def sent(run: RigRun, rig: DcMotorRig, oldest: float = OLDEST) -> Recording:
-    """V (V), w (rad/s), i (A) as the board sends them: readings of the speed that tell of over `oldest` s ago are missing.
+    """V (V), w (rad/s), i (A) as the board sends them: readings of the speed that tell of over `oldest` s ago are
+    missing.
 
-    The board takes off what its timer's steps and the slots' errors do to the mean of 1/period, and reads 0 before the bridge is on.
+    The board takes off what its timer's steps and the slots' errors do to the mean of 1/period, and reads 0 before the
+    bridge is on.
     """
     told = duty_to_voltage(run.recording, "duty", "V", rig.supply, 2**rig.bits - 1, rig.bits, rig.efficiency)
-    told = period_to_speed(told, "Tp", "w", rig.pulses, ratio=rig.ratio, slot_error=rig.slot_error, tick=rig.tick, counts="N", lag="age")
+    told = period_to_speed(
+        told, "Tp", "w", rig.pulses, ratio=rig.ratio, slot_error=rig.slot_error, tick=rig.tick, counts="N", lag="age"
+    )
     kept = np.where(told["age"] <= oldest, told["w"], np.nan)
     kept[0] = 0.0
-    dropped = f"{int(np.sum(np.isnan(kept)))} readings older than {oldest:g} s, from where the motor reverses, are not sent."
+    dropped = (
+        f"{int(np.sum(np.isnan(kept)))} readings older than {oldest:g} s, from where the motor reverses, are not sent."
+    )
     signals = {"V": told.signals["V"], "w": Signal(kept, "rad/s"), "i": told.signals["i"]}
     return Recording(told.t, signals, run.recording.name, (*told.log, dropped))
 
@@ -78,7 +89,17 @@ def _numbers() -> tuple[Number, ...]:
         Number("slot_error", "1", 0.01, "rms error of a slot's place, of its width", "noise", open=False, most=0.2),
         Number("tick", "s", 1e-6, "step of the timer", "noise", open=False),
         Number("wander", "V", 0.002, "rms by which the bridge's voltage wanders within a second", "noise", open=False),
-        Number("pulses", "counts", 2000, "edges of the encoder for a turn", "noise", least=4, open=False, most=1e6, whole=True),
+        Number(
+            "pulses",
+            "counts",
+            2000,
+            "edges of the encoder for a turn",
+            "noise",
+            least=4,
+            open=False,
+            most=1e6,
+            whole=True,
+        ),
         Number("supply", "V", 12.0, "supply of the bridge", "setting"),
         Number("efficiency", "1", 0.98, "share of the supply that the bridge passes on", "setting", most=1.0),
         Number("bits", "1", 8, "bits of the duty", "setting", least=1, open=False, most=24, whole=True),
@@ -90,9 +111,11 @@ def _record(asked: Asked) -> RigRecord:
     asked = asked._replace(numbers=n)
     period, duration = asked.period or PERIOD, asked.duration or DURATION
     rig = replace(
-        board_rig({name: n[name] for name in UNITS}), supply=n["supply"], efficiency=n["efficiency"], bits=int(n["bits"]),
+        board_rig({name: n[name] for name in UNITS}), supply=n["supply"], efficiency=n["efficiency"],
+        bits=int(n["bits"]),
         pulses=int(n["pulses"]), slot_error=n["slot_error"], tick=n["tick"], current_noise=n["current_noise"],
-        current_step=n["current_step"], wander=n["wander"], period=period, duration=duration, substeps=max(10, round(period / STEPS_OF)),
+        current_step=n["current_step"], wander=n["wander"], period=period, duration=duration,
+        substeps=max(10, round(period / STEPS_OF)),
     )  # fmt: skip
     most = rig.efficiency * rig.supply
     if asked.controller is not None:
@@ -112,7 +135,9 @@ def _record(asked: Asked) -> RigRecord:
         determined = {name: {"value": n[name], "unit": UNITS[name]} for name in UNITS}
     truth = truth_of(RIG, asked, {"encoder_phase_slots": run.truth["encoder_phase_slots"]}, determined, driven)
     tied = n["Kt"] == n["Kb"]
-    write = (lambda f, s: _speed_study(f, s, n)) if "i" in asked.without else (lambda f, s: _current_study(f, s, n, tied))
+    write = (
+        (lambda f, s: _speed_study(f, s, n)) if "i" in asked.without else (lambda f, s: _current_study(f, s, n, tied))
+    )
     return RigRecord(seen, run.exact, truth, write)
 
 
@@ -120,7 +145,10 @@ def _looped(rig: DcMotorRig, asked: Asked, tuned: Tuned, duration: float, period
     """The voltage V of the loop with its set points w_set (rad/s), and a sentence about it."""
     given = asked.excitation
     if given is None:
-        levels = (units.convert(v, tuned.output_unit or "rad/s", "rad/s") for v in (tuned.set_point - tuned.step, tuned.set_point))
+        levels = (
+            units.convert(v, tuned.output_unit or "rad/s", "rad/s")
+            for v in (tuned.set_point - tuned.step, tuned.set_point)
+        )
         given = ",".join(f"{v!r}" for v in levels)
     wanted, told = driven_by(given, "w", "rad/s", duration, period)
     t = np.arange(round((wanted.t[-1] - wanted.t[0]) / period) + 1) * period
@@ -132,11 +160,16 @@ def _looped(rig: DcMotorRig, asked: Asked, tuned: Tuned, duration: float, period
     return drive, f"In a loop with the {tuned.form} of {tuned.name} ({law}); set points: {told}"
 
 
-_DRIVEN = "Sines of both signs beyond 1 V and a square wave of 0.2 Hz, blocks of 30 s, up to {:.4g} V; 0 V at the first sample."
+_DRIVEN = (
+    "Sines of both signs beyond 1 V and a square wave of 0.2 Hz, blocks of 30 s, up to {:.4g} V; 0 V at the "
+    "first sample."
+)
 
 
 def _current_study(file: str, name: str, n: Mapping[str, float], tied: bool) -> str:
-    told = "Constants of a DC motor from voltage, speed and current." + (" Kt = Kb, which holds in SI units." if tied else "")
+    told = "Constants of a DC motor from voltage, speed and current." + (
+        " Kt = Kb, which holds in SI units." if tied else ""
+    )
     free = tuple(p for p in UNITS if not (tied and p == "Kt"))
     return (
         f"{head(name, told)}\n[recording.motor]\nfile = {dumps(file, ensure_ascii=False)}\n\n"
@@ -147,7 +180,8 @@ def _current_study(file: str, name: str, n: Mapping[str, float], tied: bool) -> 
 
 def _speed_study(file: str, name: str, n: Mapping[str, float]) -> str:
     told = (
-        "A DC motor from voltage and speed. Without the current only these combinations of its constants are determined:\n"
+        "A DC motor from voltage and speed. Without the current only these combinations of its constants are "
+        "determined:\n"
         + "\n".join(f"  {law} = {label}" for law, label in zip(LAW, LABELS, strict=True))
         + "\nWith the current as well (a record with the column i) each constant is."
     )
@@ -159,8 +193,11 @@ def _speed_study(file: str, name: str, n: Mapping[str, float]) -> str:
     return (
         f"{head(name, told)}\n[recording.motor]\nfile = {dumps(file, ensure_ascii=False)}\n\n"
         f'[model]\nequations = """\n{EQUATIONS}\n"""\ninputs = {{ V = "V" }}\n'
-        'states = { w = { unit = "rad/s", initial = 0 }, a = { unit = "rad/s^2", initial = 0 } }\noutputs = { w = "rad/s" }\n'
-        f'constants = {{ edge = "{EDGE}" }}\n\n' + "\n".join(rows) + "\n[simulation]\nsubsteps = 4\n\n[search]\nseed = 1\n"
+        'states = { w = { unit = "rad/s", initial = 0 }, a = { unit = "rad/s^2", initial = 0 } }\noutputs = { w = '
+        '"rad/s" }\n'
+        f'constants = {{ edge = "{EDGE}" }}\n\n'
+        + "\n".join(rows)
+        + "\n[simulation]\nsubsteps = 4\n\n[search]\nseed = 1\n"
     )
 
 
@@ -171,7 +208,8 @@ RIG = OfferedRig(
     _record,
     duration=DURATION,
     period=PERIOD,
-    excitation="a voltage that is held from the start (6V), several one after another (3V,-3V,6V), or a CSV file with a signal V",
+    excitation="a voltage that is held from the start (6V), several one after another (3V,-3V,6V), or a CSV file with "
+    "a signal V",
     optional=("i",),
     loop="reads the speed of the encoder and gives the voltage of the bridge",
 )

@@ -1,4 +1,5 @@
-"""Study files for records of a DC motor: with a current channel its constants, without one the combinations that speed determines."""
+"""Study files for records of a DC motor: with a current channel its constants, without one the combinations that
+speed determines."""
 
 import math
 from collections.abc import Mapping
@@ -6,7 +7,8 @@ from json import dumps
 
 # where `models.dc_motor` looks
 BOUNDS = {
-    "Rm": (0.1, 100.0), "Lm": (1e-5, 0.1), "Kb": (1e-3, 1.0), "Kt": (1e-3, 1.0), "Jm": (1e-8, 1e-2), "Cm": (1e-8, 1e-2), "Tf": (1e-6, 1.0),
+    "Rm": (0.1, 100.0), "Lm": (1e-5, 0.1), "Kb": (1e-3, 1.0), "Kt": (1e-3, 1.0), "Jm": (1e-8, 1e-2), "Cm": (1e-8, 1e-2),
+    "Tf": (1e-6, 1.0),
 }  # fmt: skip
 UNITS = {"Rm": "ohm", "Lm": "H", "Kb": "V*s/rad", "Kt": "N*m/A", "Jm": "kg*m^2", "Cm": "N*m*s/rad", "Tf": "N*m"}
 MOTOR = {

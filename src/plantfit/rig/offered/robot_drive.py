@@ -13,7 +13,11 @@ from plantfit.rig.offered.motor_studies import MOTOR, UNITS, head, parameter
 from plantfit.rig.robot_drive import REST, RobotDriveRig, Segment
 
 NAMES = ("Rm", "Lm", "Kb", "Jm", "Cm")
-WHEELS = {"radius_left": "radius of the left wheel", "radius_right": "radius of the right wheel", "track": "distance between the wheels"}
+WHEELS = {
+    "radius_left": "radius of the left wheel",
+    "radius_right": "radius of the right wheel",
+    "track": "distance between the wheels",
+}
 PATH = "1m, 0.5m/360deg, 1m, 0.5m/-360deg"
 
 
@@ -42,8 +46,10 @@ def _record(asked: Asked) -> RigRecord:
     n = asked.numbers
     motor = {name: n[name] for name in NAMES} | {"Kt": n["Kb"], "Tf": 0.0}
     rig = RobotDriveRig(
-        motor, (n["radius_left"], n["radius_right"]), n["track"], n["mass"], n["ratio"], n["gear"], n["supply"], n["efficiency"],
-        int(n["bits"]), int(n["pulses"]), n["slot_error"], n["camera_noise"], n["speed"], n["acceleration"], asked.period or RIG.period,
+        motor, (n["radius_left"], n["radius_right"]), n["track"], n["mass"], n["ratio"], n["gear"], n["supply"],
+        n["efficiency"],
+        int(n["bits"]), int(n["pulses"]), n["slot_error"], n["camera_noise"], n["speed"], n["acceleration"],
+        asked.period or RIG.period,
     )  # fmt: skip
     path = segments(asked.excitation or PATH)
     run = rig.record(asked.seed, path, asked.duration, name="robot_drive")
@@ -56,7 +62,8 @@ def _record(asked: Asked) -> RigRecord:
 
 
 def segments(path: str | Recording) -> list[Segment]:
-    """The parts of a path as text: "1m" straight on, "0.5m/90deg" an arc of that radius to the left, a negative angle to the right.
+    """The parts of a path as text: "1m" straight on, "0.5m/90deg" an arc of that radius to the left, a negative angle
+    to the right.
 
     Raises SimulationError for other text, UnitError for a unit of another kind.
     """
@@ -71,7 +78,9 @@ def segments(path: str | Recording) -> list[Segment]:
             continue
         turn = _in(angle, "rad", path)
         if not (reach > 0 and turn != 0):
-            raise SimulationError(f"The path {path!r} has the arc {part.strip()!r}; give a radius above 0 and an angle, as in 0.5m/90deg.")
+            raise SimulationError(
+                f"The path {path!r} has the arc {part.strip()!r}; give a radius above 0 and an angle, as in 0.5m/90deg."
+            )
         found.append(Segment(reach * abs(turn), math.copysign(1 / reach, turn)))
     return found
 
@@ -81,10 +90,13 @@ def _in(text: str, unit: str, path: str) -> float:
         value, own = units.quantity(text.strip())
     except UnitError:
         raise SimulationError(
-            f"The path {path!r} cannot be read at {text.strip()!r}; write straights as 1m and arcs as 0.5m/90deg, with commas between."
+            f"The path {path!r} cannot be read at {text.strip()!r}; write straights as 1m and arcs as 0.5m/90deg, with "
+            f"commas between."
         ) from None
     if own and not units.compatible(own, unit):
-        raise UnitError(f"The path {path!r}: {text.strip()!r} is no {'length' if unit == 'm' else 'angle'}; give it in {unit}.")
+        raise UnitError(
+            f"The path {path!r}: {text.strip()!r} is no {'length' if unit == 'm' else 'angle'}; give it in {unit}."
+        )
     return float(units.convert(value, own, unit)) if own else value
 
 
@@ -125,7 +137,9 @@ seed = 1
 def _study(file: str, name: str, n: Mapping[str, float]) -> str:
     told = "Wheels and track of a robot from the counts of its wheels and a camera's positions."
     # as a ruler tells them: over decades of radii the counts of a wheel fit circles of other numbers of turns
-    tables = [parameter(w, [float(f"{0.5 * n[w]:.1g}"), float(f"{3 * n[w]:.1g}")], "m", said) for w, said in WHEELS.items()]
+    tables = [
+        parameter(w, [float(f"{0.5 * n[w]:.1g}"), float(f"{3 * n[w]:.1g}")], "m", said) for w, said in WHEELS.items()
+    ]
     tables += [parameter(f"{a}0", [-0.1, 0.1], "m", f"{a} at the start", log=False) for a in "xy"]
     tables.append(parameter("heading0", [-0.3, 0.3], "rad", "heading at the start", log=False))
     return head(name, told) + _STUDY.format(
@@ -141,5 +155,6 @@ RIG = OfferedRig(
     _record,
     duration=2 + 2 * math.pi + 0.5 + REST,
     period=0.01,
-    excitation=f"a path: straights such as 1m and arcs such as 0.5m/90deg (left) or 0.5m/-90deg (right) with commas between ({PATH})",
+    excitation=f"a path: straights such as 1m and arcs such as 0.5m/90deg (left) or 0.5m/-90deg (right) with commas "
+    f"between ({PATH})",
 )

@@ -1,4 +1,5 @@
-"""The motor of a mobile robot by name: raw duty, pulse periods and RMS current at 5 kHz, as a microcontroller logs them."""
+"""The motor of a mobile robot by name: raw duty, pulse periods and RMS current at 5 kHz, as a microcontroller logs
+them."""
 
 from collections.abc import Mapping
 from json import dumps
@@ -33,15 +34,20 @@ def _record(asked: Asked) -> RigRecord:
     constants = {name: n[name] for name in NAMES} | {"Kt": n["Kb"], "Tf": 0.0}
     period, duration = asked.period or RIG.period, asked.duration or RIG.duration
     rig = DcMotorRig(
-        constants, supply=n["supply"], efficiency=n["efficiency"], bits=int(n["bits"]), pulses=int(n["pulses"]), ratio=n["ratio"],
-        slot_error=n["slot_error"], tick=n["tick"], current_noise=n["current_noise"], current_step=n["current_step"], period=period,
+        constants, supply=n["supply"], efficiency=n["efficiency"], bits=int(n["bits"]), pulses=int(n["pulses"]),
+        ratio=n["ratio"],
+        slot_error=n["slot_error"], tick=n["tick"], current_noise=n["current_noise"], current_step=n["current_step"],
+        period=period,
         window=period, substeps=max(10, round(period / 2e-5)), duration=duration,
     )  # fmt: skip
     drive, driven = driven_by(asked.excitation or "3V", "V", "V", duration, period)
     run = rig.record(asked.seed, drive, name="robot_motor")
     determined = {name: {"value": n[name], "unit": UNITS[name]} for name in NAMES}
     for name, value in zip(("c0", "c1", "c2"), speed_law(constants), strict=False):
-        determined[name] = {"value": float(value), "unit": {"c0": "V*s/rad", "c1": "V*s^2/rad", "c2": "V*s^3/rad"}[name]}
+        determined[name] = {
+            "value": float(value),
+            "unit": {"c0": "V*s/rad", "c1": "V*s^2/rad", "c2": "V*s^3/rad"}[name],
+        }
     truth = truth_of(RIG, asked, {"encoder_phase_slots": run.truth["encoder_phase_slots"]}, determined, driven)
     return RigRecord(run.recording, run.exact, truth, lambda file, name: _study(file, name, n, rig))
 
@@ -74,14 +80,18 @@ outputs = {{ w = "rad/s", I = "A" }}
 {parameters}
 [search]
 seed = 1
-"""
+"""  # noqa: E501
 
 
 def _study(file: str, name: str, n: Mapping[str, float], rig: DcMotorRig) -> str:
-    told = "Motor of a mobile robot from rest: current (RMS, so without its sign) and the period of the encoder's pulses."
+    told = (
+        "Motor of a mobile robot from rest: current (RMS, so without its sign) and the period of the encoder's pulses."
+    )
     return head(name, told) + _STUDY.format(
-        file=dumps(file, ensure_ascii=False), skip=0.003, supply=rig.supply, full=2**rig.bits - 1, efficiency=rig.efficiency,
-        pulses=rig.pulses, ratio=float(rig.ratio), slot=rig.slot_error, half=0.5 * rig.window, parameters=parameters_of(NAMES, n),
+        file=dumps(file, ensure_ascii=False), skip=0.003, supply=rig.supply, full=2**rig.bits - 1,
+        efficiency=rig.efficiency,
+        pulses=rig.pulses, ratio=float(rig.ratio), slot=rig.slot_error, half=0.5 * rig.window,
+        parameters=parameters_of(NAMES, n),
     )  # fmt: skip
 
 
@@ -92,5 +102,6 @@ RIG = OfferedRig(
     _record,
     duration=0.4,
     period=2e-4,
-    excitation="a voltage that is held from the start (3V), several one after another (3V,6V), or a CSV file with a signal V",
+    excitation="a voltage that is held from the start (3V), several one after another (3V,6V), or a CSV file with a "
+    "signal V",
 )

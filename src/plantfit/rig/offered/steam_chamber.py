@@ -24,11 +24,23 @@ def _numbers() -> tuple[Number, ...]:
         Number("A2", PLANT["A2"], None, "inertia of the response"),
         Number("Td", PLANT["Td"], None, "dead time of the valve", open=False, most=30.0),
         Number(
-            "tables_of", "%", None, "the tables of this opening at every opening, so that the valve may move under pressure", most=100.0
+            "tables_of",
+            "%",
+            None,
+            "the tables of this opening at every opening, so that the valve may move under pressure",
+            most=100.0,
         ),
         Number("noise", "bar", 0.05, "rms noise of a sample", "noise", open=False),
         Number("bits", "1", 12, "bits of the input card", "noise", least=4, open=False, most=24, whole=True),
-        Number("transducer_limit", "%", 0.1, "limit of the transducer's error, of full scale", "noise", open=False, most=10.0),
+        Number(
+            "transducer_limit",
+            "%",
+            0.1,
+            "limit of the transducer's error, of full scale",
+            "noise",
+            open=False,
+            most=10.0,
+        ),
         Number("card_limit", "%", 0.3, "limit of the card's error, of full scale", "noise", open=False, most=10.0),
         Number("drift", "1", 0.0, "rms share by which the supply wanders", "noise", open=False, most=0.5),
         Number("span", "bar", 39.0, "full scale of the transducer", "setting"),
@@ -44,10 +56,13 @@ def _record(asked: Asked) -> RigRecord:
         raise SimulationError(f"Rig 'steam_chamber': {own[0]} and tables_of are given; give one plant.")
     if own and len(own) < len(PLANT):
         lacking = next(p for p in PLANT if p not in own)
-        raise SimulationError(f"Rig 'steam_chamber': {own[0]} is given, but {lacking} is not; give all of {', '.join(PLANT)}, or none.")
+        raise SimulationError(
+            f"Rig 'steam_chamber': {own[0]} is given, but {lacking} is not; give all of {', '.join(PLANT)}, or none."
+        )
     limits = {"pressure transducer": n["transducer_limit"], "analog input card": n["card_limit"]}
     rig = SteamChamberRig(
-        span=n["span"], bits=int(n["bits"]), noise=n["noise"], error_limits=limits, errors=any(limits.values()), drift=n["drift"],
+        span=n["span"], bits=int(n["bits"]), noise=n["noise"], error_limits=limits, errors=any(limits.values()),
+        drift=n["drift"],
         valve_rate=n.get("valve_rate", np.inf), period=period,
     )  # fmt: skip
     drive, driven = driven_by(asked.excitation or "40%", "u", "%", duration or (RIG.duration if own else _LONG), period)
@@ -60,11 +75,17 @@ def _record(asked: Asked) -> RigRecord:
         rig = replace(rig, truth=lambda _: shared)
     elif len(np.unique(openings)) > 1:
         raise SimulationError(
-            f"Rig 'steam_chamber': the valve takes {len(np.unique(openings))} openings, but the rig's tables belong to one; "
-            f"give {', '.join(PLANT)} for a plant that is the same at all, tables_of for tables that are, or one opening."
+            f"Rig 'steam_chamber': the valve takes {len(np.unique(openings))} openings, but the rig's tables belong to "
+            f"one; "
+            f"give {', '.join(PLANT)} for a plant that is the same at all, tables_of for tables that are, or one "
+            f"opening."
         )
     moves = bool(own) or "tables_of" in n
-    run = rig.record(drive if moves else float(openings[0]), asked.seed, float(drive.t[-1] - drive.t[0]) if _lasts(asked, own) else None)
+    run = rig.record(
+        drive if moves else float(openings[0]),
+        asked.seed,
+        float(drive.t[-1] - drive.t[0]) if _lasts(asked, own) else None,
+    )
     asked = asked._replace(duration=float(run.recording.t[-1]))
     units = PLANT
     determined: dict[str, Any] = {p: {"value": run.truth["parameters"][p], "unit": units[p]} for p in PLANT}
@@ -81,7 +102,8 @@ def _record(asked: Asked) -> RigRecord:
 
 _LONG = 300.0
 _ONCE = (
-    "One step passes each pressure once: of the tables it tells part of the entries, and sums of the others. Openings that change under "
+    "One step passes each pressure once: of the tables it tells part of the entries, and sums of the others. Openings "
+    "that change under "
     "pressure tell them apart (--set tables_of=40% --excitation 10%,25%,15%)."
 )
 
@@ -123,16 +145,32 @@ unit = "s"
 
 
 def _study(file: str, name: str, n: Mapping[str, float], constants: bool) -> str:
-    told = "Steps of a steam chamber's valve from rest" + (": four constants." if constants else ": tables over the pressure, a dead time.")
+    told = "Steps of a steam chamber's valve from rest" + (
+        ": four constants." if constants else ": tables over the pressure, a dead time."
+    )
     model = _CONSTANTS if constants else '[model]\nkind = "steam_chamber"\n'
     text = "".join(f"# {line}\n" for line in told.splitlines()) + f"# Run it with:  plantfit run {name}.toml\n"
     text += f"name = {dumps(name, ensure_ascii=False)}\n\n[recording.steps]\nfile = {dumps(file, ensure_ascii=False)}\n"
     text += f"before = {{ u = 0.0 }}    # the valve was closed\n\n{model}"
-    for key, limit, said in (("transducer", n["transducer_limit"], "pressure transducer"), ("card", n["card_limit"], "input card")):
+    for key, limit, said in (
+        ("transducer", n["transducer_limit"], "pressure transducer"),
+        ("card", n["card_limit"], "input card"),
+    ):
         if limit:  # the error at full scale less that at zero: two even errors make a triangular one
-            text += f"\n[uncertainty.{key}]  # {said}: {limit:g} % of span at zero and at full scale; its zero was set before the step\n"
-            text += f'of = "y"\nkind = "full scale"\nlimit = {2 * limit!r}\nunit = "%"\nspan = {n["span"]!r}\nshape = "triangular"\n'
-    search = "" if constants or "tables_of" not in n else 'methods = ["least_squares"]  # 31 parameters with exact derivatives\nruns = 1\n'
+            text += (
+                f"\n[uncertainty.{key}]  # {said}: {limit:g} % of span at zero and at full scale; its zero was "
+                f"set "
+                f"before the step\n"
+            )
+            text += (
+                f'of = "y"\nkind = "full scale"\nlimit = {2 * limit!r}\nunit = "%"\nspan = {n["span"]!r}\nshape = '
+                f'"triangular"\n'
+            )
+    search = (
+        ""
+        if constants or "tables_of" not in n
+        else 'methods = ["least_squares"]  # 31 parameters with exact derivatives\nruns = 1\n'
+    )
     return f"{text}\n[search]\nseed = 1\n{search}"
 
 

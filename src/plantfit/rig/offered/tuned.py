@@ -28,8 +28,8 @@ import jax
 class Tuned:
     """A controller by its `form`, `parameters` (`Gains`, `Smith`, `Schedule`, `Servo` or `Predictive`) and `settings`.
 
-    Its `output` and `input` with their units (None: not known), and the step it was tuned for, to `set_point` by `step`, in the unit of the
-    output, in `seconds`.
+    Its `output` and `input` with their units (None: not known), and the step it was tuned for, to `set_point` by
+    `step`, in the unit of the output, in `seconds`.
     """
 
     form: str
@@ -62,7 +62,11 @@ class Tuned:
     def given(self) -> tuple[Any, ...]:
         """Parameters of `law`: its own, the input at rest, and the limits of a Smith predictor or a scheduled PID."""
         s = self.settings
-        return (self.parameters, 0.0, *((Limits(s.lower, s.upper, s.follow),) if isinstance(self.parameters, Smith | Schedule) else ()))
+        return (
+            self.parameters,
+            0.0,
+            *((Limits(s.lower, s.upper, s.follow),) if isinstance(self.parameters, Smith | Schedule) else ()),
+        )
 
     @property
     def told(self) -> str:
@@ -115,15 +119,21 @@ def read_tuned(path: str | Path) -> Tuned:
             f"The controller {str(path)!r} cannot be read ({error.strerror}); name a file that `plantfit tune` wrote."
         ) from None
     except (ValueError, KeyError, IndexError, TypeError, AttributeError):
-        raise SimulationError(f"{str(path)!r} is not a controller; name a file NAME-tune.json that `plantfit tune` wrote.") from None
+        raise SimulationError(
+            f"{str(path)!r} is not a controller; name a file NAME-tune.json that `plantfit tune` wrote."
+        ) from None
 
 
 def _tuned(record: dict[str, Any], name: str) -> Tuned:
     best, w = record["controllers"][0], record["wishes"]
-    settings = Settings(float(w["period"]), float(w["lower"]), float(w["upper"]), w["anti_windup"], record.get("tracking_time"))
+    settings = Settings(
+        float(w["period"]), float(w["lower"]), float(w["upper"]), w["anti_windup"], record.get("tracking_time")
+    )
     out, into, plan = record["output"], record["input"], None
     if "inner_Kp" in best:
-        raise SimulationError(f"{name} is a cascade, which measures two signals; rigs and boards here give one. Use its C file.")
+        raise SimulationError(
+            f"{name} is a cascade, which measures two signals; rigs and boards here give one. Use its C file."
+        )
     if "levels" in best:
         names = ("Kp", "Ki", "Kd", "b", "filter_time")
         gains = Gains(**{n: _array(best[n]) for n in names}, c=np.zeros(len(best["levels"])))
@@ -135,9 +145,13 @@ def _tuned(record: dict[str, Any], name: str) -> Tuned:
     else:
         if "set_point_share" not in best:
             raise SimulationError(
-                f"{name} was written before plantfit kept how fast the set point of an LQI or MPC moves; run `plantfit tune` again."
+                f"{name} was written before plantfit kept how fast the set point of an LQI or MPC moves; run `plantfit "
+                f"tune` again."
             )
-        form, parameters = "LQI", Servo._make(_array(best["set_point_share" if n == "share" else n]) for n in Servo._fields)
+        form, parameters = (
+            "LQI",
+            Servo._make(_array(best["set_point_share" if n == "share" else n]) for n in Servo._fields),
+        )
         if record.get("plan"):
             form, plan = "MPC", (len(record["plan"]["moves"]), w["rate"] is not None)
             task = Prepared(_array(best["project"]), _array(best["yielding"]))
@@ -146,7 +160,8 @@ def _tuned(record: dict[str, Any], name: str) -> Tuned:
             x, q, g, free = (_array(best[n]) for n in ("X", "Q", "g", "free"))
             parameters = Predictive(parameters, Plan(x, q, g, free, task, low, high, np.asarray(rate)))
     return Tuned(
-        form, parameters, settings, out["name"], out["unit"], into["name"], into["unit"], float(w["set_point"]), float(w["step"]), name,
+        form, parameters, settings, out["name"], out["unit"], into["name"], into["unit"], float(w["set_point"]),
+        float(w["step"]), name,
         _seconds(record), plan, int(best.get("ahead", 0)),
     )  # fmt: skip
 
@@ -163,4 +178,8 @@ def _seconds(record: dict[str, Any]) -> float | None:
     if not r:
         return None
     lag = np.inf if r["lag"] is None else r["lag"]
-    return float(course_seconds(Reduced((r["gain"], lag, r["dead_time"]), (r["gain"], lag, 0.0, r["dead_time"]), r["integrating"], "")))
+    return float(
+        course_seconds(
+            Reduced((r["gain"], lag, r["dead_time"]), (r["gain"], lag, 0.0, r["dead_time"]), r["integrating"], "")
+        )
+    )

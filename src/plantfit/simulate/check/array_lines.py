@@ -7,11 +7,19 @@ import numpy as np
 
 from plantfit.simulate.straight_line import Writer
 
-_REDUCED = {"reduce_sum": "add", "reduce_max": "max", "reduce_min": "min", "reduce_and": "and", "reduce_or": "or", "reduce_prod": "mul"}
+_REDUCED = {
+    "reduce_sum": "add",
+    "reduce_max": "max",
+    "reduce_min": "min",
+    "reduce_and": "and",
+    "reduce_or": "or",
+    "reduce_prod": "mul",
+}
 
 
 class Held(NamedTuple):
-    """An array: expressions of its entries, and the name under which the running text holds them in one flat tuple, if it does."""
+    """An array: expressions of its entries, and the name under which the running text holds them in one flat tuple,
+    if it does."""
 
     entries: np.ndarray
     name: str | None = None
@@ -87,7 +95,12 @@ class ArrayWriter(Writer):
         else:
             numbers, rank = params["dimension_numbers"], table.entries.ndim
             plain = numbers.offset_dims == tuple(range(rank)) == numbers.start_index_map
-            if not plain or numbers.collapsed_slice_dims or numbers.operand_batching_dims or values[1].entries.shape != (rank,):
+            if (
+                not plain
+                or numbers.collapsed_slice_dims
+                or numbers.operand_batching_dims
+                or values[1].entries.shape != (rank,)
+            ):
                 raise self.refused("reads of this kind from tables")
             begin = [f"int({v})" for v in values[1].entries]
         strides = [int(np.prod(table.entries.shape[k + 1 :])) for k in range(table.entries.ndim)]

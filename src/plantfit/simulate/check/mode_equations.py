@@ -111,7 +111,10 @@ def mode_equations(vector: VectorModel) -> ModeEquations:
         for play, way in zip(plays, mode[count:], strict=True):
             low, high = ends(play, x, u, p)
             pushed = way * rates[play.state]
-            surfaces += [jnp.where(way == 0, x[play.state] - low, pushed), jnp.where(way == 0, high - x[play.state], pushed)]
+            surfaces += [
+                jnp.where(way == 0, x[play.state] - low, pushed),
+                jnp.where(way == 0, high - x[play.state], pushed),
+            ]
         return tuple(rates), tuple(x), tuple(surfaces)
 
     def forces(x, u, du, mode, p):

@@ -1,7 +1,8 @@
 """Events, dry friction and backlash followed mode by mode with scipy's DOP853, for the check of simulations.
 
-In a mode every velocity with friction slides one way or sticks, and every state with play is pushed by one flank or rests. Surfaces end
-a mode: conditions of events, velocities that meet zero, the breakaway force, flanks that touch or turn back.
+In a mode every velocity with friction slides one way or sticks, and every state with play is pushed by one flank or
+rests. Surfaces end a mode: conditions of events, velocities that meet zero, the breakaway force, flanks that touch or
+turn back.
 """
 
 import warnings
@@ -24,7 +25,8 @@ CHANGES = 200  # of the mode in one span
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """The motion of a model with parameters `p`. A mode is a vector: per friction 1, -1 or 0 (sticks), per play 1, -1 or 0 (rests)."""
+    """The motion of a model with parameters `p`. A mode is a vector: per friction 1, -1 or 0 (sticks), per play 1,
+    -1 or 0 (rests)."""
 
     equations: ModeEquations
     p: Values
@@ -55,7 +57,9 @@ class Modes:
 
     def jump(self, k: int, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """The states behind event k."""
-        return self.equations.jumps[k](x, u, np.zeros(len(u)), np.zeros(len(self.velocities) + len(self.plays)), self.p)[0]
+        return self.equations.jumps[k](
+            x, u, np.zeros(len(u)), np.zeros(len(self.velocities) + len(self.plays)), self.p
+        )[0]
 
     def flanks(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Lowest and highest value of every play (k, 2)."""

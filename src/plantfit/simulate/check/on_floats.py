@@ -1,4 +1,5 @@
-"""A model's functions as Python on floats: a solver that asks for one value at a time waits ten times as long for a compiled program.
+"""A model's functions as Python on floats: a solver that asks for one value at a time waits ten times as long for a
+compiled program.
 
 It is arithmetic of its own besides: neither XLA nor the native loops, which simulations run on, take part in it.
 """
@@ -36,10 +37,11 @@ def made(p, start, a, b):
 
 
 def plain_rate(vector: VectorModel, values: Sequence[Any]) -> Callable[[float, np.ndarray, np.ndarray], Rate] | None:
-    """`made(start, a, b)` for a model with parameters `values`: the rate (x (n,), t) with channels a + b*(t - start), (m,) each.
+    """`made(start, a, b)` for a model with parameters `values`: the rate (x (n,), t) with channels a + b*(t - start),
+    (m,) each.
 
-    The rate raises ValueError or ArithmeticError where something is not finite or math has no number. None for a model with operations
-    that have no such form.
+    The rate raises ValueError or ArithmeticError where something is not finite or math has no number. None for a model
+    with operations that have no such form.
     """
     made = _written(vector)
     if made is None:
@@ -79,8 +81,11 @@ def called({groups}):
 """
 
 
-def on_floats(model: str, function: Callable[..., Any], given: Sequence[Sequence[Any]]) -> Callable[..., list[list[float]]] | None:
-    """`function` of tuples of numbers, shaped as those of `given`, with a tuple of tuples as result: lists in, a list of lists out.
+def on_floats(
+    model: str, function: Callable[..., Any], given: Sequence[Sequence[Any]]
+) -> Callable[..., list[list[float]]] | None:
+    """`function` of tuples of numbers, shaped as those of `given`, with a tuple of tuples as result: lists in, a list
+    of lists out.
 
     It raises as `plain_rate` does. None for a function with operations that have no such form.
     """
@@ -111,7 +116,9 @@ def _defined(text: str, name: str) -> Callable:
     return space[name]
 
 
-def _lines(model: str, function: Callable[..., Any], given: Sequence[Sequence[Any]], names: Sequence[Sequence[str]]) -> Lines | None:
+def _lines(
+    model: str, function: Callable[..., Any], given: Sequence[Sequence[Any]], names: Sequence[Sequence[str]]
+) -> Lines | None:
     """Assignments and results of a function of tuples; None where something has no expression."""
     closed = jax.make_jaxpr(function)(*map(tuple, given))
     writer, inputs = ArrayWriter(model, "math", LANGUAGES["math"]), []

@@ -1,9 +1,11 @@
-"""A record followed by solvers of scipy at tight tolerances, independent of the steppers: what a simulation is compared with.
+"""A record followed by solvers of scipy at tight tolerances, independent of the steppers: what a simulation is compared
+with.
 
-Smooth models are followed by LSODA (A. C. Hindmarsh, ODEPACK, 1983), begun anew at every edge of an input. Events, dry friction that
-sticks, backlash and late states are followed by DOP853 (E. Hairer, S. P. Norsett, G. Wanner, Solving Ordinary Differential Equations I,
-sec. II.10) mode by mode: where its dense output passes a surface, the moment is found by bisection and the solver begins anew there.
-Late states come from the dense outputs before (method of steps). A record that cannot be followed ends in `Stopped`.
+Smooth models are followed by LSODA (A. C. Hindmarsh, ODEPACK, 1983), begun anew at every edge of an input. Events, dry
+friction that sticks, backlash and late states are followed by DOP853 (E. Hairer, S. P. Norsett, G. Wanner, Solving
+Ordinary Differential Equations I, sec. II.10) mode by mode: where its dense output passes a surface, the moment is
+found by bisection and the solver begins anew there. Late states come from the dense outputs before (method of steps). A
+record that cannot be followed ends in `Stopped`.
 """
 
 import warnings
@@ -86,16 +88,28 @@ class _Run:
         reason = reason or ("grows without bound" if grows else "changes too fast for the tight solver to follow")
         spent = self.evaluations > self.most and not grows  # beside a pole evaluations run out, too
         return Stopped(
-            float(t), self.vector.states[worst], float(x[worst]), "was reached with the evaluations allowed" if spent else reason, spent
+            float(t),
+            self.vector.states[worst],
+            float(x[worst]),
+            "was reached with the evaluations allowed" if spent else reason,
+            spent,
         )
 
 
 def follow(
-    simulator: Simulator, p: Mapping[str, Any], drive: Drive, *, rtol: float = 1e-9, atol: float = 1e-11, evaluations: int = EVALUATIONS
+    simulator: Simulator,
+    p: Mapping[str, Any],
+    drive: Drive,
+    *,
+    rtol: float = 1e-9,
+    atol: float = 1e-11,
+    evaluations: int = EVALUATIONS,
 ) -> Tight:
-    """Follow a whole record; `atol` is relative to the largest size of each state. It never raises for what a model does.
+    """Follow a whole record; `atol` is relative to the largest size of each state. It never raises for what a model
+    does.
 
-    24 000 samples with a held input that changes at each take 800 000 evaluations for two states (two minutes on a busy machine).
+    24 000 samples with a held input that changes at each take 800 000 evaluations for two states (two minutes on a busy
+    machine).
     """
     vector, model = simulator.vector, simulator.vector.model
     p = {k: np.asarray(v, dtype=float) for k, v in p.items()}
@@ -164,7 +178,8 @@ def follow(
 def _inputs(
     simulator: Simulator, p: Mapping[str, Any], drive: Drive, given: tuple[Any, Any]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Grid (K + 1,) s, channels at both ends of every step (m, K), and the place on the grid of every time of the drive (N,)."""
+    """Grid (K + 1,) s, channels at both ends of every step (m, K), and the place on the grid of every time of the
+    drive (N,)."""
     steps, (u0, u1, length) = given
     grid = np.append(steps.start, steps.start[-1] + length[-1]) if len(length) else np.asarray(drive.t)
     a, b = (np.stack([np.broadcast_to(c, length.shape) for c in u]) for u in (u0, u1))
@@ -172,7 +187,9 @@ def _inputs(
     if not delays:
         return grid, a, b, np.asarray(steps.rank)
     taus = [float(p[d.parameter]) for d in delays]
-    kinks = [drive.t[0] + tau * np.arange(1, ECHOES + 1) for tau in taus] + [np.asarray(drive.jumps) + tau for tau in taus]
+    kinks = [drive.t[0] + tau * np.arange(1, ECHOES + 1) for tau in taus] + [
+        np.asarray(drive.jumps) + tau for tau in taus
+    ]
     most = np.arange(drive.t[0], drive.t[-1], min(taus))  # a late value has to lie in a span before
     every = np.unique(np.concatenate([grid, *kinks, most]))
     every = every[every <= grid[-1]]
@@ -216,7 +233,9 @@ def _compiled(simulator: Simulator) -> _Compiled:
 
     settings = simulator.vector.model, simulator.stepper, simulator.substeps, simulator.interpolated
     output = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))
-    return _Compiled(*(Kept(f, f"tight {name}", described(settings)) for name, f in (("record", record), ("output", output))))
+    return _Compiled(
+        *(Kept(f, f"tight {name}", described(settings)) for name, f in (("record", record), ("output", output)))
+    )
 
 
 def simulated(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, np.ndarray]:
@@ -224,9 +243,15 @@ def simulated(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[
     p = {k: np.asarray(v, dtype=float) for k, v in p.items()}
     if simulator.vector.model.state_delays:
         return {o: np.asarray(y) for o, y in jax.jit(simulator.outputs)(p, drive).items()}
-    record, places = _compiled(simulator).record(p, drive), slice(None) if drive.samples is None else np.asarray(drive.samples)
+    record, places = (
+        _compiled(simulator).record(p, drive),
+        slice(None) if drive.samples is None else np.asarray(drive.samples),
+    )
     y = _compiled(simulator).output(record.states, record.channels, simulator.positional(p))
-    return {o: np.broadcast_to(np.asarray(v), (len(drive.t),))[places] for o, v in zip(simulator.vector.outputs, y, strict=True)}
+    return {
+        o: np.broadcast_to(np.asarray(v), (len(drive.t),))[places]
+        for o, v in zip(simulator.vector.outputs, y, strict=True)
+    }
 
 
 @lru_cache(maxsize=32)
@@ -284,7 +309,9 @@ def _by_lsoda(run: _Run, motion: _Smooth, x: np.ndarray, span: Any, inside: np.n
         return np.asarray(motion.slopes(q))[:, :n]
 
     # where LSODA gives up, a method for stiff plants goes on, or tells where the end is
-    solver = scipy.integrate.Radau(lambda t, x: rate(x, t), start, x, inside[-1], rtol=run.rtol, atol=run.atol, jac=jacobian)
+    solver = scipy.integrate.Radau(
+        lambda t, x: rate(x, t), start, x, inside[-1], rtol=run.rtol, atol=run.atol, jac=jacobian
+    )
     result = np.full((n, len(inside)), np.nan)
     for _ in range(STEPS):
         t, y = solver.t, solver.y

@@ -30,12 +30,18 @@ class StepError:
 
 
 def check_steps(
-    simulator: Simulator, p: Mapping[str, Any], drive: Drive, *, evaluations: int = EVALUATIONS, tight: Tight | None = None
+    simulator: Simulator,
+    p: Mapping[str, Any],
+    drive: Drive,
+    *,
+    evaluations: int = EVALUATIONS,
+    tight: Tight | None = None,
 ) -> StepError:
-    """The error of a simulation over the whole record, against the solvers of `tight` and at most so many evaluations of theirs.
+    """The error of a simulation over the whole record, against the solvers of `tight` and at most so many evaluations
+    of theirs.
 
-    `tight` is what they gave, where that is known. Never raises for what a model does: the result tells where it `stopped`. Where not
-    one sample behind the first was reached, errors are infinite.
+    `tight` is what they gave, where that is known. Never raises for what a model does: the result tells where it
+    `stopped`. Where not one sample behind the first was reached, errors are infinite.
     """
     tight = follow(simulator, p, drive, evaluations=evaluations) if tight is None else tight
     ours = simulated(simulator, p, drive)

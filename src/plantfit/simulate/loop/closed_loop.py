@@ -53,27 +53,39 @@ class ClosedLoop:
         dynamics, x, rows, n = self._prepared(plant, reference, **given)
         return trajectory(self.parts, n, controller, dynamics, x, rows)
 
-    def observe(self, observer: Observer, controller: Any, plant: Mapping[str, Any], reference: Any, **given: Unpack[Given]) -> Any:
+    def observe(
+        self, observer: Observer, controller: Any, plant: Mapping[str, Any], reference: Any, **given: Unpack[Given]
+    ) -> Any:
         """The same loop folded into `observer.result`; nothing is stored. Arguments as in `simulate`."""
         dynamics, x, rows, n = self._prepared(plant, reference, **given)
         return observed(self.parts, observer, n, controller, dynamics, x, rows)
 
-    def _prepared(self, plant, reference, samples=None, x0=None, inputs=None, noise=None) -> tuple[Dynamics, tuple[Any, ...], Rows, int]:
+    def _prepared(
+        self, plant, reference, samples=None, x0=None, inputs=None, noise=None
+    ) -> tuple[Dynamics, tuple[Any, ...], Rows, int]:
         vector, model, loop = self.parts.plant.vector, self.parts.plant.vector.model, self.parts
         missing = [name for name in vector.parameters if name not in plant]
         if missing:
-            raise SimulationError(f"Plant {model.name!r}: no value for parameter {missing[0]!r}; it has {list(vector.parameters)}.")
+            raise SimulationError(
+                f"Plant {model.name!r}: no value for parameter {missing[0]!r}; it has {list(vector.parameters)}."
+            )
         unknown = sorted(set(x0 or {}) - set(vector.states))
         if unknown:
-            raise SimulationError(f"Plant {model.name!r} has no state {unknown[0]!r}; x0 may name {list(vector.states)}.")
+            raise SimulationError(
+                f"Plant {model.name!r} has no state {unknown[0]!r}; x0 may name {list(vector.states)}."
+            )
         others = [name for name in model.inputs if name not in loop.inputs]
         for name in inputs or {}:
             if name not in others:
                 driven = ", ".join(map(repr, loop.inputs))
-                raise SimulationError(f"inputs names {name!r}; besides {driven}, which the controller drives, the plant takes {others}.")
+                raise SimulationError(
+                    f"inputs names {name!r}; besides {driven}, which the controller drives, the plant takes {others}."
+                )
         for name in others:
             if name not in (inputs or {}):
-                raise SimulationError(f"Plant {model.name!r} also takes the input {name!r}; give it in inputs, 0 if it rests.")
+                raise SimulationError(
+                    f"Plant {model.name!r} also takes the input {name!r}; give it in inputs, 0 if it rests."
+                )
         rows = rows_of(reference, inputs or {}, noise, loop.outputs)
         n = length(rows, samples)
         p = tuple(jnp.asarray(plant[name], dtype=float) for name in vector.parameters)
@@ -103,17 +115,22 @@ def closed_loop(
 
     `stepper` "exact" takes the matrix exponential over the period, for plants linear in states and
     inputs; "rosenbrock", "exponential" and "rk4" take `substeps` steps a period; "auto" is "exact" where
-    possible, else "rosenbrock". Dead time of the plant's own is followed exactly, up to `longest_delay` s (the upper bound of its
-    parameter where left out); where it is a table over the input, the input of now tells it.
-    Raises SimulationError for an unknown name, a period or substeps that are not positive, "exact" on
-    a plant that is not linear, or a plant with events or dry friction.
+    possible, else "rosenbrock". Dead time of the plant's own is followed exactly, up to `longest_delay` s (the upper
+    bound of its parameter where left out); where it is a table over the input, the input of now tells it. Raises
+    SimulationError for an unknown name, a period or substeps that are not positive, "exact" on a plant that is not
+    linear, or a plant with events or dry friction.
     """
     vector = vectorise(model) if isinstance(model, Model) else model
     plant = vector.model
     _check(plant, period, substeps)
     if output_reads_delayed(vector):
-        raise SimulationError(f"Plant {plant.name!r}: an output reads a delayed input itself; let a state come between.")
-    outputs, inputs = _chosen(plant, "output", output, vector.outputs), _chosen(plant, "input", input, tuple(plant.inputs))
+        raise SimulationError(
+            f"Plant {plant.name!r}: an output reads a delayed input itself; let a state come between."
+        )
+    outputs, inputs = (
+        _chosen(plant, "output", output, vector.outputs),
+        _chosen(plant, "input", input, tuple(plant.inputs)),
+    )
     places = tuple(vector.channels.index(name) for name in inputs)
     dead = dead_times_of(vector, inputs, float(period), longest_delay)
     held = HeldPlant(vector, float(period), places, chosen_stepper(vector, stepper, dead), substeps, dead)
@@ -140,7 +157,8 @@ def _check(plant: Model, period: float, substeps: int) -> None:
         raise SimulationError(f"Plant {plant.name!r} has no states; a closed loop needs a plant with dynamics.")
     if not plant.smooth:
         raise SimulationError(
-            f"Plant {plant.name!r} has events, dry friction, backlash or late states, which a closed loop does not follow; "
+            f"Plant {plant.name!r} has events, dry friction, backlash or late states, which a closed loop does not "
+            f"follow; "
             "give it smooth equations, such as tanh(w/w0) for friction."
         )
 
@@ -152,7 +170,9 @@ def _chosen(plant: Model, what: str, chosen: str | Sequence[str] | None, names: 
     for name in wanted or (None,):
         if name not in names:
             said = "none was named" if name is None else f"{name!r} is not one of them"
-            raise SimulationError(f"Plant {plant.name!r} has the {what}s {list(names)} and {said}; say which one closes the loop.")
+            raise SimulationError(
+                f"Plant {plant.name!r} has the {what}s {list(names)} and {said}; say which one closes the loop."
+            )
     if len(set(wanted)) < len(wanted):
         raise SimulationError(f"The loop has the {what}s {list(wanted)}; name each once.")
     return tuple(str(name) for name in wanted)

@@ -32,7 +32,8 @@ class Observer(NamedTuple):
 
 
 class Trajectory(NamedTuple):
-    """One closed loop: times (N,) in s; controlled output, measurement, command, plant input, (N,) each or by name; states by name."""
+    """One closed loop: times (N,) in s; controlled output, measurement, command, plant input, (N,) each or by name;
+    states by name."""
 
     t: Any
     y: Any

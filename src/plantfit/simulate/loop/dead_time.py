@@ -28,7 +28,8 @@ ROUNDING = 1e-9  # of a sample: dead times nearer to a whole number of samples a
 
 
 class Piece(NamedTuple):
-    """A part of a sample over which the delayed inputs rest: where it begins and how long it is, shares; their values by channel."""
+    """A part of a sample over which the delayed inputs rest: where it begins and how long it is, shares; their
+    values by channel."""
 
     begin: Any
     length: Any
@@ -37,7 +38,8 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True)
 class Late:
-    """A delayed copy of a driven input: places of its channel, of the input among the driven ones and of the parameter."""
+    """A delayed copy of a driven input: places of its channel, of the input among the driven ones and of the
+    parameter."""
 
     channel: int
     input: int
@@ -65,7 +67,9 @@ class DeadTimes:
 
     def seconds(self, p: tuple[Any, ...], u: tuple[Any, ...]) -> list[Any]:
         """Dead times (s) at the parameters p and the inputs u of now."""
-        return [p[one.parameter] if one.table is None else one.table(p[one.parameter], u[one.input]) for one in self.late]
+        return [
+            p[one.parameter] if one.table is None else one.table(p[one.parameter], u[one.input]) for one in self.late
+        ]
 
     def shares(self, p: tuple[Any, ...], u: tuple[Any, ...]) -> tuple[list[Any], list[Any]]:
         """(d, f) of every dead time, d + f in samples."""
@@ -81,8 +85,11 @@ class DeadTimes:
         """The rings of past inputs, at rest at u."""
         return tuple(jnp.full(self.samples + 2, jnp.asarray(u[i], dtype=float)) for i in self._inputs)
 
-    def push(self, rings: tuple[Any, ...], k: Any, u: tuple[Any, ...], p: tuple[Any, ...]) -> tuple[tuple[Any, ...], list[Piece]]:
-        """The rings with the inputs u of sample k, and that sample in pieces. A dead time too long for them gives nan."""
+    def push(
+        self, rings: tuple[Any, ...], k: Any, u: tuple[Any, ...], p: tuple[Any, ...]
+    ) -> tuple[tuple[Any, ...], list[Piece]]:
+        """The rings with the inputs u of sample k, and that sample in pieces. A dead time too long for them gives
+        nan."""
         size = self.samples + 2
         rings = tuple(
             lax.dynamic_update_index_in_dim(ring, jnp.asarray(u[i], dtype=float), k % size, 0)
@@ -97,7 +104,10 @@ class DeadTimes:
             after.append(jnp.where(known, ring[(k - back) % size], jnp.nan))
         edges, pieces = self.edges(shares), []
         for begin, end in pairwise(edges):
-            values = {one.channel: jnp.where(begin >= f, a, b) for one, f, b, a in zip(self.late, shares, before, after, strict=True)}
+            values = {
+                one.channel: jnp.where(begin >= f, a, b)
+                for one, f, b, a in zip(self.late, shares, before, after, strict=True)
+            }
             pieces.append(Piece(begin, end - begin, values))
         return rings, pieces
 
@@ -109,8 +119,10 @@ class DeadTimes:
                 continue
             if not np.all((np.asarray(value) >= 0) & (np.asarray(value) < (self.samples + 1) * self.period)):
                 raise SimulationError(
-                    f"Plant {model.name!r}: the dead time {one.name!r} is {np.asarray(value).tolist()}; the loop keeps inputs for "
-                    f"{self.samples * self.period:g} s, give it a longest_delay that is enough, and times of 0 s or more."
+                    f"Plant {model.name!r}: the dead time {one.name!r} is {np.asarray(value).tolist()}; the loop keeps "
+                    f"inputs for "
+                    f"{self.samples * self.period:g} s, give it a longest_delay that is enough, and times of 0 s or "
+                    f"more."
                 )
 
     @property
@@ -118,8 +130,11 @@ class DeadTimes:
         return tuple(dict.fromkeys(one.input for one in self.late))
 
 
-def dead_times_of(vector: VectorModel, inputs: tuple[str, ...], period: float, longest: float | None) -> DeadTimes | None:
-    """Of a plant whose `inputs` a loop drives; None without any. `longest` (s) is that of the parameters' bounds where it is None."""
+def dead_times_of(
+    vector: VectorModel, inputs: tuple[str, ...], period: float, longest: float | None
+) -> DeadTimes | None:
+    """Of a plant whose `inputs` a loop drives; None without any. `longest` (s) is that of the parameters' bounds
+    where it is None."""
     model = vector.model
     if not model.delays:
         return None
@@ -127,15 +142,23 @@ def dead_times_of(vector: VectorModel, inputs: tuple[str, ...], period: float, l
     for delay in model.delays:
         if delay.input not in inputs:
             raise SimulationError(
-                f"Plant {model.name!r} delays {delay.input!r}, which this loop does not drive; give that input already delayed, "
+                f"Plant {model.name!r} delays {delay.input!r}, which this loop does not drive; give that input already "
+                f"delayed, "
                 "to a plant without that delay."
             )
         declared = model.declared(delay.parameter)
         if longest is None:
-            most = declared.value if declared.value is not None else declared.bounds[1] if declared.bounds is not None else None
+            most = (
+                declared.value
+                if declared.value is not None
+                else declared.bounds[1]
+                if declared.bounds is not None
+                else None
+            )
             if most is None:
                 raise SimulationError(
-                    f"Plant {model.name!r}: nothing says how long the dead time {delay.parameter!r} may be; give closed_loop a "
+                    f"Plant {model.name!r}: nothing says how long the dead time {delay.parameter!r} may be; give "
+                    f"closed_loop a "
                     "longest_delay in seconds."
                 )
             bounds.append(float(np.max(most)))

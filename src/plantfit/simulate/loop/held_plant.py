@@ -56,12 +56,15 @@ class HeldPlant:
         return self.period * jnp.diff(jnp.stack([jnp.asarray(e) for e in self.dead.edges(self.dead.shares(p, ())[1])]))
 
     def channels(self, u: tuple[Any, ...], row: dict[str, Any], t: Any, late: Mapping[int, Any]) -> tuple[Any, ...]:
-        """All channels in the model's order: the driven ones from `u`, delayed ones from `late`, the others from `row`."""
+        """All channels in the model's order: the driven ones from `u`, delayed ones from `late`, the others from
+        `row`."""
         given = {**dict(zip(self.driven, u, strict=True)), **late}
         names = self.vector.channels[:-1]
         return (*(given[i] if i in given else row[f"input {name}"] for i, name in enumerate(names)), t)
 
-    def outputs(self, x: tuple[Any, ...], u: tuple[Any, ...], row: dict[str, Any], t: Any, p: tuple[Any, ...]) -> tuple[Any, ...]:
+    def outputs(
+        self, x: tuple[Any, ...], u: tuple[Any, ...], row: dict[str, Any], t: Any, p: tuple[Any, ...]
+    ) -> tuple[Any, ...]:
         """Every output of the model; outputs do not read delayed inputs."""
         late = {} if self.dead is None else {one.channel: 0.0 for one in self.dead.late}
         return self.vector.output(x, self.channels(u, row, t, late), p)
@@ -101,7 +104,15 @@ class HeldPlant:
 
             def one(j, x):
                 begin = t + h * j
-                return step(self.vector.rate, x, self.channels(u, row, begin, late), self.channels(u, row, begin + h, late), h, p, varying)
+                return step(
+                    self.vector.rate,
+                    x,
+                    self.channels(u, row, begin, late),
+                    self.channels(u, row, begin + h, late),
+                    h,
+                    p,
+                    varying,
+                )
 
             return lax.fori_loop(0, self.substeps, one, x, unroll=self.substeps <= 4)
 
@@ -124,7 +135,8 @@ def chosen_stepper(vector: VectorModel, stepper: str, dead: DeadTimes | None = N
         return EXACT
     if stepper == EXACT:
         raise SimulationError(
-            f"Plant {vector.model.name!r} is not linear in its states and inputs{', or its dead time changes' if moving else ''}, "
+            f"Plant {vector.model.name!r} is not linear in its states and "
+            f"inputs{', or its dead time changes' if moving else ''}, "
             "so it has no exact hold; use stepper 'rosenbrock' or 'rk4' with substeps."
         )
     return "rosenbrock"

@@ -21,7 +21,8 @@ UNROLL = 2  # samples per turn of the scan: halves the copies of the carry; more
 
 @dataclass(frozen=True, eq=False)
 class SampledLoop:
-    """The parts of a closed loop; `single_output`, `single_input` say that the controller sees scalars, not mappings."""
+    """The parts of a closed loop; `single_output`, `single_input` say that the controller sees scalars, not
+    mappings."""
 
     plant: HeldPlant
     controller: Controller
@@ -45,15 +46,20 @@ class SampledLoop:
         """The controller's command as one value for each input; raises SimulationError where it does not fit."""
         if isinstance(command, Mapping):
             if set(command) != set(self.inputs):
-                raise SimulationError(f"The controller commands {sorted(command)}; the loop drives {list(self.inputs)}.")
+                raise SimulationError(
+                    f"The controller commands {sorted(command)}; the loop drives {list(self.inputs)}."
+                )
             return tuple(command[name] for name in self.inputs)
         if len(self.inputs) > 1:
-            raise SimulationError(f"The controller commands one number; give a mapping with a number for each of {list(self.inputs)}.")
+            raise SimulationError(
+                f"The controller commands one number; give a mapping with a number for each of {list(self.inputs)}."
+            )
         return (command,)
 
 
 def _body(loop: SampledLoop, controller: Any, dynamics: Dynamics, constant: Rows):
-    """`begin(x, row)` -> (carry, y) and `sample(carry, k, t, row)` -> (carry, (y, measured, command, u)), signals as tuples."""
+    """`begin(x, row)` -> (carry, y) and `sample(carry, k, t, row)` -> (carry, (y, measured, command, u)), signals as
+    tuples."""
     sensors, actuators, p = loop.sensors, loop.actuators, dynamics.p
     sensor_lines, actuator_lines = [delay_line(s.delay) for s in sensors], [delay_line(a.delay) for a in actuators]
     places = tuple(loop.plant.vector.outputs.index(name) for name in loop.outputs)
@@ -113,7 +119,9 @@ def _body(loop: SampledLoop, controller: Any, dynamics: Dynamics, constant: Rows
 
 
 @partial(jax.jit, static_argnums=(0, 1))
-def trajectory(loop: SampledLoop, n: int, controller: Any, dynamics: Dynamics, x: tuple[Any, ...], rows: Rows) -> Trajectory:
+def trajectory(
+    loop: SampledLoop, n: int, controller: Any, dynamics: Dynamics, x: tuple[Any, ...], rows: Rows
+) -> Trajectory:
     """All signals at `n` samples."""
     constant, moving = split(rows)
     begin, sample = _body(loop, controller, dynamics, constant)
@@ -131,7 +139,9 @@ def trajectory(loop: SampledLoop, n: int, controller: Any, dynamics: Dynamics, x
 
 
 @partial(jax.jit, static_argnums=(0, 1, 2))
-def observed(loop: SampledLoop, observer: Observer, n: int, controller: Any, dynamics: Dynamics, x: tuple[Any, ...], rows: Rows) -> Any:
+def observed(
+    loop: SampledLoop, observer: Observer, n: int, controller: Any, dynamics: Dynamics, x: tuple[Any, ...], rows: Rows
+) -> Any:
     """The result of the observer after `n` samples."""
     constant, moving = split(rows)
     begin, sample = _body(loop, controller, dynamics, constant)
@@ -156,5 +166,7 @@ def _scan(step: Callable, carry, rows):
     def apart(carry, row):
         return step(lax.optimization_barrier(carry), row)
 
-    strong = jax.tree.map(lambda a: lax.convert_element_type(a, jnp.asarray(a).dtype), carry)  # types that do not change
+    strong = jax.tree.map(
+        lambda a: lax.convert_element_type(a, jnp.asarray(a).dtype), carry
+    )  # types that do not change
     return lax.scan(apart, strong, rows, unroll=UNROLL)

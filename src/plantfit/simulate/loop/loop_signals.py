@@ -1,4 +1,5 @@
-"""What one simulation of a closed loop is given: references, further inputs, noise and initial states, checked and named."""
+"""What one simulation of a closed loop is given: references, further inputs, noise and initial states, checked and
+named."""
 
 from collections.abc import Mapping
 from typing import Any, TypedDict
@@ -27,13 +28,20 @@ Rows = dict[str, Any]  # "reference", "reference NAME", "input NAME", "noise NAM
 
 
 def rows_of(reference: Any, inputs: Mapping[str, Any], noise: Any, outputs: tuple[str, ...]) -> Rows:
-    """All signals of a simulation under one name each; raises SimulationError for noise that does not fit the outputs."""
-    named = {f"reference {k}": v for k, v in reference.items()} if isinstance(reference, Mapping) else {"reference": reference}
+    """All signals of a simulation under one name each; raises SimulationError for noise that does not fit the
+    outputs."""
+    named = (
+        {f"reference {k}": v for k, v in reference.items()}
+        if isinstance(reference, Mapping)
+        else {"reference": reference}
+    )
     named |= {f"input {k}": v for k, v in inputs.items()}
     if noise is not None:
         if not isinstance(noise, Mapping):
             if len(outputs) > 1:
-                raise SimulationError(f"The noise is one array for the outputs {list(outputs)}; give a mapping with an array for each.")
+                raise SimulationError(
+                    f"The noise is one array for the outputs {list(outputs)}; give a mapping with an array for each."
+                )
             noise = dict.fromkeys(outputs, noise)
         unknown = [k for k in noise if k not in outputs]
         if unknown:

@@ -15,7 +15,8 @@ REGISTER = 8  # samples up to which a delay is a shift register, which XLA fuses
 
 
 class DelayLine(NamedTuple):
-    """`begin(value)` fills the line; `push(line, k, value)` gives (line, the value pushed `samples` calls ago) at call k."""
+    """`begin(value)` fills the line; `push(line, k, value)` gives (line, the value pushed `samples` calls ago) at
+    call k."""
 
     begin: Callable[[Any], Any]
     push: Callable[[Any, Any, Any], tuple[Any, Any]]

@@ -118,7 +118,9 @@ class Batch:
         """Per interval: inputs at its start, at its end (None when they do not change), length."""
         length = chunk.t[1:] - chunk.t[:-1]
         delays = (*(None for _ in chunk.at), *self._delays(p_rows))
-        start = tuple(v if s is None or d is None else v - s * d for v, s, d in zip(chunk.start, chunk.slope, delays, strict=True))
+        start = tuple(
+            v if s is None or d is None else v - s * d for v, s, d in zip(chunk.start, chunk.slope, delays, strict=True)
+        )
         time = self._time(chunk.t[:-1])
         if not self.simulator.varying:
             return (*start, time), None, length
@@ -140,7 +142,9 @@ class Batch:
         """States at the end, and the sums (R,) with those over the chunk."""
         if late and sum(k.knots.shape[0] for k in chunk.knots) > MOST_EDGES:
             x, y = self._trajectory(p_rows, x, chunk, True, reverse)
-            more = (jnp.sum(_scored(a, m, w) ** 2, axis=0) for a, m, w in zip(y, chunk.measured, chunk.scored, strict=True))
+            more = (
+                jnp.sum(_scored(a, m, w) ** 2, axis=0) for a, m, w in zip(y, chunk.measured, chunk.scored, strict=True)
+            )
             return x, tuple(a + b for a, b in zip(totals, more, strict=True))
         run = summed(self.simulator, late, reverse=reverse)
         row = Row(chunk.t[:-1], chunk.t[1:], chunk.start, chunk.slope, chunk.at, chunk.measured, chunk.scored)
@@ -169,13 +173,16 @@ class Batch:
         """States (C, R) at the samples, with steps that also end at the late edges; and every channel there."""
         # every row has a grid of its own
         over_rows = jax.vmap(self._window_of_row, in_axes=(0, -1), out_axes=-1)
-        z, rank, at = over_rows(p_rows, chunk._replace(lane=chunk.lane, first=chunk.first, window=jnp.broadcast_to(0, chunk.lane.shape)))
+        z, rank, at = over_rows(
+            p_rows, chunk._replace(lane=chunk.lane, first=chunk.first, window=jnp.broadcast_to(0, chunk.lane.shape))
+        )
         later = self._rolled(p_rows, x, z, reverse)
         fine = (jnp.concatenate([a[None], b]) for a, b in zip(x, later, strict=True))
         return tuple(jnp.take_along_axis(a, rank[1:], axis=0) for a in fine), at
 
     def _window_of_row(self, p_row, chunk: Chunks):
-        """Steps of one row of a chunk: z as in `_plain` over the merged grid, rank of the samples, channels at the samples."""
+        """Steps of one row of a chunk: z as in `_plain` over the merged grid, rank of the samples, channels at the
+        samples."""
         delays = self._delays(p_row)
         steps = merge(chunk.t, tuple(k.knots for k in chunk.knots), delays)
         end = steps.start + steps.length

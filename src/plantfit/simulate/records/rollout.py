@@ -17,14 +17,16 @@ import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
 
-def make_rollout(step: Callable, values: Callable | None = None, *, reverse: bool = False, forwards: bool = False) -> Callable:
+def make_rollout(
+    step: Callable, values: Callable | None = None, *, reverse: bool = False, forwards: bool = False
+) -> Callable:
     """`rollout(p, x0, z)` for a `step(p, x, z_k) -> x` on tuples of scalars.
 
     `p` is a pytree, `x0` a tuple of n scalars, `z` a pytree of arrays with leading axis K (what
     changes from step to step); returns a tuple of n arrays (K,), the states after all steps.
     Records and candidates are batched by vmap.
-    Differentiable forwards (and from there backwards); with `reverse` only backwards and with `forwards` only forwards, in less time.
-    `values` is the same step for where no derivatives are taken.
+    Differentiable forwards (and from there backwards); with `reverse` only backwards and with `forwards` only forwards,
+    in less time. `values` is the same step for where no derivatives are taken.
     """
     make = _reverse if reverse else _only_forwards if forwards else _forward
     return make(step, values or step)
@@ -97,7 +99,9 @@ def _only_forwards(step, values):
             # the step itself is the same in all directions, so it is computed once for all lanes of a vector
             x, zk, dzk = row
             _, later = jax.jvp(
-                lambda q, x, r: step(moving.joined(q), x, rows.joined(r, zk)), (moving.values, x, rows.of(zk)), (moving.tangents, d, dzk)
+                lambda q, x, r: step(moving.joined(q), x, rows.joined(r, zk)),
+                (moving.values, x, rows.of(zk)),
+                (moving.tangents, d, dzk),
             )
             return later, later
 
@@ -128,7 +132,9 @@ class _Moved(NamedTuple):
     def joined(self, values, still=None):
         """The pytree with other values of what moves."""
         given, leaves = iter(values), self.leaves if still is None else jax.tree.leaves(still)
-        return jax.tree.unflatten(self.tree, [next(given) if moves else a for a, moves in zip(leaves, self.moving, strict=True)])
+        return jax.tree.unflatten(
+            self.tree, [next(given) if moves else a for a, moves in zip(leaves, self.moving, strict=True)]
+        )
 
 
 def _still(tangent):

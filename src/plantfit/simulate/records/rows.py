@@ -36,7 +36,8 @@ class Records(NamedTuple):
 
 @dataclass(frozen=True)
 class RecordRows:
-    """`records` with what shapes a program: whether edges of delayed inputs are near none, all or some of the intervals."""
+    """`records` with what shapes a program: whether edges of delayed inputs are near none, all or some of the
+    intervals."""
 
     records: Records
     steps_first: Records  # with axes (K, L) for (L, K)
@@ -53,7 +54,8 @@ class RecordRows:
         return self.windows, self.records.late.shape, int(np.sum(self.records.used))
 
     def together(self, candidates: int) -> bool:
-        """Whether it takes less time to go through all records together, with one candidate after the other, than the other way round.
+        """Whether it takes less time to go through all records together, with one candidate after the other, than the
+        other way round.
 
         Of few lanes a step takes about as long as of many.
         """
@@ -92,7 +94,8 @@ def _joined(values: Sequence[Any]) -> Any:
 
 
 def _near(track: Track, channel: int) -> tuple[np.ndarray, np.ndarray]:
-    """(N,) the first knot of a delayed channel that can fall into each interval or after it, and how many can fall into it."""
+    """(N,) the first knot of a delayed channel that can fall into each interval or after it, and how many can fall
+    into it."""
     t, knots = track.drive.t, np.asarray(track.drive.delayed[channel].knots)
     low, high = track.delays[channel]
     begin = np.r_[t[:1], t[:-1]]
@@ -117,14 +120,20 @@ def _row(track: Track, length: int, most: Sequence[int], interpolated: Sequence[
         own = first[:, None] + np.minimum(np.arange(most[i] + 1), count[:, None])
         value, rate, origin = (np.asarray(a)[own] for a in (pieces.value, pieces.slope, pieces.origin))
         numbers = np.arange(most[i])
-        edges = np.asarray(pieces.knots)[np.minimum(first[:, None] + numbers, len(pieces.knots) - 1)] if len(pieces.knots) else np.inf
+        edges = (
+            np.asarray(pieces.knots)[np.minimum(first[:, None] + numbers, len(pieces.knots) - 1)]
+            if len(pieces.knots)
+            else np.inf
+        )
         knots.append(Knots(value, rate, origin, np.where(numbers < count[:, None], edges, np.inf)))
         start.append(value[:, 0] + rate[:, 0] * (d.t[before] - origin[:, 0]))
         slope.append(rate[:, 0] if linear else None)
     scored = [real & w[k] for w in track.scored]
     measured = [np.where(w, y[k], 0.0) for y, w in zip(track.measured, scored, strict=True)]
     at = tuple(v[k] for v in d.value)
-    return Records(np.array(n), late, begin, end, tuple(start), tuple(slope), at, tuple(knots), tuple(measured), tuple(scored))
+    return Records(
+        np.array(n), late, begin, end, tuple(start), tuple(slope), at, tuple(knots), tuple(measured), tuple(scored)
+    )
 
 
 __all__ = ["RecordRows", "Records", "make_rows"]

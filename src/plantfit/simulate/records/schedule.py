@@ -21,7 +21,8 @@ PADDING = 0.2  # largest share of steps that only fill up rows
 
 @dataclass(frozen=True)
 class Track:
-    """One record: its drive, per output what was measured and which samples are scored (N,), and the range of every delay (s)."""
+    """One record: its drive, per output what was measured and which samples are scored (N,), and the range of every
+    delay (s)."""
 
     drive: Drive
     measured: tuple[np.ndarray, ...]
@@ -161,7 +162,9 @@ def _chunk(track: Track, c: int, size: int, most: Sequence[int], interpolated: S
         slope.append(np.full(size, s) if linear else None)
         own = slice(passed, passed + len(near) + 1)
         fill = (0, most[i] - len(near))
-        own_value, own_slope, own_origin = (np.pad(a[own], fill, mode="edge") for a in (pieces.value, pieces.slope, pieces.origin))
+        own_value, own_slope, own_origin = (
+            np.pad(a[own], fill, mode="edge") for a in (pieces.value, pieces.slope, pieces.origin)
+        )
         knots.append(Knots(own_value, own_slope, own_origin, np.pad(pieces.knots[near], fill, constant_values=np.inf)))
     scored = [real & w[k] for w in track.scored]
     measured = [np.where(w, y[k], 0.0) for y, w in zip(track.measured, scored, strict=True)]
@@ -179,7 +182,12 @@ def _idle(like: Mapping[str, Any]) -> dict[str, Any]:
         return np.full_like(a, a[0]) if a is not None else None
 
     quiet = tuple(
-        Knots(np.full_like(q.value, q.value[0]), np.zeros_like(q.slope), np.full_like(q.origin, q.origin[0]), np.full_like(q.knots, np.inf))
+        Knots(
+            np.full_like(q.value, q.value[0]),
+            np.zeros_like(q.slope),
+            np.full_like(q.origin, q.origin[0]),
+            np.full_like(q.knots, np.inf),
+        )
         for q in like["knots"]
     )
     return {
@@ -203,9 +211,11 @@ def _stack(grid: Sequence[Sequence[Mapping[str, Any]]]) -> dict[str, Any]:
     result: dict[str, Any] = {"t": join(lambda q: q["t"])}
     for name in ("start", "slope", "at", "measured", "scored"):
         result[name] = tuple(
-            None if model[name][i] is None else join(lambda q, name=name, i=i: q[name][i]) for i in range(len(model[name]))
+            None if model[name][i] is None else join(lambda q, name=name, i=i: q[name][i])
+            for i in range(len(model[name]))
         )
     result["knots"] = tuple(
-        Knots(*(join(lambda q, i=i, part=part: getattr(q["knots"][i], part)) for part in Knots._fields)) for i in range(len(model["knots"]))
+        Knots(*(join(lambda q, i=i, part=part: getattr(q["knots"][i], part)) for part in Knots._fields))
+        for i in range(len(model["knots"]))
     )
     return result

@@ -1,8 +1,9 @@
-"""Costs of candidates side by side, their gradients, and slopes of one candidate's residuals, in native loops over whole records.
+"""Costs of candidates side by side, their gradients, and slopes of one candidate's residuals, in native loops over
+whole records.
 
-Many candidates are the lanes of the machine code, and records are worked off one after the other, each to its own end. Of few
-candidates the records are the lanes (`steps_first`). Arrays have the axes that the code wants, so that nothing is transposed on the
-way. An interval into which the edge of a delayed input can fall takes another branch.
+Many candidates are the lanes of the machine code, and records are worked off one after the other, each to its own end.
+Of few candidates the records are the lanes (`steps_first`). Arrays have the axes that the code wants, so that nothing
+is transposed on the way. An interval into which the edge of a delayed input can fall takes another branch.
 """
 
 from collections.abc import Callable
@@ -21,13 +22,21 @@ import jax.numpy as jnp
 
 
 def squares_of_records(
-    simulator: Simulator, windows: str, p: Any, x0: Any, records: Records, weight: Any = None, *, steps_first: bool = False
+    simulator: Simulator,
+    windows: str,
+    p: Any,
+    x0: Any,
+    records: Records,
+    weight: Any = None,
+    *,
+    steps_first: bool = False,
 ) -> tuple[Any, ...]:
-    """Sum of squared residuals of every output, a tuple of (n,), for n candidates; it can be differentiated backwards by p and x0.
+    """Sum of squared residuals of every output, a tuple of (n,), for n candidates; it can be differentiated backwards
+    by p and x0.
 
-    `windows` as in `RecordRows`; leaves of `p` are (..., L, n) in the order of the simulator's parameters, those of `x0` (L, n);
-    squares of record l count `weight[l]` times, (L,), once without. `steps_first` tells that `records` are those of `RecordRows`.
-    Raises NativeUnsupported for a model without native code.
+    `windows` as in `RecordRows`; leaves of `p` are (..., L, n) in the order of the simulator's parameters, those of
+    `x0` (L, n); squares of record l count `weight[l]` times, (L,), once without. `steps_first` tells that `records` are
+    those of `RecordRows`. Raises NativeUnsupported for a model without native code.
     """
     loops = _Loops(simulator, windows, 1 if steps_first else 0)
 
@@ -41,7 +50,9 @@ def squares_of_records(
 
     def backwards(saved, cotangents):
         p, before = saved
-        weights = tuple(jnp.ones((records.used.shape[0], 1)) * c if weight is None else weight[:, None] * c for c in cotangents)
+        weights = tuple(
+            jnp.ones((records.used.shape[0], 1)) * c if weight is None else weight[:, None] * c for c in cotangents
+        )
         return loops.backwards(p, before, weights, records)
 
     totals.defvjp(forwards, backwards)
@@ -53,9 +64,9 @@ def slopes_of_records(
 ) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
     """Residuals (K, L) of every output, and its derivatives (L, K, q) along q directions, for one candidate.
 
-    Leaves of `p` are (L, ...), those of `x0` (L,); `directions` is a pair like (p, x0) with axes (L, q, ...), `records` and
-    `steps_first` those of `RecordRows`. Forward mode with the directions as lanes, so that what they share, the whole step but its
-    linear part, is computed once. Raises NativeUnsupported for a model without native code.
+    Leaves of `p` are (L, ...), those of `x0` (L,); `directions` is a pair like (p, x0) with axes (L, q, ...), `records`
+    and `steps_first` those of `RecordRows`. Forward mode with the directions as lanes, so that what they share, the
+    whole step but its linear part, is computed once. Raises NativeUnsupported for a model without native code.
     """
     step = _chosen(windows, lambda edges: interval(simulator, edges, derived=True))
     moving, begin = directions
@@ -140,9 +151,16 @@ class _Loops:
         return over(p, before, weights, _rows(records), self._ends(records))
 
     def _over_all(self, run: Callable, given: tuple[str, ...], found: tuple[str, ...]) -> Callable:
-        """`run` over candidates and records: "tables" are (..., L, n), "numbers" (L, n), "rows" have no candidates, "states" have both."""
+        """`run` over candidates and records: "tables" are (..., L, n), "numbers" (L, n), "rows" have no candidates,
+        "states" have both."""
         candidates = {"tables": -1, "numbers": -1, "rows": None, "states": -1, "ends": None}
-        records = {"tables": -2, "numbers": 0, "rows": self.place, "states": self.place, "ends": None if self.place else 0}
+        records = {
+            "tables": -2,
+            "numbers": 0,
+            "rows": self.place,
+            "states": self.place,
+            "ends": None if self.place else 0,
+        }
         for axes in (candidates, records):
             run = jax.vmap(run, in_axes=tuple(axes[a] for a in given), out_axes=tuple(axes[a] for a in found))
         return run

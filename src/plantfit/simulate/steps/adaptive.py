@@ -1,26 +1,30 @@
 """Steps as long as their error allows, each candidate with its own: for sharp friction and stiff corners of a box.
 
-One step is the third-order exponential Rosenbrock pair exprb32 (M. Hochbruck, A. Ostermann, J. Schweitzer, SIAM J. Numer. Anal. 47
-(2009) 786). Rational functions stand in place of its functions of Z, all with the denominator of `exponential.exponential`,
+One step is the third-order exponential Rosenbrock pair exprb32 (M. Hochbruck, A. Ostermann, J. Schweitzer, SIAM J.
+Numer. Anal. 47 (2009) 786). Rational functions stand in place of its functions of Z, all with the denominator of
+`exponential.exponential`,
 
     x1 = x + h v                                        (order 2)
-    x2 = x1 + 2 h phi3(Z) dN,  dN = f(x1) - f(x) - Z v - d,   2 phi3(Z) = (1 - 5/12 Z)/(3 (1 - 2/3 Z + Z^2/6)),           (1)
+    x2 = x1 + 2 h phi3(Z) dN,  dN = f(x1) - f(x) - Z v - d,   2 phi3(Z) = (1 - 5/12 Z)/(3 (1 - 2/3 Z + Z^2/6)),
+    (1)
 
-and goes on with x2. The error of a step is taken as h |2 phi3(Z) dN|, what the second stage changed, plus that of the rational
-exponential on the linear part, h |Z^2 (1 - 2/3 Z + Z^2/6)^-1 (f + d)|/72, each state's as a share of the largest size that the state
-has had in this interval: a state that has died away asks for nothing, and neither does what rounding of the rate leaves of a state at rest.
-A state that begins at zero grows as a power of time, so that its error is the same share of it however short a step is: it counts as large
-as it would be after a hundredth of the interval at its rate.
+and goes on with x2. The error of a step is taken as h |2 phi3(Z) dN|, what the second stage changed, plus that of the
+rational exponential on the linear part, h |Z^2 (1 - 2/3 Z + Z^2/6)^-1 (f + d)|/72, each state's as a share of the
+largest size that the state has had in this interval: a state that has died away asks for nothing, and neither does what
+rounding of the rate leaves of a state at rest. A state that begins at zero grows as a power of time, so that its error
+is the same share of it however short a step is: it counts as large as it would be after a hundredth of the interval at
+its rate.
 
-Most intervals are good in one such step, which costs twice that of `exponential.exponential` (`_at_once`). Where it is not, and the linear
-part is to blame, one and two states have functions of Z that are exact, as their eigenvalues are known in closed form: between the
-moments at which friction turns round, a motor takes one step. Only then is the interval divided (`_divided`).
+Most intervals are good in one such step, which costs twice that of `exponential.exponential` (`_at_once`). Where it is
+not, and the linear part is to blame, one and two states have functions of Z that are exact, as their eigenvalues are
+known in closed form: between the moments at which friction turns round, a motor takes one step. Only then is the
+interval divided (`_divided`).
 
-A step could be exact enough although the rate turns round in it: friction is then jumped over to and fro, far inside of the tolerance
-and without end. Such a step is tried anew with a tenth of its length, which finds where the state sticks.
+A step could be exact enough although the rate turns round in it: friction is then jumped over to and fro, far inside of
+the tolerance and without end. Such a step is tried anew with a tenth of its length, which finds where the state sticks.
 
-The sequence of steps follows from the candidate alone, never from those beside it. Derivatives are those of the sequence as it is:
-lengths of steps are constant shares of the interval.
+The sequence of steps follows from the candidate alone, never from those beside it. Derivatives are those of the
+sequence as it is: lengths of steps are constant shares of the interval.
 """
 
 import math
@@ -47,11 +51,15 @@ WHOLE = 0.3  # of the allowed error, for an interval in one step: what follows i
 ROUGH = 0.1  # of the allowed error, up to which the linear part is left to rational functions
 NOISE = 1e-14  # rounding of a rate, as a share of the terms that it is a sum of
 SAFETY, SHORTEST, LONGEST = 0.9, 0.1, 5.0  # of the next step, in lengths of this one
-BENT, SEEN = 0.25, 1e-5  # share of a step's way that the second stage changes, and of the allowed error, from which on it is tried anew
+BENT, SEEN = (
+    0.25,
+    1e-5,
+)  # share of a step's way that the second stage changes, and of the allowed error, from which on it is tried anew
 
 
 def tolerance(fineness: int) -> float:
-    """Error of a step as a share of the state; twice the fineness makes steps of order 2 half as long and quarters the error."""
+    """Error of a step as a share of the state; twice the fineness makes steps of order 2 half as long and quarters
+    the error."""
     return TOLERANCE / fineness**3
 
 
@@ -80,10 +88,13 @@ def _divided(repeated, allowed, rate, x, u0, u1, h, p, varying, pattern=None):
         length = jnp.minimum(length, 1.0 - done)
         last = length >= 1.0 - done
         end = jnp.where(last, 1.0, done + length)
-        found = _trial(rate, x, between(done), between(end) if varying else u1, length * h, p, varying, pattern, allowed)
+        found = _trial(
+            rate, x, between(done), between(end) if varying else u1, length * h, p, varying, pattern, allowed
+        )
         size = tuple(map(jnp.maximum, largest, map(_size, found.later)))
         soon = tuple(  # how large a state that began at zero is going to be
-            jnp.where(v == 0.0, jnp.maximum(s, SOON * _size(h * w)), s) for v, s, w in zip(begin, size, found.way, strict=True)
+            jnp.where(v == 0.0, jnp.maximum(s, SOON * _size(h * w)), s)
+            for v, s, w in zip(begin, size, found.way, strict=True)
         )
         # what begins at zero is bent at first, as a power of time
         may = [a <= b for a, b in zip(soon, size, strict=True)]
@@ -105,8 +116,8 @@ def _divided(repeated, allowed, rate, x, u0, u1, h, p, varying, pattern=None):
 
 
 def _at_once(rate, x, u0, u1, h, p, varying, pattern, allowed) -> tuple[tuple[Any, ...], Any]:
-    """The states after an interval in one step by rational functions, and whether that is good, judged in few words: `_trial` may find
-    good what is refused here."""
+    """The states after an interval in one step by rational functions, and whether that is good, judged in few words:
+    `_trial` may find good what is refused here."""
     z, _, linear, more, later = _stages(rate, x, u0, u1, h, p, varying, pattern, None)
     good = jnp.ones((), dtype=bool)
     for a, row, c, e in zip(x, z, more, linear, strict=True):
@@ -154,7 +165,8 @@ def _until(tried: Callable) -> Callable:
 
 
 def _in_blocks(tried: Callable, levels: int = LEVELS) -> Callable:
-    """The same as loops in loops, so that what is not needed is skipped in blocks, and backwards only the carry of each is kept."""
+    """The same as loops in loops, so that what is not needed is skipped in blocks, and backwards only the carry of
+    each is kept."""
     if levels == 0:
         return tried
     inner = _in_blocks(tried, levels - 1)
@@ -166,8 +178,8 @@ def _in_blocks(tried: Callable, levels: int = LEVELS) -> Callable:
 
 
 class _Trial(NamedTuple):
-    """What a step gives: of every state its later value (eq. 1), the estimated error, what rounding of the rate may add to it, whether
-    the second stage changed much of its way, and its mean rate."""
+    """What a step gives: of every state its later value (eq. 1), the estimated error, what rounding of the rate may
+    add to it, whether the second stage changed much of its way, and its mean rate."""
 
     later: tuple[Any, ...]
     errors: tuple[Any, ...]
@@ -192,7 +204,8 @@ def _trial(rate, x, u0, u1, h, p, varying, pattern, allowed) -> _Trial:
 
 
 def _stages(rate, x, u0, u1, h, p, varying, pattern, limits: Callable[[Matrix], Sequence[Any]] | None):
-    """Z, v and the error of its linear part, 2 phi3(Z) dN, and the later states of eq. (1); `limits` of Z as `_linear` takes them."""
+    """Z, v and the error of its linear part, 2 phi3(Z) dN, and the later states of eq. (1); `limits` of Z as
+    `_linear` takes them."""
     f, jacobian = jacobian_of(rate, x, u0, p, pattern)
     z = [[times(h, a) for a in row] for row in jacobian]
     d = drift_of(rate, x, u0, u1, p)[1] if varying else (0.0,) * len(x)
@@ -220,8 +233,8 @@ def _linear(
 ) -> tuple[Sequence[Any], Sequence[Any], Callable[[Sequence[Any]], list[Any]]]:
     """v = phi1(Z) f + phi2(Z) d, the error of what stands for the exponential there, and the function y -> 2 phi3(Z) y.
 
-    By rational functions, which take a fraction of the time; of one and two states by exponential ones where h times that error is above
-    `limits`.
+    By rational functions, which take a fraction of the time; of one and two states by exponential ones where h times
+    that error is above `limits`.
     """
     v: Sequence[Any] = solution(z, (1.0, 1.0, f), (0.5, 1.0, d))
     linear = _error(z, f, d, v)
@@ -270,8 +283,9 @@ def _values_of_one(z: Matrix) -> tuple[Values, Callable[[], tuple[Any, Values]]]
 
 
 def _values_of_two(z: Matrix) -> tuple[Values, Callable[[], tuple[Any, Values]]]:
-    """The rational functions of two states, and the exponential ones where they hold: by the divided difference of real eigenvalues, by
-    the imaginary part of complex ones; rational ones where both are close together, or both small."""
+    """The rational functions of two states, and the exponential ones where they hold: by the divided difference of
+    real eigenvalues, by the imaginary part of complex ones; rational ones where both are close together, or both
+    small."""
     rational, half = _rational(z), 0.5 * jnp.asarray(plus(z[0][0], z[1][1]), dtype=float)
 
     def exact() -> tuple[Any, Values]:
@@ -290,7 +304,10 @@ def _rational(z: Matrix) -> Values:
     """(I - 2/3 Z + Z^2/6)^-1 (c I + g Z), by Z^2 = trace Z - det I."""
     a, b, trace, det = (jnp.asarray(v, dtype=float) for v in inverse_of_pair(z))
     whole = a + b * trace
-    return tuple((c * whole + g * b * det, g * a - c * b) for c, g in ((1.0, -1.0 / 6.0), (0.5, -1.0 / 6.0), (1.0 / 3.0, -5.0 / 36.0)))
+    return tuple(
+        (c * whole + g * b * det, g * a - c * b)
+        for c, g in ((1.0, -1.0 / 6.0), (0.5, -1.0 / 6.0), (1.0 / 3.0, -5.0 / 36.0))
+    )
 
 
 def _exponential(half: Any, way: Any, turning: Any) -> Values:
@@ -304,14 +321,17 @@ def _exponential(half: Any, way: Any, turning: Any) -> Values:
     for k, (constant, share) in enumerate(((1.0, 1.0), (1.0, 1.0), (0.5, 2.0))):
         a, b = real - constant, imaginary
         real, imaginary = (a * half + b * way) * inverse, (b * half - a * way) * inverse
-        by_z = jnp.where(turning, imaginary * per_way, (once[k] - small[k]) * jnp.where(half < 0.0, -0.5, 0.5) * per_way)
+        by_z = jnp.where(
+            turning, imaginary * per_way, (once[k] - small[k]) * jnp.where(half < 0.0, -0.5, 0.5) * per_way
+        )
         own = jnp.where(turning, real, 0.5 * (once[k] + small[k])) - half * by_z
         found.append((share * own, share * by_z))
     return tuple(found)
 
 
 def _phi(value: Any) -> tuple[Any, Any, Any]:
-    """phi_1, phi_2, phi_3 of a number: (exp(z) - 1)/z, and phi_(k+1) = (phi_k - 1/k!)/z; by their series where that cancels."""
+    """phi_1, phi_2, phi_3 of a number: (exp(z) - 1)/z, and phi_(k+1) = (phi_k - 1/k!)/z; by their series where that
+    cancels."""
     small = jnp.abs(value) < NEAR
     near, far = jnp.where(small, value, 0.0), jnp.where(small, 1.0, value)
     third = jnp.zeros_like(near)

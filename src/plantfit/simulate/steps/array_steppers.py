@@ -1,7 +1,8 @@
-"""The steps of `steppers` on rows of numpy arrays, for what is computed a few times only: only the rate of a model is compiled.
+"""The steps of `steppers` on rows of numpy arrays, for what is computed a few times only: only the rate of a model is
+compiled.
 
-A `Rates` evaluates the rate f (B, n), its Jacobian (B, n, n) and its change by the inputs (df/du) du (B, n) for B rows of states (B, n),
-inputs (B, m) and parameters. The same methods as those of `steppers`, to rounding.
+A `Rates` evaluates the rate f (B, n), its Jacobian (B, n, n) and its change by the inputs (df/du) du (B, n) for B rows
+of states (B, n), inputs (B, m) and parameters. The same methods as those of `steppers`, to rounding.
 """
 
 from collections.abc import Callable
@@ -88,9 +89,15 @@ def _inverse(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solutions of rows; NaN where a matrix is singular or not finite, which leaves the other rows alone."""
     good = np.all(np.isfinite(matrix), axis=(1, 2))
     try:
-        return np.where(good[:, None, None], np.linalg.solve(np.where(good[:, None, None], matrix, np.eye(matrix.shape[1])), right), np.nan)
+        return np.where(
+            good[:, None, None],
+            np.linalg.solve(np.where(good[:, None, None], matrix, np.eye(matrix.shape[1])), right),
+            np.nan,
+        )
     except np.linalg.LinAlgError:
-        return np.stack([_one(a, b) for a, b in zip(matrix, np.broadcast_to(right, (len(matrix), *right.shape[-2:])), strict=True)])
+        return np.stack(
+            [_one(a, b) for a, b in zip(matrix, np.broadcast_to(right, (len(matrix), *right.shape[-2:])), strict=True)]
+        )
 
 
 def _one(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:

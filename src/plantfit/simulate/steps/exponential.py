@@ -8,8 +8,8 @@ which puts the Pade approximant R(z) = (1 + z/3)/(1 - 2z/3 + z^2/6) in the place
 
     M v = r - Z y/6,   r = sum of c_k y_k,   y = sum of e_k y_k.                                                     (2)
 
-Moved by dZ and dy_k, v solves the same system, so that a derivative, forwards or backwards, takes one more solution and not that of
-every operation of the first:
+Moved by dZ and dy_k, v solves the same system, so that a derivative, forwards or backwards, takes one more solution and
+not that of every operation of the first:
 
     M dv = (dr + dZ s) - Z (dy + dZ v)/6,   M s = (2/3 r - y/6) - Z r/6.                                             (3)
 """
@@ -20,7 +20,18 @@ from typing import Any
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.parts.tangents import still
-from plantfit.simulate.steps.steppers import Matrix, Pattern, Rate, Scalars, dot, drift_of, factored, jacobian_of, plus, times
+from plantfit.simulate.steps.steppers import (
+    Matrix,
+    Pattern,
+    Rate,
+    Scalars,
+    dot,
+    drift_of,
+    factored,
+    jacobian_of,
+    plus,
+    times,
+)
 
 import jax
 import jax.numpy as jnp
@@ -49,7 +60,8 @@ def exponential(
 
 
 def solution(z: Matrix, *parts: Part) -> list[Any]:
-    """v (n,) of eq. (2) for Z (n, n), rows of scalars, and a part (c, e, row) for each y_k; what is the number 0.0 costs nothing."""
+    """v (n,) of eq. (2) for Z (n, n), rows of scalars, and a part (c, e, row) for each y_k; what is the number 0.0
+    costs nothing."""
     n = len(z)
     flat = [*(a for row in z for a in row), *(a for _, _, row in parts for a in row)]
     there = tuple(not (isinstance(a, float) and a == 0.0) for a in flat)
@@ -81,7 +93,9 @@ def _ruled(n: int, shares: Sequence[tuple[float, float]], there: Sequence[bool])
         c, e = zip(*shares, strict=True)
         solve = (_pair_solver if n == 2 else _solver)(z)
         s = solve([2.0 / 3.0 * a - b / 6.0 for a, b in shares], c, rows)
-        r, y = ([plus(a, dot(row, b)) for a, row in zip(_summed(w, along), dz, strict=True)] for w, b in ((c, s), (e, v)))
+        r, y = (
+            [plus(a, dot(row, b)) for a, row in zip(_summed(w, along), dz, strict=True)] for w, b in ((c, s), (e, v))
+        )
         dv = solve((1.0, 0.0), (0.0, 1.0), (r, y))
         return v, [jnp.zeros_like(a) if isinstance(b, float) else b for a, b in zip(v, dv, strict=True)]
 
@@ -106,7 +120,10 @@ def _solver(z: Matrix) -> Callable[..., list[Any]]:
     square = [[dot(row, [z[k][j] for k in range(n)]) for j in range(n)] for row in z]
     solve = factored(
         [
-            [plus(1.0 if i == j else 0.0, plus(times(-2.0 / 3.0, z[i][j]), times(1.0 / 6.0, square[i][j]))) for j in range(n)]
+            [
+                plus(1.0 if i == j else 0.0, plus(times(-2.0 / 3.0, z[i][j]), times(1.0 / 6.0, square[i][j])))
+                for j in range(n)
+            ]
             for i in range(n)
         ]
     )
@@ -126,7 +143,10 @@ def _of_pair(z: Matrix, shares: Sequence[tuple[float, float]], rows: Sequence[Ro
         if not _nothing(y):
             own = plus(times(c, a), times(b, plus(times(c, trace), times(-e / 6.0, det))))
             turned = plus(times(c, b), times(e / 6.0, a))
-            total = [plus(t, plus(times(own, r), times(-1.0, times(turned, dot(row, y))))) for t, r, row in zip(total, y, z, strict=True)]
+            total = [
+                plus(t, plus(times(own, r), times(-1.0, times(turned, dot(row, y)))))
+                for t, r, row in zip(total, y, z, strict=True)
+            ]
     return total
 
 
@@ -143,7 +163,10 @@ def _pair_solver(z: Matrix) -> Callable[..., list[Any]]:
             return [plus(times(inside, r), times(-1.0, times(by_z, dot(row, y)))) for r, row in zip(y, z, strict=True)]
         r, y = _summed(c, rows), _summed(e, rows)
         inner = [plus(times(b, p), times(turned, q)) for p, q in zip(r, y, strict=True)]
-        return [plus(plus(times(own, p), times(other, q)), times(-1.0, dot(row, inner))) for p, q, row in zip(r, y, z, strict=True)]
+        return [
+            plus(plus(times(own, p), times(other, q)), times(-1.0, dot(row, inner)))
+            for p, q, row in zip(r, y, z, strict=True)
+        ]
 
     return solved
 

@@ -98,7 +98,8 @@ def merge(t: Any, knots: tuple[Any, ...], delays: tuple[Any, ...]) -> Steps:
 
 
 def _counted(values: Any, edges: Any, side: str) -> Any:
-    """`searchsorted`; of few values by comparing all, which XLA compiles in a fifth of the time. The same whole numbers."""
+    """`searchsorted`; of few values by comparing all, which XLA compiles in a fifth of the time. The same whole
+    numbers."""
     few = values.shape[0] * edges.shape[0] <= FEW
     return jnp.searchsorted(values, edges, side=side, method="compare_all" if few else "scan")
 

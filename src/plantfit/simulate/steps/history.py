@@ -46,7 +46,8 @@ def split(t: Any, substeps: int) -> Any:
 
 
 def substeps_below(t: np.ndarray, shortest: float) -> int:
-    """The least number of steps per sample interval of `t` (N,) s that keeps every step within the delay `shortest` (s).
+    """The least number of steps per sample interval of `t` (N,) s that keeps every step within the delay `shortest`
+    (s).
 
     Raises SimulationError when the delay is not above 0.
     """
@@ -72,7 +73,8 @@ def history_grid(t: Any, substeps: int, jumps: Any, delays: Sequence[Any], edges
     """The samples `t` (N,) s, `substeps` steps between two, and the echoes of start and `jumps` (E,) s of held inputs.
 
     `edges` are further times (E,) s where a step has to end: edges of inputs that arrive late. Everything may be
-    traced; times are differentiable in delays and edges. What comes after the record falls on its end, before it on its start.
+    traced; times are differentiable in delays and edges. What comes after the record falls on its end, before it on its
+    start.
     """
     t = jnp.asarray(t, dtype=float)
     fine = split(t, substeps)
@@ -100,10 +102,10 @@ def delayed_rollout(
 ) -> Scalars:
     """All states at the `times` (K + 1,) s of a `history_grid`: a tuple of arrays (K + 1,).
 
-    `step` is a stepper, `x0` and `p` scalars. `u0`, `u1` are the channels at both ends of every step, each (K,), with any
-    value at the places of `lags`; `slots` comes from `ring_length`. NaN from the first step that is longer than a delay
-    (see `substeps_below`) or a delay longer than the ring holds. Differentiable in `x0`, `u0`, `u1`, `p`, `times` and
-    delays, forward and reverse.
+    `step` is a stepper, `x0` and `p` scalars. `u0`, `u1` are the channels at both ends of every step, each (K,), with
+    any value at the places of `lags`; `slots` comes from `ring_length`. NaN from the first step that is longer than a
+    delay (see `substeps_below`) or a delay longer than the ring holds. Differentiable in `x0`, `u0`, `u1`, `p`, `times`
+    and delays, forward and reverse.
     """
     states = sorted({lag.state for lag in lags})
     count = times.shape[0] - 1

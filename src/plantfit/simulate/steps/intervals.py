@@ -34,7 +34,8 @@ class Row(NamedTuple):
 
 
 def _kept(make: Callable) -> Callable:
-    """Functions made for a simulator once, so that each is traced once wherever it is called; they live as long as the simulator."""
+    """Functions made for a simulator once, so that each is traced once wherever it is called; they live as long as
+    the simulator."""
 
     @wraps(make)
     def kept(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
@@ -47,7 +48,8 @@ def _kept(make: Callable) -> Callable:
 
 
 def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
-    """`step(p, x, z)`: all substeps over z = (inputs at the start, at the end or None, length), of the simulator's stepper or another."""
+    """`step(p, x, z)`: all substeps over z = (inputs at the start, at the end or None, length), of the simulator's
+    stepper or another."""
     vector, m, varying = simulator.vector, simulator.parts, simulator.varying
     stepper = simulator.step if stepper is None else stepper
 
@@ -78,7 +80,8 @@ def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
 
 
 def interval(simulator: Simulator, edges: bool, *, derived: bool = False) -> Callable:
-    """`advance(p, x, row, around) -> (x, y)`: the states and outputs at the next sample; to be differentiated only when `derived`.
+    """`advance(p, x, row, around) -> (x, y)`: the states and outputs at the next sample; to be differentiated only when
+    `derived`.
 
     `row` is one interval of a `Row`; `around` the `Knots` (E,) of every delayed channel, looked at only with `edges`.
     """
@@ -86,7 +89,8 @@ def interval(simulator: Simulator, edges: bool, *, derived: bool = False) -> Cal
 
 
 def quiet_interval(simulator: Simulator, edges: bool) -> Callable | None:
-    """`advance(p, x, row, around) -> ((x, y), may)` as if nothing happened in its steps, and whether something may; None where nothing can.
+    """`advance(p, x, row, around) -> ((x, y), may)` as if nothing happened in its steps, and whether something may;
+    None where nothing can.
 
     See `switching.Switching`.
     """
@@ -114,7 +118,11 @@ def _interval(simulator: Simulator, edges: bool, stepper: Callable, states: Call
 
     def advance(p, x, row: Row, around: tuple[Knots, ...]):
         delays = [p[i] for i in places]
-        moving = [[k + d for k in own.knots] for own, d in zip(around, delays, strict=True)] if edges else [[] for _ in delays]
+        moving = (
+            [[k + d for k in own.knots] for own, d in zip(around, delays, strict=True)]
+            if edges
+            else [[] for _ in delays]
+        )
         now = row.begin
         for part in range(1 + sum(map(len, moving))):
             # an edge on the sample itself ends a first part of length 0: the derivative to its right
@@ -132,7 +140,10 @@ def _interval(simulator: Simulator, edges: bool, stepper: Callable, states: Call
     def _inputs(row, around, delays, passed, when):
         """Every channel at `when`, on the straight lines that hold behind the edges that are `passed`."""
         count = len(row.at)
-        own = tuple(v if s is None else v + s * (when - row.begin) for v, s in zip(row.start[:count], row.slope[:count], strict=True))
+        own = tuple(
+            v if s is None else v + s * (when - row.begin)
+            for v, s in zip(row.start[:count], row.slope[:count], strict=True)
+        )
         return (*own, *_late(row, around, delays, passed, when), when if vector.uses_time else 0.0 * when)
 
     def _late(row, around, delays, passed, when):
@@ -148,7 +159,10 @@ def _interval(simulator: Simulator, edges: bool, stepper: Callable, states: Call
             for i, behind in enumerate(gone):
                 v = jnp.where(behind, own.value[i + 1], v)
                 if s is not None:
-                    rate, origin = jnp.where(behind, own.slope[i + 1], rate), jnp.where(behind, own.origin[i + 1], origin)
+                    rate, origin = (
+                        jnp.where(behind, own.slope[i + 1], rate),
+                        jnp.where(behind, own.origin[i + 1], origin),
+                    )
             found.append(v if s is None else v + rate * (when - d - origin))
         return tuple(found)
 
@@ -157,7 +171,8 @@ def _interval(simulator: Simulator, edges: bool, stepper: Callable, states: Call
 
 @_kept
 def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Callable:
-    """`run(p, x, totals, rows, around) -> (x, totals)`: the states after all intervals of one row, the sums with its squares by output.
+    """`run(p, x, totals, rows, around) -> (x, totals)`: the states after all intervals of one row, the sums with its
+    squares by output.
 
     With `reverse` it can be differentiated backwards by p, x and totals.
     """
@@ -200,7 +215,8 @@ def summed(simulator: Simulator, edges: bool, *, reverse: bool = False) -> Calla
 
 
 def counted(advance: Callable, p: Any, row: Row, around: Any, carry: Any) -> Any:
-    """(states, sums of squares by output) after an interval, of those before it, for an `advance` as `interval` makes it."""
+    """(states, sums of squares by output) after an interval, of those before it, for an `advance` as `interval`
+    makes it."""
     x, totals = carry
     x, y = advance(p, x, row, around)
     return x, tuple(a + r**2 for a, r in zip(totals, residuals(y, row), strict=True))
@@ -215,8 +231,8 @@ def residuals(y: Any, row: Row) -> Any:
 def backwards_through(simulator: Simulator, edges: bool) -> Callable:
     """`pull(p, x, row, around, carry, weights)`: (adjoint, gradient) before an interval, of those after it.
 
-    `x` are the states before the interval, `weights` the derivatives by the sums of squares. Where nothing happens in an interval, its
-    steps are differentiated as steps in which nothing can.
+    `x` are the states before the interval, `weights` the derivatives by the sums of squares. Where nothing happens in
+    an interval, its steps are differentiated as steps in which nothing can.
     """
     quiet, step = quiet_interval(simulator, edges), simulator.step
     if quiet is None:
@@ -245,9 +261,10 @@ def _pulled(advance: Callable, p: Any, x: Any, row: Row, around: Any, carry: Any
 def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     """`run(p, x, s, rows, around) -> ((x, s), (residuals, slopes))` over all intervals of one row, forwards.
 
-    `s` holds, for every state, its derivatives by what p and the initial states are made of: a pair (tree like p, tuple of n).
-    Residuals (C,) and slopes of the output, such pairs with a leading axis C, are given for every output. The derivatives of a step are
-    pulled back from its few results, so that the work does not grow with the number of parameters but for one recursion.
+    `s` holds, for every state, its derivatives by what p and the initial states are made of: a pair (tree like p, tuple
+    of n). Residuals (C,) and slopes of the output, such pairs with a leading axis C, are given for every output. The
+    derivatives of a step are pulled back from its few results, so that the work does not grow with the number of
+    parameters but for one recursion.
     """
     advance = interval(simulator, edges, derived=True)
 

@@ -76,7 +76,9 @@ def advance(maps: ExactStep, x: Scalars, u0: Scalars, u1: Scalars) -> Scalars:
     return tuple(row(i) for i in range(len(x)))
 
 
-def exact_step(vector: VectorModel, p: Scalars, h: Any, varying: bool) -> Callable[[Scalars, Scalars, Scalars], Scalars]:
+def exact_step(
+    vector: VectorModel, p: Scalars, h: Any, varying: bool
+) -> Callable[[Scalars, Scalars, Scalars], Scalars]:
     """`step(x, u0, u1) -> x` of a linear model for one step length `h` (s) and one set of parameters.
 
     Differentiable in `p`, `h`, the states and the inputs, forward and reverse.
@@ -98,10 +100,11 @@ def _coefficients(vector, p, n, m):
 
 
 def _exponential(a):
-    """exp of matrices (..., k, k) by scaling, Taylor and squaring: C. Moler, C. Van Loan, SIAM Review 45 (2003) 3, method 3.
+    """exp of matrices (..., k, k) by scaling, Taylor and squaring: C. Moler, C. Van Loan, SIAM Review 45 (2003) 3,
+    method 3.
 
-    Scaled to a norm of 1/4, where 14 terms leave 1e-21. jax's own, with Pade fractions and branches, takes three times as
-    long to compile and gives NaN for norms above 1e5.
+    Scaled to a norm of 1/4, where 14 terms leave 1e-21. jax's own, with Pade fractions and branches, takes three times
+    as long to compile and gives NaN for norms above 1e5.
     """
     norm = jnp.max(jnp.sum(jnp.abs(jax.lax.stop_gradient(a)), axis=-1), axis=-1)[..., None, None]
     times = jnp.ceil(jnp.log2(jnp.maximum(norm, 0.25) / 0.25))

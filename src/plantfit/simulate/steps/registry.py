@@ -1,8 +1,9 @@
-"""The steppers by name. A new one is a function as in `steppers.py` or `exponential.py`, and a row here: study files, checks and meshes
-read this table, and so do the tests of order, derivatives and events.
+"""The steppers by name. A new one is a function as in `steppers.py` or `exponential.py`, and a row here: study files,
+checks and meshes read this table, and so do the tests of order, derivatives and events.
 
-A stepper that has to know its model has no `place`, as EXACT, or whose step chooses its own length, as ADAPTIVE. `simulate/simulator.py`
-makes its step and refuses models that it cannot follow; `simulate/loop/held_plant.py` does so for closed loops. It needs tests of its own.
+A stepper that has to know its model has no `place`, as EXACT, or whose step chooses its own length, as ADAPTIVE.
+`simulate/simulator.py` makes its step and refuses models that it cannot follow; `simulate/loop/held_plant.py` does so
+for closed loops. It needs tests of its own.
 
 Nothing here imports jax, so that a study file is checked at once.
 """
@@ -17,7 +18,8 @@ EXACT, ADAPTIVE = "exact", "adaptive"
 
 @dataclass(frozen=True)
 class Stepper:
-    """Where the function of one step is (`steppers.py` says what it takes), and the order of the error in the length of steps.
+    """Where the function of one step is (`steppers.py` says what it takes), and the order of the error in the length of
+    steps.
 
     `place` None: `Simulator` makes the step for its model. `place_on_arrays`: the same step on rows of numpy arrays
     (`array_steppers.py`); without it records get no mesh (`problem/accuracy/mesh.py`).

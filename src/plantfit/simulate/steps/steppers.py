@@ -45,12 +45,15 @@ def rosenbrock(
 
 
 def jacobian_of(rate: Rate, x: Scalars, u: Scalars, p: Scalars, pattern: Pattern | None) -> tuple[Scalars, Matrix]:
-    """f (n,) and df/dx [i][j]; entries that the pattern rules out are the number 0.0, so that nothing is computed for them."""
+    """f (n,) and df/dx [i][j]; entries that the pattern rules out are the number 0.0, so that nothing is computed
+    for them."""
     n = len(x)
     columns, f = [], None
     with shared_lookups(slopes=True):
         for j in range(n):
-            found, column = jax.jvp(lambda a, j=j: rate((*x[:j], a, *x[j + 1 :]), u, p), (x[j],), (jnp.ones_like(x[j]),))
+            found, column = jax.jvp(
+                lambda a, j=j: rate((*x[:j], a, *x[j + 1 :]), u, p), (x[j],), (jnp.ones_like(x[j]),)
+            )
             columns.append(column)
             f = found if f is None else f  # backwards all go through one evaluation as far as they can
         f = rate(x, u, p) if f is None else f
@@ -82,7 +85,9 @@ def dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
     return total
 
 
-def rk4(rate: Rate, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool, pattern: Pattern | None = None) -> Scalars:
+def rk4(
+    rate: Rate, x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Scalars, varying: bool, pattern: Pattern | None = None
+) -> Scalars:
     """The classical fourth-order Runge-Kutta method (Kutta 1901); for plants that are not stiff."""
     middle = tuple(0.5 * (a + b) for a, b in zip(u0, u1, strict=True)) if varying else u0
     end = u1 if varying else u0

@@ -1,9 +1,10 @@
 """Times that are known before a simulation begins: events that depend on time alone, nodes of tables over time.
 
-What a guard depends on is read from its traced program (`dependencies`). A guard that reads the time and parameters, but no state
-and no input, is timed. Is it a straight line in t, g = g(0) + s t, then its moment is T = -g(0)/s, whatever the states do; the step
-ends there exactly, and derivatives by parameters know how T moves (`switching.events`). Moments that depend on no parameter either are part
-of the grid of the record, as are the nodes of tables over t.
+What a guard depends on is read from its traced program (`dependencies`). A guard that reads the time and parameters,
+but no state and no input, is timed. Is it a straight line in t, g = g(0) + s t, then its moment is T = -g(0)/s,
+whatever the states do; the step ends there exactly, and derivatives by parameters know how T moves
+(`switching.events`). Moments that depend on no parameter either are part of the grid of the record, as are the nodes of
+tables over t.
 """
 
 from collections.abc import Callable
@@ -62,7 +63,12 @@ def known_times(vector: VectorModel, t: np.ndarray) -> np.ndarray:
 
     Raises SimulationError for an event at t[0], where nothing is passed.
     """
-    found = [np.asarray(table.nodes[i], dtype=float) for table in vector.model.tables for i, s in enumerate(table.over) if s == "t"]
+    found = [
+        np.asarray(table.nodes[i], dtype=float)
+        for table in vector.model.tables
+        for i, s in enumerate(table.over)
+        if s == "t"
+    ]
     for event in vector.model.events:
         guard = on_channels(event.when, vector)
         if not (timed(guard, vector) and fixed(guard, vector)):
@@ -70,7 +76,8 @@ def known_times(vector: VectorModel, t: np.ndarray) -> np.ndarray:
         passed = _passed(guard, vector, t)
         if len(t) > 1 and np.any(passed == t[0]):
             raise SimulationError(
-                f"Model {vector.model.name!r}: the event {event.name} is at t = {t[0]:g} s, where the simulation begins, so that nothing "
+                f"Model {vector.model.name!r}: the event {event.name} is at t = {t[0]:g} s, where the simulation "
+                f"begins, so that nothing "
                 "is passed; put what it does into the initial values, or begin earlier with initial_time."
             )
         found.append(passed)

@@ -50,7 +50,11 @@ def vectorise(model: Model) -> VectorModel:
     parameters = tuple(p.name for p in model.parameters)
 
     def named(x, u, p):
-        return dict(zip(states, x, strict=True)), dict(zip(channels, u, strict=True)), dict(zip(parameters, p, strict=True))
+        return (
+            dict(zip(states, x, strict=True)),
+            dict(zip(channels, u, strict=True)),
+            dict(zip(parameters, p, strict=True)),
+        )
 
     def functions(share):
         def rate(x, u, p):
@@ -87,7 +91,8 @@ def vectorise(model: Model) -> VectorModel:
 
 
 def _leaves_a_branch(function: Callable, given: tuple[Scalars, ...]) -> bool:
-    """Whether what a table looks up inside a branch, as of lax.cond, is used again outside of it, which shared look-ups cannot do."""
+    """Whether what a table looks up inside a branch, as of lax.cond, is used again outside of it, which shared
+    look-ups cannot do."""
     try:
         return any(isinstance(c, Tracer) for c in jax.make_jaxpr(function)(*given).consts)
     except jax.errors.UnexpectedTracerError:
@@ -97,11 +102,18 @@ def _leaves_a_branch(function: Callable, given: tuple[Scalars, ...]) -> bool:
 def placeholders(model: Model) -> tuple[Scalars, Scalars, Scalars]:
     """States, channels and parameters of the right shapes, to trace the functions of a model with."""
     channels = len(model.inputs) + len(model.delays) + len(model.state_delays) + 1
-    return (1.0,) * len(model.states), (1.0,) * channels, tuple(jnp.ones(d.shape) if d.shape else np.ones(()) for d in model.parameters)
+    return (
+        (1.0,) * len(model.states),
+        (1.0,) * channels,
+        tuple(jnp.ones(d.shape) if d.shape else np.ones(()) for d in model.parameters),
+    )
 
 
 def _picked(values, names, model, what):
     missing = [n for n in names if n not in values]
     if missing:
-        raise ModelError(f"Model {model.name!r}: {what}(x, u, p) returned {sorted(values)}, without {missing[0]!r}; return every name.")
+        raise ModelError(
+            f"Model {model.name!r}: {what}(x, u, p) returned {sorted(values)}, without {missing[0]!r}; return every "
+            f"name."
+        )
     return tuple(jnp.asarray(values[n], dtype=float) for n in names)

@@ -1,8 +1,8 @@
 """A study file written anew: its parameters are the combinations that the data determine.
 
-Of each group of combinations that share parameters, as many parameters are replaced as there are combinations: equations get a line
-that computes the replaced one from the combination and from the others, which are held at the answer's values. Any other value of
-these would do: the combinations say what the data know.
+Of each group of combinations that share parameters, as many parameters are replaced as there are combinations:
+equations get a line that computes the replaced one from the combination and from the others, which are held at the
+answer's values. Any other value of these would do: the combinations say what the data know.
 """
 
 import re
@@ -44,7 +44,8 @@ class Rewritten:
 
 @dataclass(frozen=True)
 class _Group:
-    """Combinations that share parameters `names`; `weights` (combinations, names): powers of a product, or factors of a sum."""
+    """Combinations that share parameters `names`; `weights` (combinations, names): powers of a product, or factors
+    of a sum."""
 
     names: tuple[str, ...]
     weights: np.ndarray
@@ -53,17 +54,20 @@ class _Group:
 
 
 def in_combinations(study: Study, findings: Mapping[str, Any]) -> Rewritten:
-    """The study file whose parameters are the combinations of `findings["determined"]`, the others held at the answer's values.
+    """The study file whose parameters are the combinations of `findings["determined"]`, the others held at the answer's
+    values.
 
-    Library models have no equations to write in: of each group as many parameters stay free as there are combinations, the others
-    are held. So it is done where a group has products and sums, products of negative numbers, or sums of different units. A
-    parameter that stands in no combination stays as it is. Raises SpecError when there is nothing to change.
+    Library models have no equations to write in: of each group as many parameters stay free as there are combinations,
+    the others are held. So it is done where a group has products and sums, products of negative numbers, or sums of
+    different units. A parameter that stands in no combination stays as it is. Raises SpecError when there is nothing to
+    change.
     """
     rows = {p["name"]: p for p in findings["parameters"]}
     found = (findings.get("determined") or {}).get("combinations", ())
     if not found:
         raise SpecError(
-            f"{study.name}: all that the data determine are parameters by themselves, no combinations; nothing has to be changed."
+            f"{study.name}: all that the data determine are parameters by themselves, no combinations; nothing has to "
+            f"be changed."
         )
     document = tomlkit.parse(study.text.removeprefix("\ufeff"))
     made: dict[str, str] = {}
@@ -79,12 +83,16 @@ def in_combinations(study: Study, findings: Mapping[str, Any]) -> Rewritten:
             made.update(_replaced(document, study, group, pivots, unit))
         held.update({n: _hold(document, rows[n]) for n in group.names if n not in pivots})
     if not held:
-        raise SpecError(f"{study.name}: no combination can be written, because {'; '.join(dict.fromkeys(left.values()))}.")
+        raise SpecError(
+            f"{study.name}: no combination can be written, because {'; '.join(dict.fromkeys(left.values()))}."
+        )
     text = text_of(document)
     try:
         parse(text, study.path)
     except SpecError as error:
-        raise SpecError(f"{study.name} cannot be written in combinations: {error} Write them into the equations by hand.") from None
+        raise SpecError(
+            f"{study.name} cannot be written in combinations: {error} Write them into the equations by hand."
+        ) from None
     return Rewritten(text, made, held, left)
 
 
@@ -117,11 +125,16 @@ def _refused(study: Study, rows: Mapping[str, Any], group: _Group) -> str:
 def _pivots(group: _Group, rows: Mapping[str, Any], written: bool) -> tuple[str, ...]:
     """The parameters that are replaced or stay free, as many as combinations.
 
-    Those that the combinations tell most of; where formulas are `written`, rather those that have whole numbers in them.
+    Those that the combinations tell most of; where formulas are `written`, rather those that have whole numbers in
+    them.
     """
     count = len(group.found)
     size = np.array([max(abs(rows[n]["value"]), 1e-300) for n in group.names])
-    scaled = group.weights if group.product else group.weights * size / np.max(np.abs(group.weights) * size, axis=1, keepdims=True)
+    scaled = (
+        group.weights
+        if group.product
+        else group.weights * size / np.max(np.abs(group.weights) * size, axis=1, keepdims=True)
+    )
 
     def rank(places: tuple[int, ...]) -> tuple[bool, bool, float]:
         block = group.weights[:, places]
@@ -133,12 +146,15 @@ def _pivots(group: _Group, rows: Mapping[str, Any], written: bool) -> tuple[str,
 
     best = max(islice(choices(range(len(group.names)), count), PIVOTS), key=rank)
     if not rank(best)[0]:
-        raise SpecError(f"The combinations of {', '.join(group.names)} depend on each other; write them into the equations by hand.")
+        raise SpecError(
+            f"The combinations of {', '.join(group.names)} depend on each other; write them into the equations by hand."
+        )
     return tuple(group.names[k] for k in best)
 
 
 def _units_of(group: _Group, rows: Mapping[str, Any]) -> list[str] | None:
-    """The unit of every combination; None where equations cannot hold them: both kinds, a sign that powers lose, factors with units."""
+    """The unit of every combination; None where equations cannot hold them: both kinds, a sign that powers lose,
+    factors with units."""
     if group.product is None or (group.product and any(rows[n]["value"] <= 0 for n in group.names)):
         return None
     own = [units.parse(units.difference_of(rows[n]["unit"] or "") or "") for n in group.names]
@@ -232,7 +248,11 @@ def _bounds(study: Study, c: Mapping[str, Any]) -> tuple[float, float]:
     ends = np.prod(corners, axis=0) if c["product"] else np.sum(corners, axis=0)
     low, high = (float(e) for e in ends)
     if not np.isfinite(low) or not np.isfinite(high) or high <= low:
-        low, high = sorted((value / WIDE, value * WIDE)) if c["product"] else (value - WIDE * abs(value), value + WIDE * abs(value))
+        low, high = (
+            sorted((value / WIDE, value * WIDE))
+            if c["product"]
+            else (value - WIDE * abs(value), value + WIDE * abs(value))
+        )
     return min(low, float(c["low"])), max(high, float(c["high"]))
 
 

@@ -20,15 +20,18 @@ OF_WHOLE_RECORDS = ("methods", "settings", "runs")  # keys of [search] that the 
 
 
 def in_pieces(study: Study, seconds: float) -> str:
-    """The text of the study file with `pieces` of so many seconds, a `start` of each state in each of them, and `shooting`.
+    """The text of the study file with `pieces` of so many seconds, a `start` of each state in each of them, and
+    `shooting`.
 
-    Recordings that are no longer than a piece stay whole; bounds of the starts are those in which the states were found by loosely joined
-    segments of the records. Raises SpecError for models that have no such starts and where the new file could not be read, SearchError
-    and SimulationError where no segments can be simulated.
+    Recordings that are no longer than a piece stay whole; bounds of the starts are those in which the states were found
+    by loosely joined segments of the records. Raises SpecError for models that have no such starts and where the new
+    file could not be read, SearchError and SimulationError where no segments can be simulated.
     """
     path, model, experiments = study.path, study.problem.model, study.problem.experiments
     if not isinstance(model, Model) or not model.states:
-        raise SpecError(f"{path.name}: its model has no states that could begin anew; --pieces is for models that are simulated.")
+        raise SpecError(
+            f"{path.name}: its model has no states that could begin anew; --pieces is for models that are simulated."
+        )
     if not (np.isfinite(seconds) and seconds > 0):
         raise SpecError(f"--pieces {seconds:g} cannot be used; give seconds above 0.")
     document = tomlkit.parse(study.text.removeprefix("\ufeff"))
@@ -40,7 +43,10 @@ def in_pieces(study: Study, seconds: float) -> str:
     long = [n for n in whole if not experiments[n].steady and np.ptp(experiments[n].recording.t) > seconds]
     if not long:
         longest = max(float(np.ptp(e.recording.t)) for e in experiments.values())
-        raise SpecError(f"{path.name}: no recording lasts longer than {seconds:g} s, the longest {longest:.4g} s; give a shorter time.")
+        raise SpecError(
+            f"{path.name}: no recording lasts longer than {seconds:g} s, the longest {longest:.4g} s; give a shorter "
+            f"time."
+        )
     for name in long:
         tables[name]["pieces"] = int(seconds) if seconds == int(seconds) else seconds
     cut = _read(document, study, seconds).problem.experiments

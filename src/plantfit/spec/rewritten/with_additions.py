@@ -1,4 +1,5 @@
-"""A study file with additions to its model: [model.extensions], their parameters, and cleaning steps; all else stays as it was written."""
+"""A study file with additions to its model: [model.extensions], their parameters, and cleaning steps; all else stays
+as it was written."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -53,7 +54,9 @@ def with_additions(
     try:
         parse(new, path)
     except SpecError as error:
-        raise SpecError(f"{path.name} cannot be written with {', '.join(c.parameter for c in changes)}: {error}") from None
+        raise SpecError(
+            f"{path.name} cannot be written with {', '.join(c.parameter for c in changes)}: {error}"
+        ) from None
     return new
 
 

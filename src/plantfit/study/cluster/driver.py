@@ -55,7 +55,9 @@ def connected(address: str, workers: int | None = None) -> Iterator[Any]:
     Raises MissingExtra without dask, and SearchError when nobody answers.
     """
     if find_spec("distributed") is None:
-        raise MissingExtra("Working on a cluster needs the package dask; install it with: pip install 'plantfit[cluster]'")
+        raise MissingExtra(
+            "Working on a cluster needs the package dask; install it with: pip install 'plantfit[cluster]'"
+        )
     import distributed
 
     with _silent("distributed"), _client(distributed, address, workers) as client:
@@ -84,10 +86,13 @@ def work_on_cluster(
     except PlantfitError:
         raise
     except Exception as error:
-        if not isinstance(error, OSError) and client.status == "running":  # dask's own errors of connections are OSErrors
+        if (
+            not isinstance(error, OSError) and client.status == "running"
+        ):  # dask's own errors of connections are OSErrors
             raise
         raise SearchError(
-            f"The connection to the dask scheduler was lost ({str(error) or type(error).__name__}); what is done is saved, "
+            f"The connection to the dask scheduler was lost ({str(error) or type(error).__name__}); what is done is "
+            f"saved, "
             "go on with `plantfit resume`."
         ) from error
     finally:
@@ -97,7 +102,9 @@ def work_on_cluster(
 @contextmanager
 def _silent(package: str) -> Iterator[None]:
     """Lost workers and connections are told by this module, not by the logs of a package."""
-    logs = [logging.getLogger(name) for name in (package, *logging.root.manager.loggerDict) if name.split(".")[0] == package]
+    logs = [
+        logging.getLogger(name) for name in (package, *logging.root.manager.loggerDict) if name.split(".")[0] == package
+    ]
     levels = [log.level for log in logs]
     for log in logs:
         log.setLevel(logging.CRITICAL)
@@ -135,7 +142,8 @@ def _client(distributed: Any, address: str, workers: int | None) -> Iterator[Any
         client = distributed.Client(address, timeout=CONNECT_SECONDS)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         raise SearchError(
-            f"No dask scheduler answers at {address!r}; start one with `dask scheduler`, give the address that it prints, "
+            f"No dask scheduler answers at {address!r}; start one with `dask scheduler`, give the address that it "
+            f"prints, "
             "or say local for workers on this machine."
         ) from error
     with client:
@@ -159,7 +167,9 @@ class _Sent:
 class _Driver:
     """Gives every worker of the cluster one task at a time."""
 
-    def __init__(self, store: Store, jobs: Sequence[Job], client: Any, progress: Any, stop: Any, say: Say, seconds: float):
+    def __init__(
+        self, store: Store, jobs: Sequence[Job], client: Any, progress: Any, stop: Any, say: Say, seconds: float
+    ):
         from distributed import LocalCluster, Queue
 
         self.store, self.jobs, self.client, self.stop, self.say, self.seconds = store, jobs, client, stop, say, seconds
@@ -167,7 +177,9 @@ class _Driver:
         self.queue = Queue(f"plantfit-{self.session}", client=client)
         self.sent: dict[str, _Sent] = {}  # by worker
         self.workers: dict[str, int] = {}
-        self.ours = client.cluster if isinstance(client.cluster, LocalCluster) else None  # whose workers nobody else starts
+        self.ours = (
+            client.cluster if isinstance(client.cluster, LocalCluster) else None
+        )  # whose workers nobody else starts
         self.looked_at = self.dry_until = -np.inf
         self.said: set[str] = set()
         self.losses: dict[int, int] = {}  # by task, since its last checkpoint
@@ -213,12 +225,15 @@ class _Driver:
         from plantfit.study.cluster.worker_side import Studied
 
         study = self.store.study(job.study)
-        studied = Studied(job.study, job.recipe, dict(study.plan), study.coordinates, self.store.probe(job.study), job.start)
+        studied = Studied(
+            job.study, job.recipe, dict(study.plan), study.coordinates, self.store.probe(job.study), job.start
+        )
         try:
             self.client.register_plugin(studied, name=self._name(job.study))
         except (ImportError, AttributeError) as error:
             raise SearchError(
-                f"The workers of the cluster cannot load plantfit ({error}); install the same versions of plantfit and dask there as here."
+                f"The workers of the cluster cannot load plantfit ({error}); install the same versions of plantfit and "
+                f"dask there as here."
             ) from error
 
     def _look(self) -> None:
@@ -230,7 +245,9 @@ class _Driver:
         if self.ours is not None:
             self._start_again(self.ours)
         elif not self.workers:
-            self._say_once("The cluster has no worker yet; waiting for one (start it with `dask worker ADDRESS --nthreads 1`).")
+            self._say_once(
+                "The cluster has no worker yet; waiting for one (start it with `dask worker ADDRESS --nthreads 1`)."
+            )
         for worker, threads in self.workers.items():
             if threads > 1:
                 self._say_once(
@@ -256,7 +273,8 @@ class _Driver:
         if self.losses[claim.id] >= MOST_LOSSES:
             task = claim.task
             raise SearchError(
-                f"{MOST_LOSSES} workers in a row were lost at {task.method} from run {task.first} on; give them more memory or start "
+                f"{MOST_LOSSES} workers in a row were lost at {task.method} from run {task.first} on; give them more "
+                f"memory or start "
                 "fewer on a machine. What is done is saved, go on with `plantfit resume`."
             )
 
@@ -310,7 +328,8 @@ class _Driver:
         except Exception as error:
             task = sent.claim.task
             raise SearchError(
-                f"Worker {sent.worker} failed at {task.method} from run {task.first} on ({type(error).__name__}: {error}); "
+                f"Worker {sent.worker} failed at {task.method} from run {task.first} on ({type(error).__name__}: "
+                f"{error}); "
                 "its log says more. What is done is saved, go on with `plantfit resume`."
             ) from error
 

@@ -1,4 +1,5 @@
-"""What runs inside a worker process of a dask cluster. Nothing here touches a store; only plain values and bytes travel."""
+"""What runs inside a worker process of a dask cluster. Nothing here touches a store; only plain values and bytes
+travel."""
 
 import threading
 from typing import Any
@@ -22,8 +23,17 @@ GONE = "cancelled"  # state of a task that nobody waits for any more
 class Studied(WorkerPlugin):
     """A study as every worker process of the cluster gets it, those that come later too; made when first asked for."""
 
-    def __init__(self, study_id: int, recipe: Recipe, plan: dict[str, Any], names: tuple[str, ...], before: bytes, start: Any):
-        self.study_id, self.recipe, self.plan, self.names, self.before, self.start = study_id, recipe, plan, names, before, start
+    def __init__(
+        self, study_id: int, recipe: Recipe, plan: dict[str, Any], names: tuple[str, ...], before: bytes, start: Any
+    ):
+        self.study_id, self.recipe, self.plan, self.names, self.before, self.start = (
+            study_id,
+            recipe,
+            plan,
+            names,
+            before,
+            start,
+        )
 
     def setup(self, worker: Any) -> None:
         """Called by dask when the study arrives."""
@@ -45,7 +55,9 @@ class Studied(WorkerPlugin):
             except PlantfitError as error:
                 return {"error": type(error).__name__, "sentence": str(error)}
 
-    def _searched(self, made: Made, task: Task, checkpoint: bytes | None, line: "_Line", seconds: float) -> dict[str, Any]:
+    def _searched(
+        self, made: Made, task: Task, checkpoint: bytes | None, line: "_Line", seconds: float
+    ) -> dict[str, Any]:
         objective, to_physical = made
         keeper = Keeper(line.save, seconds)
         results = search_task(

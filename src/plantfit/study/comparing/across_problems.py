@@ -31,7 +31,8 @@ UNKNOWN = (float("nan"), NAN_INTERVAL)
 def across(problems: Sequence[ProblemRuns], found: Sequence[ProblemComparison], seed: int) -> OverProblems | None:
     """Methods that ran on every problem; None if fewer than two did.
 
-    Two methods are compared by signed ranks of their medians, more by Friedman's test and then the best with each other one.
+    Two methods are compared by signed ranks of their medians, more by Friedman's test and then the best with each other
+    one.
     """
     groups = [by_method(p.runs) for p in problems]
     methods = [m for m in groups[0] if all(m in g for g in groups)]
@@ -127,7 +128,8 @@ def _running_time_ratio(
     better: str, worse: str, groups: Sequence[Mapping[str, list[RunRecord]]], found: Sequence[ProblemComparison],
     rng: np.random.Generator, seed: int,
 ) -> tuple[float, Interval]:  # fmt: skip
-    """Geometric mean over problems of the ratio of expected running times to the main target; NaN unless both reach it everywhere."""
+    """Geometric mean over problems of the ratio of expected running times to the main target; NaN unless both reach
+    it everywhere."""
     logs, replicates = [], []
     for g, record in zip(groups, found, strict=True):
         if record.main_target is None:
@@ -160,7 +162,8 @@ def _profile(
     at = np.geomspace(min(g[0] / (d + 1) for g, d in ends), max(g[-1] / (d + 1) for g, d in ends), GRID)
     shares = {
         m: data_profile(
-            [(hitting_times(g[m], w), len(p.runs[0].x)) for p, g, w in zip(problems, groups, wanted, strict=True)], at * (1 + 1e-12)
+            [(hitting_times(g[m], w), len(p.runs[0].x)) for p, g, w in zip(problems, groups, wanted, strict=True)],
+            at * (1 + 1e-12),
         )
         for m in methods
     }

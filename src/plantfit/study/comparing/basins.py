@@ -39,7 +39,9 @@ def basins(costs: Any, x: Any, tolerance: float = 1e-6, floor: float = 0.0) -> l
             groups[-1].append(k)
         else:
             groups.append([k])
-    return [Basin(float(costs[g[0]]), tuple(g), len(g) / len(costs), x[g[0]].copy(), np.ptp(x[g], axis=0)) for g in groups]
+    return [
+        Basin(float(costs[g[0]]), tuple(g), len(g) / len(costs), x[g[0]].copy(), np.ptp(x[g], axis=0)) for g in groups
+    ]
 
 
 def _edge(best: float, tolerance: float, floor: float) -> float:
@@ -49,8 +51,8 @@ def _edge(best: float, tolerance: float, floor: float) -> float:
 def optima(costs: Any, x: Any, within: float, apart: float = APART) -> list[Basin]:
     """Distinct answers of the same cost: runs at most `within` above the best, in groups that lie apart, largest first.
 
-    Answers x (n, d) in the unit cube belong together when a chain of answers joins them, each within `apart` of the next
-    in every coordinate; a group with a wide spread is a valley. Of more than 1500 such runs the best are taken.
+    Answers x (n, d) in the unit cube belong together when a chain of answers joins them, each within `apart` of the
+    next in every coordinate; a group with a wide spread is a valley. Of more than 1500 such runs the best are taken.
     """
     costs, x = np.asarray(costs, dtype=float), np.asarray(x, dtype=float)
     order = np.argsort(costs, kind="stable")
@@ -59,9 +61,16 @@ def optima(costs: Any, x: Any, within: float, apart: float = APART) -> list[Basi
     if not len(near):
         return []
     if len(near) == 1:
-        return [Basin(float(costs[near[0]]), (int(near[0]),), 1.0 / len(costs), x[near[0]].copy(), np.zeros(x.shape[1]))]
+        return [
+            Basin(float(costs[near[0]]), (int(near[0]),), 1.0 / len(costs), x[near[0]].copy(), np.zeros(x.shape[1]))
+        ]
     pairs = scipy.spatial.KDTree(x[near]).query_pairs(apart, p=np.inf, output_type="ndarray")
-    graph = scipy.sparse.coo_matrix((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(near), len(near)))
+    graph = scipy.sparse.coo_matrix(
+        (np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(near), len(near))
+    )
     count, label = scipy.sparse.csgraph.connected_components(graph, directed=False)
     groups = sorted((near[label == k] for k in range(count)), key=lambda g: (-len(g), costs[g[0]]))
-    return [Basin(float(costs[g[0]]), tuple(g.tolist()), len(g) / len(costs), x[g[0]].copy(), np.ptp(x[g], axis=0)) for g in groups]
+    return [
+        Basin(float(costs[g[0]]), tuple(g.tolist()), len(g) / len(costs), x[g[0]].copy(), np.ptp(x[g], axis=0))
+        for g in groups
+    ]

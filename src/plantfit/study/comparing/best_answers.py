@@ -9,7 +9,9 @@ from plantfit.study.comparing.basins import Basin, optima
 from plantfit.study.comparing.problem_runs import TIE, ProblemRuns, by_method, costs_of
 from plantfit.study.store.records import RunRecord
 
-SAME_COST = 1e-3  # of the gap from reference to best: answers this near the best are compared as optima of the same cost
+SAME_COST = (
+    1e-3  # of the gap from reference to best: answers this near the best are compared as optima of the same cost
+)
 KEPT_RUNS = 200  # best runs whose parameters are kept
 KEPT_NAMES = 24  # parameters kept, those that differ most
 KEPT_OPTIMA = 12
@@ -18,7 +20,11 @@ KEPT_OPTIMA = 12
 def best_runs(problem: ProblemRuns, groups: Mapping[str, list[RunRecord]]) -> BestRuns:
     """The best runs of each method with their place between the bounds, 0 to 1, and the parameters' values."""
     most = max(1, KEPT_RUNS // max(len(groups), 1))
-    best = [r for own in groups.values() for r in sorted((r for r in own if np.isfinite(r.cost)), key=lambda r: r.cost)[:most]]
+    best = [
+        r
+        for own in groups.values()
+        for r in sorted((r for r in own if np.isfinite(r.cost)), key=lambda r: r.cost)[:most]
+    ]
     names = _names(problem)
     if len(best) < 2 or not names:
         return BestRuns(names=[], runs=[], left_out=0)

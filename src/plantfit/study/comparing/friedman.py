@@ -69,7 +69,8 @@ def _chi_square(ranks: np.ndarray) -> float:
 
 
 def signed_rank(first: np.ndarray, second: np.ndarray) -> float:
-    """Wilcoxon's two-sided signed-rank p value of two methods' medians (N,), one of each per problem; 1 if all are equal.
+    """Wilcoxon's two-sided signed-rank p value of two methods' medians (N,), one of each per problem; 1 if all are
+    equal.
 
     Ratios are compared where all medians are above zero, so that no problem outweighs the others by its units.
     """

@@ -14,7 +14,9 @@ from plantfit.study.store.store import Store
 FLOOR, OPTIMUM = "noise_floor", "optimum"  # where a run's extra says what is known of its problem
 
 
-def gather(store: Store, numbers: Sequence[int], *, floor: float | None = None, optimum: float | None = None) -> list[ProblemRuns]:
+def gather(
+    store: Store, numbers: Sequence[int], *, floor: float | None = None, optimum: float | None = None
+) -> list[ProblemRuns]:
     """The runs of the studies, one entry for each problem, in the order given.
 
     Two studies have the same problem when their fingerprints agree (same costs at the test points, same bounds). A
@@ -52,7 +54,8 @@ def _united(store: Store, numbers: Sequence[int], floor: float | None, optimum: 
         own = store.runs(study.id)
         if not own:
             raise StoreError(
-                f"Study {study.id} ({study.name}) in {store.name} has no finished run yet; go on with `plantfit resume {study.id}`."
+                f"Study {study.id} ({study.name}) in {store.name} has no finished run yet; go on with `plantfit resume "
+                f"{study.id}`."
             )
         names = {m: f"{m} (study {study.id})" if m in twice else m for m in study.plan["methods"]}
         runs += [replace(r, method=names[r.method]) for r in own]
@@ -77,4 +80,6 @@ def _known(runs: Sequence[RunRecord], key: str) -> float | None:
 def _unfinished(study: StudyRecord) -> tuple[str, ...]:
     if study.runs_done == study.runs_total:
         return ()
-    return (f"Study {study.id} ({study.name}) is unfinished: {study.runs_done} of {study.runs_total} runs are compared.",)
+    return (
+        f"Study {study.id} ({study.name}) is unfinished: {study.runs_done} of {study.runs_total} runs are compared.",
+    )

@@ -1,4 +1,5 @@
-"""Methods against each other on one problem: effect size with its interval, and rank tests corrected for their number."""
+"""Methods against each other on one problem: effect size with its interval, and rank tests corrected for their
+number."""
 
 from collections.abc import Mapping
 from itertools import combinations
@@ -20,7 +21,14 @@ def compare(costs: Mapping[str, Any]) -> list[PairInTime]:
     pairs = list(combinations(ranked, 2))
     p = [mann_whitney(ranked[a], ranked[b]) for a, b in pairs]
     return [
-        PairInTime(first=a, second=b, a12=a12(ranked[a], ranked[b]), p=raw, p_holm=fixed, a12_interval=a12_interval(ranked[a], ranked[b]))
+        PairInTime(
+            first=a,
+            second=b,
+            a12=a12(ranked[a], ranked[b]),
+            p=raw,
+            p_holm=fixed,
+            a12_interval=a12_interval(ranked[a], ranked[b]),
+        )
         for (a, b), raw, fixed in zip(pairs, p, holm(p), strict=True)
     ]
 

@@ -79,14 +79,19 @@ def best_costs(runs: Sequence[RunRecord], grid: np.ndarray, clock: Clock = by_ev
 
 
 def quartiles(costs: np.ndarray) -> np.ndarray:
-    """Lower quartile, median and upper quartile (3, g) of costs (n, g) that may be inf, each a cost that occurs or a mean of two."""
+    """Lower quartile, median and upper quartile (3, g) of costs (n, g) that may be inf, each a cost that occurs or a
+    mean of two."""
     with np.errstate(invalid="ignore"):
-        low, high = np.quantile(costs, 0.25, axis=0, method="inverted_cdf"), np.quantile(costs, 0.75, axis=0, method="inverted_cdf")
+        low, high = (
+            np.quantile(costs, 0.25, axis=0, method="inverted_cdf"),
+            np.quantile(costs, 0.75, axis=0, method="inverted_cdf"),
+        )
         return np.stack([low, np.median(costs, axis=0), high])
 
 
 def leads(first: tuple[str, np.ndarray], second: tuple[str, np.ndarray], grid: np.ndarray) -> list[Lead]:
-    """Who of two methods with best costs (n, g), (m, g) is ahead from when on; stretches without a lead belong to the last leader.
+    """Who of two methods with best costs (n, g), (m, g) is ahead from when on; stretches without a lead belong to the
+    last leader.
 
     Few runs must differ by more: at least 1.5 standard errors of an A12 of equal methods. A change is dated where the
     medians cross.

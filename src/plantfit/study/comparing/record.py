@@ -29,7 +29,16 @@ from plantfit.study.comparing.across_problems import across
 from plantfit.study.comparing.best_answers import best_runs, distinct_answers
 from plantfit.study.comparing.pairwise import compare, detectable, hitting_order
 from plantfit.study.comparing.problem_runs import ProblemRuns, by_method, costs_of, median_of, tied
-from plantfit.study.comparing.profiles import best_costs, by_evaluations, by_seconds, ecdf, grid_of, hitting_times, leads, quartiles
+from plantfit.study.comparing.profiles import (
+    best_costs,
+    by_evaluations,
+    by_seconds,
+    ecdf,
+    grid_of,
+    hitting_times,
+    leads,
+    quartiles,
+)
 from plantfit.study.comparing.statistics import (
     NAN_INTERVAL,
     expected_running_time,
@@ -104,7 +113,11 @@ def _method(name: str, runs: Sequence[RunRecord], seed: int) -> MethodRuns:
 
 
 def _pairs(
-    groups: Mapping[str, list[RunRecord]], costs: Mapping[str, np.ndarray], scale: CostScale | None, grid: np.ndarray, seed: int
+    groups: Mapping[str, list[RunRecord]],
+    costs: Mapping[str, np.ndarray],
+    scale: CostScale | None,
+    grid: np.ndarray,
+    seed: int,
 ) -> list[MethodPair]:
     found = compare(tied(costs, scale))
     curves = {m: best_costs(own, grid) for m, own in groups.items()} if len(groups) > 1 else {}
@@ -115,7 +128,9 @@ def _pairs(
         worse = c.second if better == c.first else c.first
         flip = better == c.first
         low, high = c.a12_interval
-        ratio = medians[worse] / medians[better] if medians[better] > 0 and 0 < medians[worse] < np.inf else float("nan")
+        ratio = (
+            medians[worse] / medians[better] if medians[better] > 0 and 0 < medians[worse] < np.inf else float("nan")
+        )
         pair = MethodPair(
             better=better,
             worse=worse,
@@ -173,13 +188,17 @@ def _reached(target: CostTarget, runs: Sequence[RunRecord], seed: int) -> Reache
     )
 
 
-def _hitting(groups: Mapping[str, list[RunRecord]], costs: Mapping[str, np.ndarray], target: CostTarget) -> list[PairInTime]:
+def _hitting(
+    groups: Mapping[str, list[RunRecord]], costs: Mapping[str, np.ndarray], target: CostTarget
+) -> list[PairInTime]:
     """All pairs by time to the target, misses behind all hits by final cost."""
     times = {m: hitting_times(own, [target.cost])[:, 0] for m, own in groups.items()}
     return compare(hitting_order(times, costs))
 
 
-def _convergence(groups: Mapping[str, list[RunRecord]], clock: Callable[[RunRecord], np.ndarray]) -> dict[str, Quartiles]:
+def _convergence(
+    groups: Mapping[str, list[RunRecord]], clock: Callable[[RunRecord], np.ndarray]
+) -> dict[str, Quartiles]:
     """Quartiles of the best cost of each method on its own grid, from where every run of it has begun."""
     found = {}
     for m, own in groups.items():
@@ -188,7 +207,9 @@ def _convergence(groups: Mapping[str, list[RunRecord]], clock: Callable[[RunReco
         low, middle, high = quartiles(costs)
         begun = np.isfinite(costs).sum(axis=0)
         shown = np.isfinite(middle) & (begun == begun.max(initial=0))
-        found[m] = Quartiles(at=grid[shown].tolist(), low=low[shown].tolist(), median=middle[shown].tolist(), high=high[shown].tolist())
+        found[m] = Quartiles(
+            at=grid[shown].tolist(), low=low[shown].tolist(), median=middle[shown].tolist(), high=high[shown].tolist()
+        )
     return found
 
 
@@ -206,7 +227,9 @@ def _notes(problem: ProblemRuns, groups: Mapping[str, list[RunRecord]]) -> list[
     budgets = {m: b for m, b in (problem.budgets or {}).items() if m in groups}
     if len(set(budgets.values())) > 1:
         told = ", ".join(f"{m} {sentences.evaluations(b)}" for m, b in budgets.items())
-        found.append(f"The budgets differ ({told} evaluations): final costs do not compare like with like; read the curves.")
+        found.append(
+            f"The budgets differ ({told} evaluations): final costs do not compare like with like; read the curves."
+        )
     few = [f"{m} {len(own)}" for m, own in groups.items() if len(own) < FEW]
     if few:
         found.append(f"Few runs ({', '.join(few)}): intervals and tests need about 10 or more.")
@@ -239,10 +262,17 @@ def _sentences(
     elif medians:
         say("info", f"Only {next(iter(medians))} ran here: there is nothing to compare it with.")
     if main is not None:
-        label = f"{main.label} of the way from {scale.source} to the best" if scale and main.label.startswith("10") else main.label
+        label = (
+            f"{main.label} of the way from {scale.source} to the best"
+            if scale and main.label.startswith("10")
+            else main.label
+        )
         say("info", sentences.target_sentence(label, main))
     if answers.groups:
-        say("warning" if answers.count > 1 else "info", sentences.optima_sentence(answers.shares, answers.within, answers.widest))
+        say(
+            "warning" if answers.count > 1 else "info",
+            sentences.optima_sentence(answers.shares, answers.within, answers.widest),
+        )
     for note in notes:
         say("warning", note)
     return found

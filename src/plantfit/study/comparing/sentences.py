@@ -55,8 +55,14 @@ def change_sentence(pair: MethodPair) -> str:
         return ""
     last = pair.leads[-1]
     if len(pair.leads) > MOST_CHANGES:
-        return f"The lead changes {len(pair.leads) - 1} times, at last to {last.method} at about {evaluations(last.start)} evaluations."
-    told = [f"{a.method} is ahead up to about {evaluations(b.start)} evaluations" for a, b in zip(pair.leads, pair.leads[1:], strict=False)]
+        return (
+            f"The lead changes {len(pair.leads) - 1} times, at last to {last.method} at about "
+            f"{evaluations(last.start)} evaluations."
+        )
+    told = [
+        f"{a.method} is ahead up to about {evaluations(b.start)} evaluations"
+        for a, b in zip(pair.leads, pair.leads[1:], strict=False)
+    ]
     return f"{', then '.join(told)}, then {last.method}."
 
 
@@ -93,14 +99,19 @@ def optima_sentence(shares: Sequence[float], within: float, widest: tuple[str, f
             f"(shares of all runs: {', '.join(_share(s) for s in shares[:5])}{', ...' if len(shares) > 5 else ''})."
         )
     if widest and widest[1] > 0.1:
-        return f"The {_share(shares[0])} of runs {same} lie in one valley: {widest[0]} varies over {_share(widest[1])} of its bounds."
+        return (
+            f"The {_share(shares[0])} of runs {same} lie in one valley: {widest[0]} varies over "
+            f"{_share(widest[1])} "
+            f"of its bounds."
+        )
     return f"The {_share(shares[0])} of runs {same} agree on one answer."
 
 
 def one_problem_sentence(runs: Iterable[int]) -> str:
     """What a test on one problem says and what it does not."""
     return (
-        f"All replicates are runs of one problem ({', '.join(str(n) for n in runs)} runs): the tests say which method is better here, "
+        f"All replicates are runs of one problem ({', '.join(str(n) for n in runs)} runs): the tests say which method "
+        f"is better here, "
         "not on other problems."
     )
 
@@ -111,9 +122,16 @@ def friedman_sentence(record: RankTest) -> str:
     ordered = ", ".join(f"{m} {ranks[m]:.2f}" for m in sorted(ranks, key=lambda m: ranks[m]))
     head = f"Over {record.problems} problems the mean ranks are {ordered} (1 is best)"
     if record.p >= SIGNIFICANCE:
-        return f"{head}: no difference that {record.problems} problems could show ({p_value(record.p)}, Friedman, Iman-Davenport)."
+        return (
+            f"{head}: no difference that {record.problems} problems could show ({p_value(record.p)}, Friedman, "
+            f"Iman-Davenport)."
+        )
     behind = [m for m, p in record.p_holm.items() if p is not None and p < SIGNIFICANCE]
-    tail = f"{record.best} ranks better than {', '.join(behind)}" if behind else "no single method is shown to be worse than the best"
+    tail = (
+        f"{record.best} ranks better than {', '.join(behind)}"
+        if behind
+        else "no single method is shown to be worse than the best"
+    )
     return f"{head}: they differ ({p_value(record.p)}, Friedman, Iman-Davenport); after Holm {tail}."
 
 
@@ -131,8 +149,15 @@ def across_sentence(record: PairOverProblems) -> str:
     if record.p_holm < SIGNIFICANCE:
         return f"{record.better} beats {record.worse} over {n} problems ({effect}{sooner}; {p}, {record.test})."
     least = smallest_p(n)
-    why = f"; {n} problems cannot give a p below {least:.2g}" if least >= SIGNIFICANCE and record.test.startswith("signed") else ""
-    return f"No difference between {record.better} and {record.worse} shown over {n} problems ({effect}{sooner}; {p}{why})."
+    why = (
+        f"; {n} problems cannot give a p below {least:.2g}"
+        if least >= SIGNIFICANCE and record.test.startswith("signed")
+        else ""
+    )
+    return (
+        f"No difference between {record.better} and {record.worse} shown over {n} problems ({effect}{sooner}; "
+        f"{p}{why})."
+    )
 
 
 def p_value(p: float) -> str:
@@ -153,7 +178,13 @@ def duration(seconds: float) -> str:
         return "no end"
     if seconds < 1:
         return f"{1000 * seconds:.3g} ms"
-    return f"{seconds:.3g} s" if seconds < 120 else f"{seconds / 60:.3g} min" if seconds < 7200 else f"{seconds / 3600:.3g} h"
+    return (
+        f"{seconds:.3g} s"
+        if seconds < 120
+        else f"{seconds / 60:.3g} min"
+        if seconds < 7200
+        else f"{seconds / 3600:.3g} h"
+    )
 
 
 def _interval(interval: Sequence[Any], form: str) -> str:

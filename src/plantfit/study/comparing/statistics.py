@@ -30,7 +30,8 @@ def summarise(costs: Any, *, seed: int = 0, resamples: int = 9999) -> RunsSummar
     if n == 0:
         nan = float("nan")
         return RunsSummary(
-            n=0, failed=len(every), minimum=nan, maximum=nan, median=nan, mean=nan, std=nan, sem=nan, normal_interval=NAN_INTERVAL,
+            n=0, failed=len(every), minimum=nan, maximum=nan, median=nan, mean=nan, std=nan, sem=nan,
+            normal_interval=NAN_INTERVAL,
             t_interval=NAN_INTERVAL, bootstrap_interval=NAN_INTERVAL,
         )  # fmt: skip
     std = float(np.std(values, ddof=1)) if n > 1 else float("nan")
@@ -50,7 +51,8 @@ def summarise(costs: Any, *, seed: int = 0, resamples: int = 9999) -> RunsSummar
 
 
 def normal_interval(values: Any, level: float = 0.95) -> Interval:
-    """Confidence interval of the mean, mean +- z(level) std / sqrt(n), as papers print it; NaN for n < 2, too short for few runs."""
+    """Confidence interval of the mean, mean +- z(level) std / sqrt(n), as papers print it; NaN for n < 2, too short
+    for few runs."""
     return _around_mean(values, float(scipy.stats.norm.ppf(0.5 + level / 2)))
 
 
@@ -77,7 +79,13 @@ def bootstrap_interval(
     if np.all(values == values[0]):
         return float(values[0]), float(values[0])
     result = scipy.stats.bootstrap(
-        (values,), statistic, confidence_level=level, n_resamples=resamples, method="BCa", rng=np.random.default_rng(seed), batch=999
+        (values,),
+        statistic,
+        confidence_level=level,
+        n_resamples=resamples,
+        method="BCa",
+        rng=np.random.default_rng(seed),
+        batch=999,
     )
     return float(result.confidence_interval.low), float(result.confidence_interval.high)
 
@@ -93,7 +101,13 @@ def ratio_interval(x: Any, y: Any, *, seed: int, resamples: int = 9999) -> Inter
             return np.median(a, axis=axis) / np.median(b, axis=axis)
 
     found = scipy.stats.bootstrap(
-        (x, y), ratio, n_resamples=resamples, method="percentile", vectorized=True, rng=np.random.default_rng(seed), batch=999
+        (x, y),
+        ratio,
+        n_resamples=resamples,
+        method="percentile",
+        vectorized=True,
+        rng=np.random.default_rng(seed),
+        batch=999,
     )
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
 

@@ -1,7 +1,7 @@
 """Answers that are one model written twice: equal terms exchanged, or signs changed together.
 
-The two terms of b1 exp(-b2 t) + b3 exp(-b4 t) can change places, the width of a Gaussian that enters squared can change its sign.
-Such answers lie far apart in the box and are the same optimum.
+The two terms of b1 exp(-b2 t) + b3 exp(-b4 t) can change places, the width of a Gaussian that enters squared can change
+its sign. Such answers lie far apart in the box and are the same optimum.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,7 +23,8 @@ FEW = 8  # candidates whose residuals are compared without a look at their costs
 
 @dataclass(frozen=True)
 class Symmetry:
-    """A map of parameter values that leaves every residual as it is: value i becomes `sign[i]` times value `source[i]`."""
+    """A map of parameter values that leaves every residual as it is: value i becomes `sign[i]` times value
+    `source[i]`."""
 
     names: tuple[str, ...]
     source: tuple[int, ...]
@@ -63,7 +64,11 @@ class Symmetry:
         if turned:
             parts[-1] += " with a change of sign"
         if flipped:
-            parts.append(f"the sign of {flipped[0]} does not matter" if len(flipped) == 1 else f"{_and(flipped)} can change sign together")
+            parts.append(
+                f"the sign of {flipped[0]} does not matter"
+                if len(flipped) == 1
+                else f"{_and(flipped)} can change sign together"
+            )
         return f"{' while '.join(parts)}: same model"
 
 
@@ -72,12 +77,16 @@ def _and(words: Iterator[str] | Sequence[str]) -> str:
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def same_by_symmetry(problem: Problem, z1: np.ndarray, z2: np.ndarray, *, near: float = NEAR, seed: int = 0) -> Symmetry | None:
-    """The map that shows two cube points (d,) to be one model: it takes z1 to within `near` of z2 and changes no residual; else None.
+def same_by_symmetry(
+    problem: Problem, z1: np.ndarray, z2: np.ndarray, *, near: float = NEAR, seed: int = 0
+) -> Symmetry | None:
+    """The map that shows two cube points (d,) to be one model: it takes z1 to within `near` of z2 and changes no
+    residual; else None.
 
-    Candidates are exchanges and changes of sign that the two answers suggest. A candidate counts only when cost and residuals are
-    the same to rounding before and after it at random points (of generator `seed`) that it does not carry out of the box, as far
-    as the bounds leave such points. Answers that are near each other already have no map between them.
+    Candidates are exchanges and changes of sign that the two answers suggest. A candidate counts only when cost and
+    residuals are the same to rounding before and after it at random points (of generator `seed`) that it does not carry
+    out of the box, as far as the bounds leave such points. Answers that are near each other already have no map between
+    them.
     """
     z1, z2 = np.asarray(z1, dtype=float), np.asarray(z2, dtype=float)
     if np.max(np.abs(z1 - z2)) <= near or np.sum(np.abs(z1 - z2) > near) > MOST_MOVED:
@@ -87,20 +96,30 @@ def same_by_symmetry(problem: Problem, z1: np.ndarray, z2: np.ndarray, *, near: 
     # the answer itself first: there an asymmetry shows that a random point may hide behind a limit or a switch
     for draw in (None, *np.random.default_rng(seed).random((POINTS, len(z1)))):
         points = np.array([z1 if draw is None else _inside(problem, m, draw) for m in maps])
-        maps = [m for m, same in zip(maps, _unchanged(problem, maps, points, size), strict=True) if same] if maps else []
+        maps = (
+            [m for m, same in zip(maps, _unchanged(problem, maps, points, size), strict=True) if same] if maps else []
+        )
     return maps[0] if maps else None
 
 
 def _size(problem: Problem) -> float:
     """Root mean square of the scaled measured outputs."""
     measured = problem.data["measured"].values()
-    return float(np.sqrt(np.mean(np.concatenate([np.asarray(y) / problem.scales[o] for own in measured for o, y in own.items()]) ** 2)))
+    return float(
+        np.sqrt(
+            np.mean(
+                np.concatenate([np.asarray(y) / problem.scales[o] for own in measured for o, y in own.items()]) ** 2
+            )
+        )
+    )
 
 
 def _candidates(problem: Problem, z1: np.ndarray, z2: np.ndarray, near: float) -> Iterator[Symmetry]:
     """Maps that take z1 near z2, those first that leave coordinates which did not move where they are."""
     space, values = problem.space, np.asarray(problem.space.physical(z1))
-    late = {d.parameter for d in getattr(problem.model, "delays", ())} | {d.parameter for d in getattr(problem.model, "state_delays", ())}
+    late = {d.parameter for d in getattr(problem.model, "delays", ())} | {
+        d.parameter for d in getattr(problem.model, "state_delays", ())
+    }
     options: list[list[tuple[int, int]]] = []
     for i, c in enumerate(space.coordinates):
         found = []
@@ -125,7 +144,9 @@ def _split(chosen: Sequence[tuple[int, int]]) -> tuple[tuple[int, ...], tuple[in
     return tuple(j for j, _ in chosen), tuple(s for _, s in chosen)
 
 
-def _permutations(options: Sequence[Sequence[tuple[int, int]]], d: int, most: int = 20_000) -> Iterator[list[tuple[int, int]]]:
+def _permutations(
+    options: Sequence[Sequence[tuple[int, int]]], d: int, most: int = 20_000
+) -> Iterator[list[tuple[int, int]]]:
     """One option for each place so that every coordinate is taken once; not the identity. Ends after `most` steps."""
     order = sorted(range(d), key=lambda i: len(options[i]))
     stack: list[tuple[int, dict[int, tuple[int, int]], frozenset[int]]] = [(0, {}, frozenset())]
@@ -143,10 +164,15 @@ def _permutations(options: Sequence[Sequence[tuple[int, int]]], d: int, most: in
 
 
 def _unchanged(problem: Problem, maps: Sequence[Symmetry], points: np.ndarray, size: float) -> list[bool]:
-    """Which maps leave cost and residuals as they are, each at its own point (d,) of `points`; `size` is that of the outputs."""
-    images = np.array([problem.space.cube(m(np.asarray(problem.space.physical(z)))) for m, z in zip(maps, points, strict=True)])
+    """Which maps leave cost and residuals as they are, each at its own point (d,) of `points`; `size` is that of the
+    outputs."""
+    images = np.array(
+        [problem.space.cube(m(np.asarray(problem.space.physical(z)))) for m, z in zip(maps, points, strict=True)]
+    )
     found = np.ones(len(maps), dtype=bool)
-    if len(maps) > FEW or problem.smoothing is not None:  # many points at once first; for few it would only be one more shape to compile
+    if (
+        len(maps) > FEW or problem.smoothing is not None
+    ):  # many points at once first; for few it would only be one more shape to compile
         costs = np.asarray(problem.costs(np.concatenate([points, images]))).reshape(2, -1)
         with np.errstate(invalid="ignore"):
             found = np.isfinite(costs[0]) & (np.abs(costs[0] - costs[1]) <= ROUNDING * (np.abs(costs[0]) + size**2))
@@ -157,7 +183,8 @@ def _unchanged(problem: Problem, maps: Sequence[Symmetry], points: np.ndarray, s
 
 
 def _inside(problem: Problem, symmetry: Symmetry, draw: np.ndarray) -> np.ndarray:
-    """The cube point of `draw` within those bounds that the map does not carry a value out of, or within its own where there are none."""
+    """The cube point of `draw` within those bounds that the map does not carry a value out of, or within its own
+    where there are none."""
     space = problem.space
     lower, upper = space.lower.copy(), space.upper.copy()
     for ring in symmetry.cycles:
@@ -175,7 +202,10 @@ def _inside(problem: Problem, symmetry: Symmetry, draw: np.ndarray) -> np.ndarra
     with np.errstate(invalid="ignore", divide="ignore"):
         spread = np.where(
             space.log,
-            np.exp(np.log(np.maximum(lower, 1e-300)) + draw * (np.log(np.maximum(upper, 1e-300)) - np.log(np.maximum(lower, 1e-300)))),
+            np.exp(
+                np.log(np.maximum(lower, 1e-300))
+                + draw * (np.log(np.maximum(upper, 1e-300)) - np.log(np.maximum(lower, 1e-300)))
+            ),
             lower + draw * (upper - lower),
         )
     return space.cube(spread)

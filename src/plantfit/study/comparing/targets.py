@@ -1,4 +1,5 @@
-"""Costs worth reaching: what the user asks for, the noise floor, and steps between random search and the best known cost."""
+"""Costs worth reaching: what the user asks for, the noise floor, and steps between random search and the best known
+cost."""
 
 from collections.abc import Iterable, Sequence
 
@@ -24,15 +25,22 @@ def scale_of(runs: Iterable[RunRecord], optimum: float | None = None) -> CostSca
     best = min(finite) if optimum is None else optimum
     reference = float(np.median(random or began)) if random or began else float(np.median(finite))
     source = "median of random search" if random else "median at the start of the runs"
-    return CostScale(best=best, reference=reference, source=source, known=optimum is not None) if reference > best else None
+    return (
+        CostScale(best=best, reference=reference, source=source, known=optimum is not None)
+        if reference > best
+        else None
+    )
 
 
 def targets(scale: CostScale | None, *, asked: Sequence[float] = (), floor: float | None = None) -> list[CostTarget]:
-    """What a table of targets shows: those asked for, the noise floor, then 10^-1, 10^-2, ... as far as costs can be told apart."""
+    """What a table of targets shows: those asked for, the noise floor, then 10^-1, 10^-2, ... as far as costs can be
+    told apart."""
     found = [CostTarget(label="asked for", cost=float(t)) for t in asked]
     if floor is not None:
         found.append(CostTarget(label="noise floor", cost=floor))
-    return found + [CostTarget(label=f"10^-{k}", cost=scale.at(k)) for k in range(1, DECADES + 1) if scale and told_apart(scale, k)]
+    return found + [
+        CostTarget(label=f"10^-{k}", cost=scale.at(k)) for k in range(1, DECADES + 1) if scale and told_apart(scale, k)
+    ]
 
 
 def profile_targets(scale: CostScale | None) -> np.ndarray:

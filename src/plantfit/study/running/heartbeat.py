@@ -19,7 +19,8 @@ def _unknown() -> float | None:
 def beating(
     store: Store, claim: Claim, evaluations: Callable[[], float | None] = _unknown, seconds: float = BEAT_SECONDS
 ) -> Iterator[threading.Event]:
-    """Beat while the block runs, telling what `evaluations` says; the event given is set once another worker has taken the task."""
+    """Beat while the block runs, telling what `evaluations` says; the event given is set once another worker has
+    taken the task."""
     ended, lost = threading.Event(), threading.Event()
 
     def beat() -> None:

@@ -33,11 +33,15 @@ def main(maker: str, seconds: str, *studies: str) -> int:
     return 0
 
 
-def _entrance(store: Store, study_id: int, maker: str, stop: Callable[[], bool], seconds: float) -> Callable[[], TaskWorker]:
+def _entrance(
+    store: Store, study_id: int, maker: str, stop: Callable[[], bool], seconds: float
+) -> Callable[[], TaskWorker]:
     def enter() -> TaskWorker:
         study = store.study(study_id)
         if study.spec_text is None and maker == STUDY_FILES:
-            raise StoreError(f"Study {study_id} was made from Python without a study file; give helpers the place of its maker.")
+            raise StoreError(
+                f"Study {study_id} was made from Python without a study file; give helpers the place of its maker."
+            )
         objective, to_physical = Recipe(maker, study.spec_text or "", study.spec_path or "").make()
         return joined(store, study_id, objective, to_physical, None, stop, checkpoint_seconds=seconds)
 

@@ -29,8 +29,8 @@ def helping(
 ) -> Iterator[list[subprocess.Popen]]:
     """Have `count` processes work on studies of a store while the block runs; at its end they save and stop.
 
-    `maker` is the place of a `recipe.Maker`. `say` gets a sentence, from another thread, when a helper ends before its time; the
-    others go on with its task. No more are started than there are open tasks beside the one of this process.
+    `maker` is the place of a `recipe.Maker`. `say` gets a sentence, from another thread, when a helper ends before its
+    time; the others go on with its task. No more are started than there are open tasks beside the one of this process.
     """
     address = store.address
     team: list[subprocess.Popen] = []
@@ -63,7 +63,8 @@ def _start(maker: str, address: str, studies: Sequence[int], checkpoint_seconds:
     # what this process can import, its helpers can; -c and notebooks have no module to start anew
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(p or os.getcwd() for p in sys.path), ADDRESS: address}
     return subprocess.Popen(
-        [sys.executable, "-m", "plantfit.study.running.helper_main", maker, str(checkpoint_seconds), *map(str, studies)],
+        [sys.executable, "-m", "plantfit.study.running.helper_main", maker, str(checkpoint_seconds),
+         *map(str, studies)],
         stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, env=environment, text=True,
         start_new_session=True,  # Ctrl-C in the terminal is for the parent, which passes it on
     )  # fmt: skip

@@ -30,7 +30,9 @@ def check_same(before: bytes, now: bytes, study_id: int) -> None:
     """Raise StoreError when two probes differ by more than rounding."""
     a, b = from_blob(before), from_blob(now)
     if a.shape != b.shape:
-        raise StoreError(f"Study {study_id} has another number of free parameters than this problem; resume it with its own spec.")
+        raise StoreError(
+            f"Study {study_id} has another number of free parameters than this problem; resume it with its own spec."
+        )
     if not np.allclose(a[:POINTS], b[:POINTS], rtol=TOLERANCE, atol=0.0, equal_nan=True):
         k = int(np.argmin(np.isclose(a[:POINTS], b[:POINTS], rtol=TOLERANCE, atol=0.0, equal_nan=True)))
         raise StoreError(
@@ -39,5 +41,6 @@ def check_same(before: bytes, now: bytes, study_id: int) -> None:
         )
     if not np.allclose(a[POINTS:], b[POINTS:], rtol=TOLERANCE, atol=0.0):
         raise StoreError(
-            f"Study {study_id} began with other bounds, scales or to_physical; resume it with its own spec, or start a new study."
+            f"Study {study_id} began with other bounds, scales or to_physical; resume it with its own spec, or start a "
+            f"new study."
         )

@@ -42,14 +42,17 @@ def begin(
     names = tuple(coordinates) if coordinates is not None else tuple(f"x{k + 1}" for k in range(objective.dimension))
     if len(names) != objective.dimension:
         raise SearchError(
-            f"Study {plan.name!r} names {len(names)} coordinates but its problem has {objective.dimension}; name each one once."
+            f"Study {plan.name!r} names {len(names)} coordinates but its problem has {objective.dimension}; name each "
+            f"one once."
         )
     plan = replace(
         plan,
         gradient_charge=objective.gradient_charge if plan.gradient_charge is None else plan.gradient_charge,
         jacobian_charge=objective.jacobian_charge if plan.jacobian_charge is None else plan.jacobian_charge,
     )
-    return store.add(plan, spec_text=spec_text, coordinates=names, probe=probe(objective, to_physical), spec_path=spec_path)
+    return store.add(
+        plan, spec_text=spec_text, coordinates=names, probe=probe(objective, to_physical), spec_path=spec_path
+    )
 
 
 def run(
@@ -72,7 +75,8 @@ def run(
     finished and the newest checkpoint are kept. Raises SearchError and StoreError.
     """
     study_id = begin(
-        plan, objective, store, spec_text=spec_text, spec_path=spec_path, coordinates=coordinates, to_physical=to_physical
+        plan, objective, store, spec_text=spec_text, spec_path=spec_path, coordinates=coordinates,
+        to_physical=to_physical
     )  # fmt: skip
     stop = latched(stop)
     worker = _worker(store, study_id, objective, to_physical, progress, stop, search, checkpoint_seconds)
@@ -148,8 +152,10 @@ def check_searches(store: Store, study_id: int) -> None:
     before = study.versions.get("searches", "1")
     if before != str(SEARCHES):
         raise StoreError(
-            f"Study {study_id} ({study.name}) was begun by plantfit {study.versions.get('plantfit', 'of unknown version')} with edition "
-            f"{before} of the searches, and this plantfit has edition {SEARCHES}: its runs could not be compared. Finish it with that "
+            f"Study {study_id} ({study.name}) was begun by plantfit "
+            f"{study.versions.get('plantfit', 'of unknown version')} with edition "
+            f"{before} of the searches, and this plantfit has edition {SEARCHES}: its runs could not be compared. "
+            f"Finish it with that "
             "version, or start it anew with `plantfit run`; `plantfit report` still shows what it has."
         )
 
@@ -161,7 +167,9 @@ def note_changes(store: Store, study_id: int, now: dict[str, str]) -> None:
     known = [key for key in now if key in before or key != "engine"]  # which older studies do not tell
     changed = [f"{key} {before.get(key, 'unknown')} became {now[key]}" for key in known if before.get(key) != now[key]]
     if changed:
-        store.add_note(study_id, f"Worked on elsewhere ({', '.join(changed)}); runs from there may differ in their last bits.")
+        store.add_note(
+            study_id, f"Worked on elsewhere ({', '.join(changed)}); runs from there may differ in their last bits."
+        )
 
 
 def latched(stop: Callable[[], bool] | None) -> Callable[[], bool]:

@@ -32,7 +32,9 @@ class Meter:
     `mine` is the name of this worker; `spent` are the evaluations of its task so far.
     """
 
-    def __init__(self, store: Store, study_id: int, plan: Plan, callback: Callable[[StudyProgress], None] | None, mine: str = ""):
+    def __init__(
+        self, store: Store, study_id: int, plan: Plan, callback: Callable[[StudyProgress], None] | None, mine: str = ""
+    ):
         self.store, self.study_id, self.plan, self.callback, self._mine = store, study_id, plan, callback, mine
         self.spent: float | None = None
         self._began = self._looked = time.monotonic()
@@ -98,7 +100,9 @@ class Meter:
         now, work = time.monotonic(), self._work(runs, evaluations)
         if work >= total:
             return 0.0
-        if self._first is None and evaluations + self._elsewhere() > 0:  # from here on, what a checkpoint brought is no pace
+        if (
+            self._first is None and evaluations + self._elsewhere() > 0
+        ):  # from here on, what a checkpoint brought is no pace
             self._first = now, work
         began, before = self._first or (now, work)
         return (total - work) * (now - began) / (work - before) if work > before else None

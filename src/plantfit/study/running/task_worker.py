@@ -42,12 +42,18 @@ class TaskWorker:
         checkpoint_seconds: float,
     ):
         self.store, self.study_id, self.plan, self.objective = store, study_id, plan, as_planned(objective, plan)
-        self.names, self.to_physical, self.search, self.checkpoint_seconds = names, to_physical, search, checkpoint_seconds
+        self.names, self.to_physical, self.search, self.checkpoint_seconds = (
+            names,
+            to_physical,
+            search,
+            checkpoint_seconds,
+        )
         self.stop, self.name, self._new = stop, new_worker(), True
         self.meter = Meter(store, study_id, plan, progress, self.name)
 
     def work(self) -> bool:
-        """Do tasks until none is free; whether all are done. What is left is in the hands of other workers, unless stopped."""
+        """Do tasks until none is free; whether all are done. What is left is in the hands of other workers, unless
+        stopped."""
         news, self._new = self._new, False
         try:
             if news:
@@ -111,7 +117,9 @@ def check_results(results: Sequence[RunResult], task: Task, dimension: int) -> N
     """A method that loses or mixes up runs must not fill a study with wrong numbers."""
     expected, given = list(range(task.first, task.first + task.count)), [r.run for r in results]
     if given != expected or any(r.method != task.method for r in results):
-        raise SearchError(f"Method {task.method!r} gave back runs {given} where {expected} were asked for; report this to its author.")
+        raise SearchError(
+            f"Method {task.method!r} gave back runs {given} where {expected} were asked for; report this to its author."
+        )
     for r in results:
         if np.shape(r.x) != (dimension,) or r.status in (Status.interrupted, Status.running):
             what = f"x of shape {np.shape(r.x)} and status {r.status.value!r}"

@@ -28,7 +28,8 @@ def is_stale(claimed_by: str | None, heartbeat: float | None, now: float) -> boo
     """Whether a claim may be taken over: none, silent for a minute, or its process has ended here."""
     if claimed_by is None or heartbeat is None:
         return True
-    # a holder that lives beats by the clock as it is now: a sign of life from far ahead was given before the clock was set back
+    # a holder that lives beats by the clock as it is now: a sign of life from far ahead was given before the clock was
+    # set back
     return now - heartbeat > STALE_SECONDS or heartbeat - now > AHEAD_SECONDS or _has_ended(claimed_by)
 
 

@@ -5,9 +5,14 @@ import re
 import shlex
 from urllib.parse import quote, quote_plus, unquote, unquote_plus
 
-STORE, VARIABLE = "plantfit.db", "PLANTFIT_STORE"  # where studies are kept unless the environment or --store says otherwise
+STORE, VARIABLE = (
+    "plantfit.db",
+    "PLANTFIT_STORE",
+)  # where studies are kept unless the environment or --store says otherwise
 MASK = "***"
-_USER = re.compile(r"([A-Za-z][\w+.-]*://[^\s/?#:@'\"]*):([^\s'\"]*)@")  # to the last @: a password may hold one that is not escaped
+_USER = re.compile(
+    r"([A-Za-z][\w+.-]*://[^\s/?#:@'\"]*):([^\s'\"]*)@"
+)  # to the last @: a password may hold one that is not escaped
 _KEY = r"(?:ssl)?(?:password|passwd|passphrase|pwd)"
 _QUERY = re.compile(rf"([?&;]{_KEY}=)([^&#\s'\"]*)", re.IGNORECASE)
 _WORDS = re.compile(rf"(\b{_KEY}\s*[=:]\s*)('(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"|[^\s'\",;&)]+)", re.IGNORECASE)
@@ -25,7 +30,8 @@ def store_option(place: str | os.PathLike[str]) -> str:
 
 
 def concealed(text: str, *places: str | os.PathLike[str]) -> str:
-    """A text from elsewhere (a driver, a traceback) without passwords: those of the `places`, and all that stand like one."""
+    """A text from elsewhere (a driver, a traceback) without passwords: those of the `places`, and all that stand
+    like one."""
     for place in places:
         for secret in sorted(_secrets(os.fspath(place)), key=len, reverse=True):
             text = text.replace(secret, MASK)

@@ -48,16 +48,22 @@ def utc_now() -> str:
 def add_tasks(connection: Connection, study: int, planned: tuple[Task, ...]) -> None:
     """Open tasks of a new study, in their order."""
     rows = [
-        {"study": study, "method": t.method, "first": t.first, "count": t.count, "state": "open", "updated": utc_now()} for t in planned
+        {"study": study, "method": t.method, "first": t.first, "count": t.count, "state": "open", "updated": utc_now()}
+        for t in planned
     ]
     connection.execute(insert(TABLE), rows)
 
 
 def take(connection: Connection, study: int, worker: str, now: float) -> Claim | None:
     """The first open task that nobody alive holds, now held by `worker`; None if there is none."""
-    seen = select(TABLE.c.id, TABLE.c.claimed_by, TABLE.c.heartbeat).where(TABLE.c.study == study, TABLE.c.state == "open")
+    seen = select(TABLE.c.id, TABLE.c.claimed_by, TABLE.c.heartbeat).where(
+        TABLE.c.study == study, TABLE.c.state == "open"
+    )
     for row in connection.execute(seen.order_by(TABLE.c.id)).all():
-        if is_stale(row.claimed_by, row.heartbeat, now) and (claim := _take_one(connection, row, worker, now)) is not None:
+        if (
+            is_stale(row.claimed_by, row.heartbeat, now)
+            and (claim := _take_one(connection, row, worker, now)) is not None
+        ):
             return claim
     return None
 
@@ -75,7 +81,9 @@ def _take_one(connection: Connection, seen: Row, worker: str, now: float) -> Cla
     if row is None:
         return None
     connection.execute(
-        update(TABLE).where(TABLE.c.id == row.id).values(claimed_by=worker, heartbeat=now, evaluations=None, updated=utc_now())
+        update(TABLE)
+        .where(TABLE.c.id == row.id)
+        .values(claimed_by=worker, heartbeat=now, evaluations=None, updated=utc_now())
     )
     return Claim(row.id, row.study, worker, Task(row.method, row.first, row._mapping[TABLE.c["count"]]), row.checkpoint)
 
@@ -89,7 +97,9 @@ def change(connection: Connection, claim: Claim, **values: object) -> None:
 
 def held(connection: Connection, study: int, now: float) -> list[Held]:
     """Tasks of the study that a live worker holds, in their order."""
-    rows = connection.execute(select(*_HELD).where(TABLE.c.study == study, TABLE.c.state == "open").order_by(TABLE.c.id))
+    rows = connection.execute(
+        select(*_HELD).where(TABLE.c.study == study, TABLE.c.state == "open").order_by(TABLE.c.id)
+    )
     return [
         Held(r.claimed_by, Task(r.method, r.first, r._mapping[TABLE.c["count"]]), now - r.heartbeat, r.evaluations)
         for r in rows

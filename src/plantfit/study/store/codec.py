@@ -32,7 +32,8 @@ def plain(value: Any) -> Any:
 
 
 def spelled(value: float) -> float | str:
-    """A float as strict JSON can say it: itself, or "Infinity", "-Infinity", "NaN", "NaN" with its bits if it is another one."""
+    """A float as strict JSON can say it: itself, or "Infinity", "-Infinity", "NaN", "NaN" with its bits if it is
+    another one."""
     if math.isfinite(value):
         return value
     if math.isinf(value):

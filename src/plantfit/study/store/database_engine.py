@@ -33,14 +33,17 @@ def connect(place: str | os.PathLike[str], busy_timeout: float, create: bool) ->
         return _server(url, busy_timeout)
     if backend != "sqlite":
         raise StoreError(
-            f"Studies are kept in SQLite or PostgreSQL, not in {backend!r}; write a file name or postgresql+psycopg://user@host/name."
+            f"Studies are kept in SQLite or PostgreSQL, not in {backend!r}; write a file name or "
+            f"postgresql+psycopg://user@host/name."
         )
     name = url.database or ""
     _check_path(Path(name), name, create)
     arguments = {"timeout": busy_timeout, "check_same_thread": False}
     if _is_read_only(Path(name)):
         place = _read_only_place(Path(name))
-        engine = create_engine("sqlite://", poolclass=NullPool, creator=lambda: sqlite3.connect(place, uri=True, **arguments))
+        engine = create_engine(
+            "sqlite://", poolclass=NullPool, creator=lambda: sqlite3.connect(place, uri=True, **arguments)
+        )
         _prepare_sqlite(engine, busy_timeout)
         return engine, name
     engine = create_engine(url, poolclass=NullPool, connect_args=arguments)
@@ -83,13 +86,16 @@ def _url(place: str | os.PathLike[str]) -> URL:
         return make_url(text)
     except (ArgumentError, ValueError):  # without the cause, which repeats the address
         raise StoreError(
-            f"The study database address {shown(text)!r} cannot be read; write a file name or postgresql+psycopg://user@host/name."
+            f"The study database address {shown(text)!r} cannot be read; write a file name or "
+            f"postgresql+psycopg://user@host/name."
         ) from None
 
 
 def _server(url: URL, busy_timeout: float) -> tuple[Engine, str]:
     if find_spec("psycopg") is None:
-        raise MissingExtra("Keeping studies in PostgreSQL needs the package psycopg; install it with: pip install 'plantfit[postgres]'")
+        raise MissingExtra(
+            "Keeping studies in PostgreSQL needs the package psycopg; install it with: pip install 'plantfit[postgres]'"
+        )
     url = url.set(drivername="postgresql+psycopg")
     arguments = {"connect_timeout": CONNECT_SECONDS, **KEEPALIVE}
     arguments = {key: value for key, value in arguments.items() if key not in url.query}
@@ -106,17 +112,23 @@ def _server(url: URL, busy_timeout: float) -> tuple[Engine, str]:
 
 def _check_path(path: Path, name: str, create: bool) -> None:
     if name in ("", ":memory:"):
-        raise StoreError("A study database must outlive the process; give a file name in place of an in-memory database.")
+        raise StoreError(
+            "A study database must outlive the process; give a file name in place of an in-memory database."
+        )
     if path.is_dir():
         raise StoreError(f"Study database {name} is a folder; give the name of a file in it.")
     if not path.parent.is_dir():
-        raise StoreError(f"Study database {name} cannot be made because the folder {path.parent} does not exist; make the folder first.")
+        raise StoreError(
+            f"Study database {name} cannot be made because the folder {path.parent} does not exist; make the folder "
+            f"first."
+        )
     if not create and not path.exists():
         raise StoreError(f"Study database {name} does not exist; check the name, or start a study to make it.")
 
 
 def _is_read_only(path: Path) -> bool:
-    """Whether a database is in a folder where SQLite cannot make its files for several readers, as on a read-only mount."""
+    """Whether a database is in a folder where SQLite cannot make its files for several readers, as on a read-only
+    mount."""
     return path.exists() and not os.access(path.parent, os.W_OK)
 
 

@@ -21,7 +21,8 @@ _SENTENCES = {
     "SQLITE_CANTOPEN": "cannot be opened; check that it is a file and that you may read and write its folder.",
     "SQLITE_CORRUPT": "is damaged; restore it from a copy, or move it away and start the study again.",
     "SQLITE_NOTADB": "is not a study database; choose another file, or move this one away.",
-    "SQLITE_IOERR": f"cannot be read or written, because the disk failed; check the disk, then resume the study ({KEPT}).",
+    "SQLITE_IOERR": f"cannot be read or written, because the disk failed; check the disk, then resume the study "
+    f"({KEPT}).",
 }
 
 
@@ -32,7 +33,8 @@ _SERVER_SENTENCES = {
     "42501": "cannot be used with your rights; ask its owner to grant you the tables, or choose another database.",
     "28": "refused the user or the password; check both in the address.",
     "3D000": "does not exist on the server; make it with `createdb`, or check the address.",
-    "53100": f"cannot grow because the disk of the server is full; free some space there and resume the study ({KEPT}).",
+    "53100": f"cannot grow because the disk of the server is full; "
+    f"free some space there and resume the study ({KEPT}).",
     "53300": f"has no connection left for this process; use fewer workers or raise max_connections ({KEPT}).",
     "57P": f"is not answering because the server stops or starts; resume the study when it is back ({KEPT}).",
     "XX001": "is damaged on the server; restore it from a copy, or choose another database.",
@@ -45,7 +47,8 @@ UNREACHABLE = "08"
 
 @contextmanager
 def translated(name: str, address: str = "") -> Iterator[None]:
-    """Turn driver errors raised inside into StoreError about the database `name`; passwords of its `address` are in none of them."""
+    """Turn driver errors raised inside into StoreError about the database `name`; passwords of its `address` are in
+    none of them."""
     try:
         yield
     except DBAPIError as error:
@@ -55,7 +58,9 @@ def translated(name: str, address: str = "") -> Iterator[None]:
         raise StoreError(f"Study database {name} {concealed(_sentence(error.orig), address)}") from error
     except sqlite3.Error as error:
         raise StoreError(f"Study database {name} {_sentence(error)}") from error
-    except UnicodeDecodeError as error:  # sqlite3 cannot say what is wrong, because the words of a broken schema stand in it
+    except (
+        UnicodeDecodeError
+    ) as error:  # sqlite3 cannot say what is wrong, because the words of a broken schema stand in it
         raise StoreError(f"Study database {name} {_SENTENCES['SQLITE_CORRUPT']}") from error
 
 
@@ -66,7 +71,8 @@ def readable(name: str, study_id: int) -> Iterator[None]:
         yield
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError, zlib.error) as error:
         raise StoreError(
-            f"Study {study_id} in {name} has a row that cannot be read ({in_words(error)}); restore the database from a copy, "
+            f"Study {study_id} in {name} has a row that cannot be read ({in_words(error)}); restore the database from "
+            f"a copy, "
             "or delete the study."
         ) from error
 
@@ -86,7 +92,10 @@ def _sentence(error: BaseException | None) -> str:
             return sentence
     first_line = "".join(text.splitlines()[:1])
     if state == UNREACHABLE:
-        return f"cannot be reached ({first_line}); check its address and that the server runs, then resume the study ({KEPT})."
+        return (
+            f"cannot be reached ({first_line}); check its address and that the server runs, then resume the study "
+            f"({KEPT})."
+        )
     return f"answered {first_line!r}; check its address, the server and your rights, then resume the study ({KEPT})."
 
 
@@ -100,4 +109,6 @@ def _state_by_text(text: str) -> str:
         return "53300"
     if "is starting up" in text or "is shutting down" in text:
         return "57P"
-    return UNREACHABLE if text.startswith(("connection ", "consuming input failed", "server closed", "could not")) else ""
+    return (
+        UNREACHABLE if text.startswith(("connection ", "consuming input failed", "server closed", "could not")) else ""
+    )

@@ -46,7 +46,10 @@ def write_parquet(whole: WholeStudy, path: Path) -> None:
         *(pl.Series(name, [getattr(r, name) for r in runs], pl.Int64) for name in WHOLE_NUMBERS),
         pl.Series("status", [r.status.value for r in runs], pl.String),
         *(pl.Series(name, [getattr(r, name) for r in runs], pl.Float64) for name in NUMBERS),
-        *(pl.Series(PARAMETER + name, [r.parameters.get(name) for r in runs], pl.Float64) for name in _parameters(whole)),
+        *(
+            pl.Series(PARAMETER + name, [r.parameters.get(name) for r in runs], pl.Float64)
+            for name in _parameters(whole)
+        ),
         *(pl.Series(name, [getattr(r, name).tolist() for r in runs], pl.List(pl.Float64)) for name in VECTORS),
         pl.Series("extra", [to_json(r.extra) for r in runs], pl.String),
     ]
@@ -82,7 +85,13 @@ def _study(study: StudyRecord) -> dict[str, Any]:
 
 def _task(task: TaskRecord) -> dict[str, Any]:
     checkpoint = None if task.checkpoint is None else b64encode(task.checkpoint).decode()
-    return {"method": task.method, "first": task.first, "count": task.count, "done": task.done, "checkpoint": checkpoint}
+    return {
+        "method": task.method,
+        "first": task.first,
+        "count": task.count,
+        "done": task.done,
+        "checkpoint": checkpoint,
+    }
 
 
 def _run(run: RunRecord) -> dict[str, Any]:
@@ -119,5 +128,6 @@ def _whole(path: Path, write: Callable[[Path], object]) -> None:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise StoreError(
-            f"The study cannot be written to {path} ({error.strerror or error}); check the folder, its rights and free space."
+            f"The study cannot be written to {path} ({error.strerror or error}); check the folder, its rights and free "
+            f"space."
         ) from error

@@ -38,9 +38,13 @@ def read_study(path: Path) -> WholeStudy:
         with path.open("rb") as file:
             start = file.read(16)
     except OSError as error:
-        raise StoreError(f"{path} cannot be read ({error.strerror or error}); check the name and your rights.") from error
+        raise StoreError(
+            f"{path} cannot be read ({error.strerror or error}); check the name and your rights."
+        ) from error
     if start.startswith(b"SQLite format 3"):
-        raise StoreError(f"{path} is a study database, not an exported study; bring its studies here with `plantfit merge {path}`.")
+        raise StoreError(
+            f"{path} is a study database, not an exported study; bring its studies here with `plantfit merge {path}`."
+        )
     try:
         with _place("the file"):
             return _from_parquet(path) if start.startswith(b"PAR1") else _from_json(path)
@@ -66,7 +70,9 @@ def _refuse_surrogates(record: Any, text: str) -> None:
     try:
         json.dumps(record, ensure_ascii=False).encode()
     except UnicodeEncodeError as error:
-        raise _Refused(f"has text that is not Unicode (half of a pair, {error.object[error.start]!r}); {AGAIN}") from None
+        raise _Refused(
+            f"has text that is not Unicode (half of a pair, {error.object[error.start]!r}); {AGAIN}"
+        ) from None
 
 
 def _from_parquet(path: Path) -> WholeStudy:
@@ -78,7 +84,8 @@ def _from_parquet(path: Path) -> WholeStudy:
             text = pl.read_parquet_metadata(path).get("plantfit")
         if text is None:
             raise _Refused(
-                'is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit export-study` wrote'
+                'is a Parquet file of another program (it has no metadata "plantfit"); give a file that `plantfit '
+                "export-study` wrote"
             )
         with unheard():
             frame = pl.read_parquet(path)
@@ -97,7 +104,10 @@ def _from_parquet(path: Path) -> WholeStudy:
 def _header(record: Any) -> WholeStudy:
     """The study without its runs."""
     if not isinstance(record, Mapping) or not str(record.get("format", "")).startswith("plantfit study "):
-        raise _Refused('is not an exported study (it does not say "plantfit study"); give a file that `plantfit export-study` wrote')
+        raise _Refused(
+            'is not an exported study (it does not say "plantfit study"); give a file that `plantfit export-study` '
+            "wrote"
+        )
     if record["format"] != FORMAT:
         told = f"has the format {record['format']!r}, but this plantfit reads {FORMAT!r}"
         raise _Refused(f"{told}; use the plantfit that wrote it, or update this one")
@@ -113,13 +123,23 @@ def _header(record: Any) -> WholeStudy:
 def _study(values: Mapping[str, Any]) -> StudyRecord:
     plan = _tree(values["plan"])
     methods = plan["methods"]
-    if not (isinstance(methods, list) and methods and all(isinstance(m, str) for m in methods) and len(set(methods)) == len(methods)):
+    if not (
+        isinstance(methods, list)
+        and methods
+        and all(isinstance(m, str) for m in methods)
+        and len(set(methods)) == len(methods)
+    ):
         raise ValueError(f"methods {methods!r}")
     for name in ("budget", "seed"):
         _whole_number(plan[name], INTEGER)
     _whole_number(plan["runs"], MOST_RUNS + 1)
     coordinates, notes = values["coordinates"], values["notes"]
-    for texts in ([values["name"], values["created"], values["cpu"], plan["name"]], coordinates, notes, list(values["versions"].values())):
+    for texts in (
+        [values["name"], values["created"], values["cpu"], plan["name"]],
+        coordinates,
+        notes,
+        list(values["versions"].values()),
+    ):
         if not isinstance(texts, list) or not all(isinstance(t, str) for t in texts):
             raise TypeError(f"{texts!r} in place of text")
     for optional in ("spec_text", "spec_path"):
@@ -149,7 +169,9 @@ def _task(values: Mapping[str, Any], place: str) -> TaskRecord:
         method, done, checkpoint = values["method"], values["done"], values["checkpoint"]
         if not isinstance(method, str) or not isinstance(done, bool):
             raise TypeError(f"method {method!r}, done {done!r}")
-        return TaskRecord(method, first, count, done, None if checkpoint is None else b64decode(checkpoint, validate=True))
+        return TaskRecord(
+            method, first, count, done, None if checkpoint is None else b64decode(checkpoint, validate=True)
+        )
 
 
 def _run_of_json(values: Mapping[str, Any], place: str) -> RunRecord:
@@ -173,7 +195,9 @@ def _runs_of_frame(frame: pl.DataFrame) -> Iterator[RunRecord]:
     for k, values in enumerate(scalars.iter_rows(named=True)):
         with _place(f"row {k}"):
             own = {name: column[k].to_numpy() for name, column in vectors.items()}
-            parameters = {c.removeprefix(PARAMETER): v for c, v in values.items() if c.startswith(PARAMETER) and v is not None}
+            parameters = {
+                c.removeprefix(PARAMETER): v for c, v in values.items() if c.startswith(PARAMETER) and v is not None
+            }
             yield _run(values, own, parameters)
 
 
@@ -186,7 +210,9 @@ def _run(values: Mapping[str, Any], vectors: Mapping[str, np.ndarray], parameter
     fields: dict[str, Any] = {name: _whole_number(values[name], BIG_INTEGER) for name in WHOLE_NUMBERS}
     fields |= {name: unspelled(values[name]) for name in NUMBERS}
     fields |= {name: from_blob(to_blob(vector)) for name, vector in vectors.items()}
-    return RunRecord(method=method, status=Status(values["status"]), parameters=parameters, extra=_tree(values["extra"]), **fields)
+    return RunRecord(
+        method=method, status=Status(values["status"]), parameters=parameters, extra=_tree(values["extra"]), **fields
+    )
 
 
 def _joined(head: WholeStudy, runs: Iterator[RunRecord]) -> WholeStudy:
@@ -195,13 +221,19 @@ def _joined(head: WholeStudy, runs: Iterator[RunRecord]) -> WholeStudy:
     plan, axes, done = whole.study.plan, len(whole.study.coordinates), sum(t.count for t in whole.tasks if t.done)
     if not _covers(whole.tasks, plan["methods"], plan["runs"]):
         raise _Refused(f"is broken (its tasks are not those of its plan); {AGAIN}")
-    if not done == len(whole.runs) == whole.study.runs_done or whole.study.runs_total != plan["runs"] * len(plan["methods"]):
+    if not done == len(whole.runs) == whole.study.runs_done or whole.study.runs_total != plan["runs"] * len(
+        plan["methods"]
+    ):
         raise _Refused(f"is broken (it has {len(whole.runs)} runs, and {done} in its finished tasks); {AGAIN}")
-    if {(t.method, k) for t in whole.tasks if t.done for k in range(t.first, t.first + t.count)} != {(r.method, r.run) for r in whole.runs}:
+    if {(t.method, k) for t in whole.tasks if t.done for k in range(t.first, t.first + t.count)} != {
+        (r.method, r.run) for r in whole.runs
+    }:
         raise _Refused(f"is broken (its runs are not those of its finished tasks); {AGAIN}")
     for run in whole.runs:
         if len(run.x) != axes:
-            raise _Refused(f"is broken (run {run.run} of {run.method!r} has {len(run.x)} coordinates of {axes}); {AGAIN}")
+            raise _Refused(
+                f"is broken (run {run.run} of {run.method!r} has {len(run.x)} coordinates of {axes}); {AGAIN}"
+            )
     return whole
 
 

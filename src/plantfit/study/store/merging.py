@@ -36,7 +36,11 @@ def find_same(connection: Connection, whole: WholeStudy) -> int | None:
     """The study here with the same plan, spec, coordinates and problem, begun at the same time if there are several."""
     study, theirs = tables.study.c, whole.study
     columns = (study.id, study.plan, study.spec, study.coordinates, study.created, study.probe)
-    same = [row for row in connection.execute(select(*columns).where(study.name == theirs.name).order_by(study.id)) if _is_same(row, whole)]
+    same = [
+        row
+        for row in connection.execute(select(*columns).where(study.name == theirs.name).order_by(study.id))
+        if _is_same(row, whole)
+    ]
     return min(same, key=lambda row: row.created != theirs.created).id if same else None
 
 
@@ -71,21 +75,29 @@ def _unite(connection: Connection, study: Row, whole: WholeStudy, origin: str) -
     equal = len(both) - len(different)
     if added:
         notes += whole.study.notes
-        notes += [f"{added} runs came from {there}{_elsewhere(study, whole.study)}; {equal} runs were here already with the same bits."]
+        notes += [
+            f"{added} runs came from {there}{_elsewhere(study, whole.study)}; {equal} runs were here already with the "
+            f"same bits."
+        ]
     if different:
         run, found = different[0]
         more = f", and {len(different) - 1} more runs differ" if len(different) > 1 else ""
-        notes += [f"Run {run.run} of {run.method!r} differs from that of {there} in {found}{more}; those here are kept."]
+        notes += [
+            f"Run {run.run} of {run.method!r} differs from that of {there} in {found}{more}; those here are kept."
+        ]
     add_notes(connection, study, notes)
     return Merged(study.id, False, added, equal, len(different), tuple(notes))
 
 
 def _take_tasks(connection: Connection, study: Row, whole: WholeStudy) -> int:
-    """Finish open tasks of which all runs are there, take checkpoints where there is none here; returns the runs added."""
+    """Finish open tasks of which all runs are there, take checkpoints where there is none here; returns the runs
+    added."""
     task = tables.task
     theirs = {(r.method, r.run): r for r in whole.runs}
     checkpoints = {(t.method, t.first, t.count): t.checkpoint for t in whole.tasks if t.checkpoint is not None}
-    rows = connection.execute(select(task).where(task.c.study == study.id, task.c.state == "open").order_by(task.c.id).with_for_update())
+    rows = connection.execute(
+        select(task).where(task.c.study == study.id, task.c.state == "open").order_by(task.c.id).with_for_update()
+    )
     added = 0
     for row in rows.all():
         span = (row.method, row.first, row._mapping[task.c["count"]])
@@ -97,7 +109,9 @@ def _take_tasks(connection: Connection, study: Row, whole: WholeStudy) -> int:
             insert_runs(connection, study.id, [theirs[key] for key in wanted])
             added += len(wanted)
         elif row.checkpoint is None and row.claimed_by is None and span in checkpoints:
-            connection.execute(update(task).where(task.c.id == row.id).values(checkpoint=checkpoints[span], updated=utc_now()))
+            connection.execute(
+                update(task).where(task.c.id == row.id).values(checkpoint=checkpoints[span], updated=utc_now())
+            )
     return added
 
 
@@ -110,7 +124,11 @@ def _settle(connection: Connection, study: Row) -> None:
 
 def _is_same(row: Row, whole: WholeStudy) -> bool:
     theirs = whole.study
-    if (from_json(row.plan), row.spec, tuple(from_json(row.coordinates))) != (theirs.plan, theirs.spec_text, theirs.coordinates):
+    if (from_json(row.plan), row.spec, tuple(from_json(row.coordinates))) != (
+        theirs.plan,
+        theirs.spec_text,
+        theirs.coordinates,
+    ):
         return False
     try:
         check_same(row.probe, whole.probe, row.id)
@@ -127,8 +145,14 @@ def _there(study: StudyRecord, origin: str) -> str:
 def _elsewhere(study: Row, theirs: StudyRecord) -> str:
     """What the runs there were computed with, as far as it is not the same as here."""
     here, there = from_json(study.versions) | {"CPU": study.cpu}, dict(theirs.versions) | {"CPU": theirs.cpu}
-    changed = [f"{key} {there.get(key, 'unknown')} there, {here[key]} here" for key in here if here[key] != there.get(key)]
-    return f", computed with other software or another CPU ({', '.join(changed)}), so that last bits may differ" if changed else ""
+    changed = [
+        f"{key} {there.get(key, 'unknown')} there, {here[key]} here" for key in here if here[key] != there.get(key)
+    ]
+    return (
+        f", computed with other software or another CPU ({', '.join(changed)}), so that last bits may differ"
+        if changed
+        else ""
+    )
 
 
 def _bits(run: RunRecord) -> dict[str, Any]:

@@ -57,5 +57,8 @@ def current_version(connection: Connection, name: str) -> int:
     if tables.schema_version.name in present:
         return connection.scalar(select(func.max(tables.schema_version.c.version))) or 0
     if present:
-        raise StoreError(f"{name} is a database of another program (it has a table {present[0]!r}); choose another one for the study.")
+        raise StoreError(
+            f"{name} is a database of another program (it has a table {present[0]!r}); choose another one for the "
+            f"study."
+        )
     return 0

@@ -57,7 +57,8 @@ class RunRecord:
 
 @dataclass(frozen=True)
 class TaskRecord:
-    """Runs `first` to `first + count - 1` of a method, all of them finished or none; `checkpoint` is where an open task stands."""
+    """Runs `first` to `first + count - 1` of a method, all of them finished or none; `checkpoint` is where an open
+    task stands."""
 
     method: str
     first: int

@@ -43,7 +43,11 @@ def run_record(row: Row) -> RunRecord:
         if isinstance(value := getattr(row, name), bool) or not isinstance(value, kind):
             raise TypeError(f"run {row.run!r}: {name} is {value!r:.60}")
     parameters, extra = from_json(row.parameters), from_json(row.extra)
-    if not isinstance(extra, dict) or not isinstance(parameters, dict) or not all(_is_number(v) for v in parameters.values()):
+    if (
+        not isinstance(extra, dict)
+        or not isinstance(parameters, dict)
+        or not all(_is_number(v) for v in parameters.values())
+    ):
         raise TypeError(f"run {row.run}: its parameters or extras are no table of numbers")
     return RunRecord(
         method=row.method,
@@ -63,7 +67,8 @@ def run_record(row: Row) -> RunRecord:
 
 
 _KINDS = {
-    "method": str, "run": int, "seed": int, "cost": float | int | None, "cost_bits": bytes | None, "x": bytes, "parameters": str,
+    "method": str, "run": int, "seed": int, "cost": float | int | None, "cost_bits": bytes | None, "x": bytes,
+    "parameters": str,
     "evaluations": float | int, "seconds": float | int, "status": str, "failures": int, "packing": int,
     "history_evaluations": bytes, "history_cost": bytes, "extra": str,
 }  # fmt: skip

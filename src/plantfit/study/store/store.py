@@ -50,7 +50,8 @@ class Store:
 
     @classmethod
     def open(cls, place: str | os.PathLike[str], *, create: bool = True, busy_timeout: float = 30.0) -> "Store":
-        """Open a file (made if `create`) or a PostgreSQL URL, waiting up to `busy_timeout` s for locks. Raises StoreError."""
+        """Open a file (made if `create`) or a PostgreSQL URL, waiting up to `busy_timeout` s for locks. Raises
+        StoreError."""
         store = cls(*connect(place, busy_timeout, create))
         with store._read() as connection:
             newest = current_version(connection, store.name) == VERSION
@@ -64,11 +65,23 @@ class Store:
     def address(self) -> str:
         """What opens this database in another process: the path, or the URL with its password."""
         url = self.engine.url
-        return str(Path(self.name).resolve()) if url.get_backend_name() == "sqlite" else url.render_as_string(hide_password=False)
+        return (
+            str(Path(self.name).resolve())
+            if url.get_backend_name() == "sqlite"
+            else url.render_as_string(hide_password=False)
+        )
 
     # studies
 
-    def add(self, plan: Plan, *, spec_text: str | None, coordinates: Sequence[str], probe: bytes, spec_path: str | None = None) -> int:
+    def add(
+        self,
+        plan: Plan,
+        *,
+        spec_text: str | None,
+        coordinates: Sequence[str],
+        probe: bytes,
+        spec_path: str | None = None,
+    ) -> int:
         """A new study with all its tasks open; returns its id."""
         row = {
             "name": plan.name,
@@ -91,7 +104,10 @@ class Store:
     def studies(self) -> list[StudyRecord]:
         """All studies, oldest first."""
         with self._read() as connection:
-            return [self._study(connection, row) for row in connection.execute(select(tables.study).order_by(tables.study.c.id))]
+            return [
+                self._study(connection, row)
+                for row in connection.execute(select(tables.study).order_by(tables.study.c.id))
+            ]
 
     def study(self, study_id: int) -> StudyRecord:
         """One study. Raises StoreError if there is none of this number."""
@@ -116,7 +132,8 @@ class Store:
             connection.execute(delete(tables.study).where(tables.study.c.id == study_id))
 
     def settle(self, study_id: int, *, active: bool) -> None:
-        """Set the state from the tasks: "done", else "running" if the caller or a live worker is at it, else "interrupted"."""
+        """Set the state from the tasks: "done", else "running" if the caller or a live worker is at it, else
+        "interrupted"."""
         with self._write() as connection:
             self._row(connection, study_id, lock=WHOLE)
             open_tasks = select(func.count()).where(tables.task.c.study == study_id, tables.task.c.state == "open")
@@ -132,7 +149,8 @@ class Store:
     # runs
 
     def runs(self, study_id: int) -> list[RunRecord]:
-        """Finished runs, in the order of the plan's methods, then by run. Raises StoreError if there is no such study."""
+        """Finished runs, in the order of the plan's methods, then by run. Raises StoreError if there is no such
+        study."""
         with self._read() as connection:
             return self._runs(connection, self._row(connection, study_id))
 
@@ -148,15 +166,18 @@ class Store:
         write_json(self.whole(study_id), Path(path))
 
     def export_parquet(self, study_id: int, path: str | os.PathLike[str]) -> None:
-        """The same as Parquet: one row per run, one column per parameter, histories as lists; the study in the metadata."""
+        """The same as Parquet: one row per run, one column per parameter, histories as lists; the study in the
+        metadata."""
         write_parquet(self.whole(study_id), Path(path))
 
     def import_file(self, path: str | os.PathLike[str], *, spec_path: str | None = None) -> int:
-        """Add the study of an exported file, finished or not; returns its id here. Raises StoreError if the file is not whole."""
+        """Add the study of an exported file, finished or not; returns its id here. Raises StoreError if the file is
+        not whole."""
         return self.add_whole(read_study(Path(path)), spec_path=spec_path)
 
     def add_whole(self, whole: WholeStudy, *, spec_path: str | None = None) -> int:
-        """Add a study from elsewhere as a new one; `spec_path` is where its study file lies here, for the recordings beside it."""
+        """Add a study from elsewhere as a new one; `spec_path` is where its study file lies here, for the recordings
+        beside it."""
         if spec_path is not None:
             whole = replace(whole, study=replace(whole.study, spec_path=spec_path))
         with self._write() as connection:
@@ -180,7 +201,8 @@ class Store:
     # what finishing found
 
     def finish_of(self, study_id: int, key: str) -> Any:
-        """What `keep_finish` kept of a study under this key; None where there is nothing, or nothing that can be read."""
+        """What `keep_finish` kept of a study under this key; None where there is nothing, or nothing that can be
+        read."""
         kept = tables.finish
         with suppress(StoreError), self._read() as connection:
             if inspect(connection).has_table(kept.name):
@@ -188,7 +210,8 @@ class Store:
         return None
 
     def keep_finish(self, study_id: int, key: str, content: bytes) -> None:
-        """Keep what finishing found, in place of what was kept of this study; nothing where this database cannot be written."""
+        """Keep what finishing found, in place of what was kept of this study; nothing where this database cannot be
+        written."""
         kept = tables.finish
         with suppress(StoreError), self._write() as connection:
             kept.create(connection, checkfirst=True)
@@ -230,7 +253,9 @@ class Store:
         """Write the task's runs and mark it done, both or neither; ClaimLost if it was taken over."""
         rows = [run_row(claim.study, result, values) for result, values in zip(results, parameters, strict=True)]
         with self._write() as connection:
-            claims.change(connection, claim, state="done", checkpoint=None, claimed_by=None, heartbeat=None, evaluations=None)
+            claims.change(
+                connection, claim, state="done", checkpoint=None, claimed_by=None, heartbeat=None, evaluations=None
+            )
             if rows:
                 connection.execute(insert(tables.run), rows)
 

@@ -3,10 +3,11 @@
     schema_version      one row per migration that was applied
     study      1 --- n  task      chunks of runs, claimed by workers, with a checkpoint while they run
                1 --- n  run       finished runs, written in the transaction that marks their task done
-               1 --- 1  finish    what finishing found for them (trust/finish/stored.py), made when there is something to keep
+               1 --- 1  finish    what finishing found for them (trust/finish/stored.py), made when there is something
+               to keep
 
-Table finish is no part of the schema's version: it holds nothing that could not be found anew. So older databases, also those that cannot
-be written, and older plantfits do without it.
+Table finish is no part of the schema's version: it holds nothing that could not be found anew. So older databases, also
+those that cannot be written, and older plantfits do without it.
 
 Vectors are blobs of little-endian float64 and trees are JSON text, so that every bit comes back; see codec.py.
 """
@@ -87,7 +88,9 @@ run = Table(
     Column("seconds", Double, nullable=False),
     Column("status", Text, nullable=False),
     Column("failures", BigInteger, nullable=False),
-    Column("packing", Integer, nullable=False, server_default=text("0")),  # of the histories, see codec.py; since version 2
+    Column(
+        "packing", Integer, nullable=False, server_default=text("0")
+    ),  # of the histories, see codec.py; since version 2
     Column("history_evaluations", LargeBinary, nullable=False),
     Column("history_cost", LargeBinary, nullable=False),
     Column("extra", Text, nullable=False),  # JSON

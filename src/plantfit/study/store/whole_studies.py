@@ -54,7 +54,10 @@ def task_records(connection: Connection, study_id: int) -> tuple[TaskRecord, ...
     task = tables.task.c
     columns = (task.method, task.first, task["count"], task.state, task.checkpoint)
     rows = connection.execute(select(*columns).where(task.study == study_id).order_by(task.id))
-    return tuple(TaskRecord(method, first, count, state == "done", checkpoint) for method, first, count, state, checkpoint in rows)
+    return tuple(
+        TaskRecord(method, first, count, state == "done", checkpoint)
+        for method, first, count, state, checkpoint in rows
+    )
 
 
 def run_records(connection: Connection, study: Row) -> list[RunRecord]:
@@ -69,7 +72,9 @@ def add_notes(connection: Connection, study: Row, sentences: Iterable[str]) -> N
     notes = from_json(study.notes)
     fresh = [s for s in dict.fromkeys(sentences) if s not in notes]
     if fresh:
-        connection.execute(update(tables.study).where(tables.study.c.id == study.id).values(notes=to_json([*notes, *fresh])))
+        connection.execute(
+            update(tables.study).where(tables.study.c.id == study.id).values(notes=to_json([*notes, *fresh]))
+        )
 
 
 def _task_row(study_id: int, task: TaskRecord) -> dict[str, Any]:

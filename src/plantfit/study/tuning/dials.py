@@ -117,37 +117,55 @@ def dials_of(
     """
     held = dict(held or {})
     template = make(method, **held)
-    fields = {f.name: f for f in dataclasses.fields(known()[method].kind) if "range" in f.metadata or "options" in f.metadata}
+    fields = {
+        f.name: f for f in dataclasses.fields(known()[method].kind) if "range" in f.metadata or "options" in f.metadata
+    }
     ranges = dict(ranges or {})
     chosen = [n for n in fields if n not in held] if only is None else list(dict.fromkeys(only))
     for name in [*chosen, *ranges]:
         if name not in fields:
-            raise SearchError(f"Method {method!r} has no setting {name!r} to tune; it has {list(fields)}.{close_match(name, fields)}")
+            raise SearchError(
+                f"Method {method!r} has no setting {name!r} to tune; it has {list(fields)}.{close_match(name, fields)}"
+            )
     for name in held:
         if name in chosen:
             raise SearchError(f"Setting {name!r} of method {method!r} is held and also to be tuned; choose one.")
     for name in ranges:
         if name not in chosen:
-            raise SearchError(f"There is a range for setting {name!r}, which is not among those to tune; name it there too.")
+            raise SearchError(
+                f"There is a range for setting {name!r}, which is not among those to tune; name it there too."
+            )
     if not chosen:
         raise SearchError(f"There is no setting of method {method!r} to tune; choose another method.")
     population = hasattr(template, "ask")
     numeric = [n for n in chosen if "range" in fields[n].metadata and fields[n].default is not None]
-    words = {n: _words(_where(method, n), fields[n].metadata["options"], ranges.get(n)) for n in chosen if "options" in fields[n].metadata}
+    words = {
+        n: _words(_where(method, n), fields[n].metadata["options"], ranges.get(n))
+        for n in chosen
+        if "options" in fields[n].metadata
+    }
     traced, options = traceable(template, numeric, tuple(words.items()), facts) if population else ((), ())  # type: ignore[arg-type]
-    for name in [n for n in words if n not in dict(options)]:  # every value compiles anew, and may make a shape of another number
-        traced = tuple(n for n in traced if all(n in _traced_at(template, {name: w}, traced, options, facts) for w in words[name]))
+    for name in [
+        n for n in words if n not in dict(options)
+    ]:  # every value compiles anew, and may make a shape of another number
+        traced = tuple(
+            n for n in traced if all(n in _traced_at(template, {name: w}, traced, options, facts) for w in words[name])
+        )
     found = []
     for name in chosen:
         if name in words:
             found.append(Dial(name, fields[name].default, words[name]))
             continue
         smooth = name in traced or (not population and not fields[name].metadata.get("integer", True))
-        found.append(_dial(method, template, fields[name], ranges.get(name), smooth and fields[name].default is not None, facts))
+        found.append(
+            _dial(method, template, fields[name], ranges.get(name), smooth and fields[name].default is not None, facts)
+        )
     return Dials(method, tuple(found), traced, options, held)
 
 
-def _traced_at(template: Any, change: Mapping[str, Any], names: Sequence[str], options: Options, facts: Facts) -> Sequence[str]:
+def _traced_at(
+    template: Any, change: Mapping[str, Any], names: Sequence[str], options: Options, facts: Facts
+) -> Sequence[str]:
     """Those of the names that can be data when other settings have changed; all where these contradict the template."""
     try:
         changed = dataclasses.replace(template, **change)
@@ -160,7 +178,9 @@ def _where(method: str, name: str) -> str:
     return f"setting {name!r} of method {method!r}"
 
 
-def _dial(method: str, template: Any, field: dataclasses.Field, given: Sequence[Any] | None, smooth: bool, facts: Facts) -> Dial:
+def _dial(
+    method: str, template: Any, field: dataclasses.Field, given: Sequence[Any] | None, smooth: bool, facts: Facts
+) -> Dial:
     whole, default = field.metadata["integer"], field.default
     if given is None:
         low, high = _sensible(template, field, facts)
@@ -178,7 +198,9 @@ def _dial(method: str, template: Any, field: dataclasses.Field, given: Sequence[
 def _words(where: str, options: Sequence[str], given: Sequence[Any] | None) -> tuple[str, ...]:
     for word in given or ():
         if word not in options:
-            raise SearchError(f"{word!r} is no value of {where}; use some of {list(options)}.{close_match(str(word), options)}")
+            raise SearchError(
+                f"{word!r} is no value of {where}; use some of {list(options)}.{close_match(str(word), options)}"
+            )
     return tuple(dict.fromkeys(given)) if given else tuple(options)
 
 
@@ -188,7 +210,9 @@ def _range(where: str, given: Sequence[Any], allowed: tuple[float, float], whole
     except (TypeError, ValueError):
         raise SearchError(f"The range {given!r} of {where} cannot be read; give two numbers, low and high.") from None
     if not (allowed[0] <= low < high <= allowed[1]):
-        raise SearchError(f"The range {low:g} to {high:g} of {where} must rise and lie within {allowed[0]:g} to {allowed[1]:g}.")
+        raise SearchError(
+            f"The range {low:g} to {high:g} of {where} must rise and lie within {allowed[0]:g} to {allowed[1]:g}."
+        )
     if whole and (low != int(low) or high != int(high)):
         raise SearchError(f"The range {low:g} to {high:g} of {where} must end at whole numbers.")
     return low, high

@@ -23,7 +23,8 @@ class Finish:
     reached: float
 
     def score(self, budget: int) -> float:
-        """The cost, raised by at most a TIE of itself for a late arrival: one number that breaks ties. inf if failed."""
+        """The cost, raised by at most a TIE of itself for a late arrival: one number that breaks ties. inf if
+        failed."""
         if not np.isfinite(self.cost):
             return np.inf
         return self.cost + TIE * max(abs(self.cost), SMALLEST) * self.reached / budget
@@ -75,7 +76,9 @@ class Contest:
     def tied(self) -> bool:
         """Whether the typical costs are equal."""
         gap = abs(self.default_median - self.tuned_median)
-        return self.default_median == self.tuned_median or gap <= TIE * min(abs(self.default_median), abs(self.tuned_median))
+        return self.default_median == self.tuned_median or gap <= TIE * min(
+            abs(self.default_median), abs(self.tuned_median)
+        )
 
 
 def contest(tuned: list[Finish], default: list[Finish], budget: int, seed: int) -> Contest:
@@ -129,13 +132,18 @@ class Tuned:
             what = "the default is still the best" if self.best == self.default else "the best so far is kept"
             return f"Stopped after {tried}: {what}, not yet compared on fresh seeds."
         if self.contest is None:
-            return f"None of {tried} was better than the default of {self.method} on the seeds of the search: keep the default."
+            return (
+                f"None of {tried} was better than the default of {self.method} on the seeds of the search: keep "
+                f"the "
+                f"default."
+            )
         return _verdict(self.method, self.contest)
 
     def toml(self) -> str:
         """A block for the study file; values that did not prove better stand in comments."""
         head = [
-            f"# plantfit tune-search: {self.method} tuned by {self.outer}, {len(self.trials)} settings, seed {self.seed}, "
+            f"# plantfit tune-search: {self.method} tuned by {self.outer}, {len(self.trials)} settings, seed "
+            f"{self.seed}, "
             f"{self.budget} evaluations a run",
             f"# {self.sentence}",
             f"[search.settings.{self.method}]",
@@ -163,7 +171,9 @@ def _verdict(method: str, c: Contest) -> str:
         low, high = c.ratio_interval if c.ratio > 1 else (1 / c.ratio_interval[1], 1 / c.ratio_interval[0])
         size = "{} % {}" if many < SLIGHT else "{} times {}"
         told = _percent if many < SLIGHT else _times
-        outcome = f"ends {size.format(told(many), how)} than the default (95 % interval {told(low)} to {told(high)}, {share})"
+        outcome = (
+            f"ends {size.format(told(many), how)} than the default (95 % interval {told(low)} to {told(high)}, {share})"
+        )
     else:
         outcome = f"ends at a median cost of {c.tuned_median:.4g}, the default at {c.default_median:.4g} ({share})"
     if c.pays:

@@ -67,7 +67,9 @@ def _two(scores: np.ndarray, level: float) -> np.ndarray:
     if not difference.any():
         return np.zeros(2, bool)
     worse = int(difference.sum() < 0)
-    test: Any = scipy.stats.wilcoxon(difference, alternative="less" if worse else "greater", zero_method="zsplit", method="exact")
+    test: Any = scipy.stats.wilcoxon(
+        difference, alternative="less" if worse else "greater", zero_method="zsplit", method="exact"
+    )
     return np.arange(2) == (worse if test.pvalue < level else -1)
 
 

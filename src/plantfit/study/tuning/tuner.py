@@ -76,7 +76,13 @@ def tune(
         if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value < 2**30:
             raise SearchError(f"{what} is {value!r}; give a whole number of at least {low} and below {2**30}.")
     check_needs(method, make(method, **dict(held or {})), objective)
-    dials = dials_of(method, Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start), only, ranges, held)
+    dials = dials_of(
+        method,
+        Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start),
+        only,
+        ranges,
+        held,
+    )
     tuner = _Tuner(objective, dials, outer, budget, runs, trials, seed, progress, stop)
     return tuner.run(dict(outer_settings or {}))
 
@@ -84,7 +90,13 @@ def tune(
 class _Counter(Counter):
     """The Counter of the outer method: its costs are races, not a compiled function."""
 
-    def __init__(self, objective: Objective, budget: int, race: Callable[[np.ndarray], np.ndarray], stop: Callable[[], bool] | None):
+    def __init__(
+        self,
+        objective: Objective,
+        budget: int,
+        race: Callable[[np.ndarray], np.ndarray],
+        stop: Callable[[], bool] | None,
+    ):
         super().__init__(objective, budget, stop=stop)
         self._race = race
 
@@ -126,8 +138,10 @@ class _Tuner:
         except Interrupted:
             interrupted = True
         return Tuned(
-            method=self.dials.method, outer=self.outer, best=self._settings(default if self.best is None else self.best),
-            default=self.dials.defaults, dials=[d.record() for d in self.dials.dials], trials=self._trials(), contest=found,
+            method=self.dials.method, outer=self.outer,
+            best=self._settings(default if self.best is None else self.best),
+            default=self.dials.defaults, dials=[d.record() for d in self.dials.dials], trials=self._trials(),
+            contest=found,
             interrupted=interrupted, budget=self.budget, seed=self.seed, search_runs=(0, self.runs - 1),
             fresh_runs=(self.runs, self.runs + self.fresh - 1), evaluations=self.evaluations,
             seconds=time.perf_counter() - self.began,
@@ -232,19 +246,24 @@ class _Tuner:
             order = [(key, Job(sweep.values(method), run)) for key, method in members for run in jobs[key]]
             outcomes = sweep.run([job for _, job in order], stop=self.stop, progress=self._spent)
             for (key, _), outcome in zip(order, outcomes, strict=True):
-                found.setdefault(key, []).append(finish(outcome.cost, outcome.history_evaluations, outcome.history_cost))
+                found.setdefault(key, []).append(
+                    finish(outcome.cost, outcome.history_evaluations, outcome.history_cost)
+                )
         return found
 
     def _sweep(self, template: Any) -> Sweep:
         if template not in self.sweeps:
-            self.sweeps[template] = Sweep(self.objective, template, self.dials.traced, self.dials.options, self.budget, self.seed)
+            self.sweeps[template] = Sweep(
+                self.objective, template, self.dials.traced, self.dials.options, self.budget, self.seed
+            )
         return self.sweeps[template]
 
     def _alone(self, settings: dict[str, Any], numbers: range) -> list[Finish]:
         """Runs as any study makes them."""
         self._check_stop()
         results = minimise(
-            self.objective, self.dials.method, runs=len(numbers), first_run=numbers[0], budget=self.budget, seed=self.seed,
+            self.objective, self.dials.method, runs=len(numbers), first_run=numbers[0], budget=self.budget,
+            seed=self.seed,
             settings=settings, stop=self.stop,
         )  # fmt: skip
         self._check_stop()
@@ -303,4 +322,6 @@ class _Tuner:
 
 
 def _no_costs(x: Any) -> Any:
-    raise SearchError("The outer method looked at the cost of settings outside its counter; choose another outer method.")
+    raise SearchError(
+        "The outer method looked at the cost of settings outside its counter; choose another outer method."
+    )

@@ -1,7 +1,8 @@
-"""What may be missing in a model, one row for each kind: what it is called, where it is tried, what it does, how the study file bounds it.
+"""What may be missing in a model, one row for each kind: what it is called, where it is tried, what it does, how the
+study file bounds it.
 
-A new kind is its law in `models/extensions/` with a row in `KINDS` there, the same law on samples in `effects.py`, and a row here. Other
-packages bring theirs with the model's side as `extension` (docs/plug-ins.md).
+A new kind is its law in `models/extensions/` with a row in `KINDS` there, the same law on samples in `effects.py`, and
+a row here. Other packages bring theirs with the model's side as `extension` (docs/plug-ins.md).
 """
 
 from collections.abc import Callable
@@ -24,10 +25,12 @@ Law = Callable[[np.ndarray, np.ndarray, np.ndarray, float, float], effects.Shown
 
 @dataclass(frozen=True, kw_only=True)
 class Candidate:
-    """A kind of addition. `name` takes the signal, as in "dead time of u", with `article` before it; `phrase` takes value and signal.
+    """A kind of addition. `name` takes the signal, as in "dead time of u", with `article` before it; `phrase` takes
+    value and signal.
 
-    `bounds` gives those of the study file from the range that was tried (low, high) and the value found. A `level` is not nothing at zero.
-    `extension` is the addition to a model that a package brings; those of plantfit are in `models/extensions/kinds.py`.
+    `bounds` gives those of the study file from the range that was tried (low, high) and the value found. A `level` is
+    not nothing at zero. `extension` is the addition to a model that a package brings; those of plantfit are in
+    `models/extensions/kinds.py`.
     """
 
     article: str = "a"
@@ -40,7 +43,8 @@ class Candidate:
 
 @dataclass(frozen=True, kw_only=True)
 class Before(Candidate):
-    """It changes a recorded input: `law(t, u, value, held)` gives the input (n,) that the plant gets instead of u (n,) at t (n,) s."""
+    """It changes a recorded input: `law(t, u, value, held)` gives the input (n,) that the plant gets instead of u
+    (n,) at t (n,) s."""
 
     place: ClassVar = "before"
     linear: ClassVar = False
@@ -53,9 +57,9 @@ class Before(Candidate):
 class Inside(Candidate):
     """It is a parameter of the compiled model, small effects of which are a straight line.
 
-    `unit` is made of that of the state. `low` bounds it. `size(spread, rate)` of the state is one that would be seen at once. It is tried
-    on speeds only (`of_speeds`), and may differ between recordings (`per_recording`). `speed` is the prefix of a speed that is fitted
-    beside it, from these `shares` of the spread of the state.
+    `unit` is made of that of the state. `low` bounds it. `size(spread, rate)` of the state is one that would be seen at
+    once. It is tried on speeds only (`of_speeds`), and may differ between recordings (`per_recording`). `speed` is the
+    prefix of a speed that is fitted beside it, from these `shares` of the spread of the state.
     """
 
     place: ClassVar = "inside"
@@ -72,14 +76,16 @@ class Inside(Candidate):
 
 @dataclass(frozen=True, kw_only=True)
 class Changing(Inside):
-    """A parameter or input of the model that changes with an input, a state or time: of the pairs "K with u" that a model has, those whose
-    effect looks best by its derivative are fitted. `unit` is made of that of the signal it changes with, `size` of its spread."""
+    """A parameter or input of the model that changes with an input, a state or time: of the pairs "K with u" that a
+    model has, those whose effect looks best by its derivative are fitted. `unit` is made of that of the signal it
+    changes with, `size` of its spread."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Behind(Candidate):
-    """It changes a simulated output: `law(t, y, slopes, value, scale)` gives y (n,) and its derivatives (n, d), both divided by `scale`, as
-    the sensor shows them, and the derivative by the value (n,); None where that is `differenced`. `linear`: y is a straight line of it."""
+    """It changes a simulated output: `law(t, y, slopes, value, scale)` gives y (n,) and its derivatives (n, d), both
+    divided by `scale`, as the sensor shows them, and the derivative by the value (n,); None where that is
+    `differenced`. `linear`: y is a straight line of it."""
 
     place: ClassVar = "behind"
     tried: Callable[[Seen], Tried | None]
@@ -98,28 +104,34 @@ CANDIDATES: dict[str, Before | Inside | Behind] = {
         law=lambda t, u, value, held: effects.lagged(t, u, max(value, 1e-12), held),
     ),
     "dead_zone": Before(
-        name="dead zone of {}", phrase="a dead zone of {} to each side on {}", tried=ranges.zone, bounds=ranges.up_to_the_range,
+        name="dead zone of {}", phrase="a dead zone of {} to each side on {}", tried=ranges.zone,
+        bounds=ranges.up_to_the_range,
         law=lambda t, u, value, held: effects.dead_zone(u, value),
     ),
     "saturation": Before(
-        name="saturation of {}", phrase="a saturation at {} of {}", tried=ranges.limit, bounds=ranges.the_range, level=True,
+        name="saturation of {}", phrase="a saturation at {} of {}", tried=ranges.limit, bounds=ranges.the_range,
+        level=True,
         law=lambda t, u, value, held: np.clip(u, -value, value),
     ),
     "backlash": Before(
-        name="backlash of {}", phrase="backlash of {} to each side on {}", tried=ranges.gap, bounds=ranges.up_to_the_range,
+        name="backlash of {}", phrase="backlash of {} to each side on {}", tried=ranges.gap,
+        bounds=ranges.up_to_the_range,
         law=lambda t, u, value, held: effects.played(u, value),
     ),
     "coulomb": Inside(
-        article="", name="dry friction of {}", phrase="dry friction of {} on {}", low=0.0, bounds=ranges.up_to_the_range, of_speeds=True,
+        article="", name="dry friction of {}", phrase="dry friction of {} on {}", low=0.0,
+        bounds=ranges.up_to_the_range, of_speeds=True,
         unit=lambda unit: None if unit is None else joined(unit, "/s"), size=lambda spread, rate: rate,
     ),
     "stribeck": Inside(
-        article="", name="friction of {} that falls with speed", phrase="friction of {} on {} that falls with speed", low=0.0,
+        article="", name="friction of {} that falls with speed", phrase="friction of {} on {} that falls with speed",
+        low=0.0,
         bounds=ranges.up_to_the_range, of_speeds=True, unit=lambda unit: None if unit is None else joined(unit, "/s"),
         size=lambda spread, rate: rate, speed="stribeck_speed", shares=(0.03, 0.12),
     ),
     "quadratic": Inside(
-        article="", name="drag of {} by its square", phrase="a drag by the square of {} on {}", low=0.0, bounds=ranges.up_to_the_range,
+        article="", name="drag of {} by its square", phrase="a drag by the square of {} on {}", low=0.0,
+        bounds=ranges.up_to_the_range,
         of_speeds=True, unit=lambda unit: None if unit is None else f"1/s/({unit or '1'})",
         size=lambda spread, rate: rate / max(spread, 1e-300) ** 2,
     ),
@@ -140,7 +152,8 @@ CANDIDATES: dict[str, Before | Inside | Behind] = {
         law=effects.drift, linear=True,
     ),
     "sensor_high": Behind(
-        article="an", name="upper end of the sensor of {}", phrase="an upper end at {} of the sensor of {}", tried=ranges.upper_end,
+        article="an", name="upper end of the sensor of {}", phrase="an upper end at {} of the sensor of {}",
+        tried=ranges.upper_end,
         bounds=ranges.around_the_range, level=True, law=effects.sensor_high,
     ),
     "sensor_low": Behind(
@@ -148,7 +161,8 @@ CANDIDATES: dict[str, Before | Inside | Behind] = {
         bounds=ranges.around_the_range, level=True, law=effects.sensor_low,
     ),
     "change": Changing(
-        name="change of {}", phrase="a relative change of {1} by {0}", low=-np.inf, bounds=ranges.both_signs, unit=inverse,
+        name="change of {}", phrase="a relative change of {1} by {0}", low=-np.inf, bounds=ranges.both_signs,
+        unit=inverse,
         size=lambda spread, rate: 1.0 / spread,
     ),
 }  # fmt: skip
@@ -159,8 +173,8 @@ Place = TypeVar("Place", Before, Inside, Changing, Behind)
 
 
 def candidates(place: type[Place]) -> dict[str, Place]:
-    """The rows of one place, Before, Inside, Changing (which are Inside, too) or Behind: those of plantfit, then those of packages that
-    can be used."""
+    """The rows of one place, Before, Inside, Changing (which are Inside, too) or Behind: those of plantfit, then
+    those of packages that can be used."""
     return {kind: c for kind, c in {**CANDIDATES, **of_packages()[0]}.items() if isinstance(c, place)}
 
 
@@ -181,7 +195,9 @@ def of_packages() -> tuple[dict[str, Before | Inside | Behind], tuple[str, ...]]
             candidate, extension = loaded(plugin)
             if wrong := _wrong(candidate, extension):
                 package = plugin.package
-                raise ModelError(f"{kind!r} of the package {package} cannot be tried: {wrong}; update or uninstall {package}.")
+                raise ModelError(
+                    f"{kind!r} of the package {package} cannot be tried: {wrong}; update or uninstall {package}."
+                )
         except ModelError as failure:
             told.append(str(failure))
             continue
@@ -201,7 +217,11 @@ def _wrong(candidate: Any, extension: Kind) -> str:
     if extension.to != PLACES[type(candidate)]:
         return f"it is tried on {PLACES[type(candidate)]}, and its extension is to {extension.to}"
     try:
-        told = candidate.name.format("SIGNAL"), candidate.phrase.format("VALUE", "SIGNAL"), extension.sentence.format("SIGNAL")
+        told = (
+            candidate.name.format("SIGNAL"),
+            candidate.phrase.format("VALUE", "SIGNAL"),
+            extension.sentence.format("SIGNAL"),
+        )
     except (IndexError, KeyError, ValueError):
         told = ("", "", "")
     return (

@@ -1,4 +1,5 @@
-"""The additions that are tried: where each applies, the sizes from which it is tried, and what the study file says of it."""
+"""The additions that are tried: where each applies, the sizes from which it is tried, and what the study file says
+of it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,10 +21,12 @@ MOST_PAIRS = 40  # of what may change with what
 
 @dataclass(frozen=True)
 class Extension:
-    """An addition `kind` to a signal: its parameter between bounds (low, high), in `unit`, tried at `starts`; none for linear effects.
+    """An addition `kind` to a signal: its parameter between bounds (low, high), in `unit`, tried at `starts`; none for
+    linear effects.
 
-    `name` is "dead time of u", `article` goes before it. `place` is "before" (it changes the recorded input), "inside" (it is a parameter
-    of the compiled model) or "behind" (it changes the simulated output). `starts` of a speed beside it are shares of the state's spread.
+    `name` is "dead time of u", `article` goes before it. `place` is "before" (it changes the recorded input), "inside"
+    (it is a parameter of the compiled model) or "behind" (it changes the simulated output). `starts` of a speed beside
+    it are shares of the state's spread.
     """
 
     kind: str
@@ -63,16 +66,23 @@ def inside_kinds(problem: Problem) -> dict[str, tuple[str, ...]]:
     fast = tuple(s for s in moving if _velocity(model.states[s]) and s not in {f.velocity for f in model.frictions})
     had = {p.name for p in model.parameters}
     pairs = tuple(islice(_pairs(problem, model, moving), MOST_PAIRS))
-    kinds = {k: pairs if isinstance(c, Changing) else fast if c.of_speeds else moving for k, c in candidates(Inside).items()}
+    kinds = {
+        k: pairs if isinstance(c, Changing) else fast if c.of_speeds else moving for k, c in candidates(Inside).items()
+    }
     return {kind: tuple(s for s in states if parameter_name(kind, s) not in had) for kind, states in kinds.items()}
 
 
 def _pairs(problem: Problem, model: Model, moving: tuple[str, ...]) -> Iterator[str]:
-    """What may change with what, as "K with u": fitted parameters with every input that moves, time and every state, and inputs with each
-    other; those with states last, for there are many."""
+    """What may change with what, as "K with u": fitted parameters with every input that moves, time and every state,
+    and inputs with each other; those with states last, for there are many."""
     known = changes_of(model)
     ways = [u for u in model.inputs if any(np.ptp(e.recording[u]) > 0 for e in problem.experiments.values())]
-    brought = {parameter_name(part, s) for kind, own in KINDS.items() for part in (kind, *own.beside) for s in own.signals(model)}
+    brought = {
+        parameter_name(part, s)
+        for kind, own in KINDS.items()
+        for part in (kind, *own.beside)
+        for s in own.signals(model)
+    }
     free = dict.fromkeys(c.parameter for c in problem.space.coordinates if c.parameter not in brought)
     for subjects, drivers in ((free, [*ways, "t"]), (ways, ways), (free, moving)):
         yield from (pair for s in subjects for d in drivers if (pair := f"{s}{WITH}{d}") in known)
@@ -129,4 +139,6 @@ def _seen(problem: Problem, unit: str | None, values: np.ndarray, late: bool = F
 def _made(kind: str, candidate: Candidate, signal: str, tried: Tried | None) -> Iterator[Extension]:
     if tried is not None:
         low, high = float(tried.low), float(tried.high)
-        yield Extension(kind, signal, candidate.name.format(signal), candidate.article, tried.unit, low, high, tried.starts)
+        yield Extension(
+            kind, signal, candidate.name.format(signal), candidate.article, tried.unit, low, high, tried.starts
+        )

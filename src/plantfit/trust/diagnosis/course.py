@@ -15,7 +15,19 @@ from plantfit.trust.diagnosis.plant.curves import Curve
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
-from plantfit.trust.diagnosis.rounds import ALIKE, FINALISTS, FITTING, QUICK, Round, Trial, judged, one_round, promising, refitted, tried
+from plantfit.trust.diagnosis.rounds import (
+    ALIKE,
+    FINALISTS,
+    FITTING,
+    QUICK,
+    Round,
+    Trial,
+    judged,
+    one_round,
+    promising,
+    refitted,
+    tried,
+)
 
 RIVALS = 3  # of an earlier finding that are tried in its place
 WORTH = 0.1  # of the mean square that one addition must explain to be tried in the place of another
@@ -30,14 +42,15 @@ HELD = 0.5  # of what two at once explain that they must explain of unseen data
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the `carrier` on which all
-    were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left out, since no part of the data is unseen.
-    `dropped` were found first, and explain nothing beside what was found later; `exchanged` are pairs of what was found first and what fits
-    better in its place then. `evaluations` of the cost were spent. It is `whole` where
-    the work allowed was enough for everything, and `surpassed` where a linear model does far better than all that was found. `disturbed` is
-    the fit beside a disturbance that wanders, where what the model or what was found leaves is one, `drifting` that beside slow drifts;
-    `curves` are for the study file, of what wanders or drifts or of what was asked for. `rival` is a slow drift that does as well as all
-    that was found."""
+    """`rounds` of trials, each beside what the one before found; `outliers` and their rows `apart` (m,) bool; the
+    `carrier` on which all were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left
+    out, since no part of the data is unseen. `dropped` were found first, and explain nothing beside what was found
+    later; `exchanged` are pairs of what was found first and what fits better in its place then. `evaluations` of the
+    cost were spent. It is `whole` where the work allowed was enough for everything, and `surpassed` where a linear
+    model does far better than all that was found. `disturbed` is the fit beside a disturbance that wanders, where
+    what the model or what was found leaves is one, `drifting` that beside slow drifts; `curves` are for the study
+    file, of what wanders or drifts or of what was asked for. `rival` is a slow drift that does as well as all that
+    was found."""
 
     carrier: Carrier
     base: Fitted
@@ -72,7 +85,8 @@ class Diagnosis:
         return tuple(r.found[0] for r in self.rounds if r.found)
 
     def answer_values(self) -> dict[str, float]:
-        """Parameters of the problem by coordinate name, in their units, as the last fit has them, and those of what was found."""
+        """Parameters of the problem by coordinate name, in their units, as the last fit has them, and those of what
+        was found."""
         end = self.found[-1].at if self.found else self.base
         assert end is not None
         space = self.carrier.given.space
@@ -85,8 +99,8 @@ class Diagnosis:
 
 @dataclass
 class Course:
-    """What is known so far: the fit without additions (`bare`), the one with all that was found (`base`), the rounds `made`, and which
-    rows are used: `apart` (m,) bool are outliers."""
+    """What is known so far: the fit without additions (`bare`), the one with all that was found (`base`), the rounds
+    `made`, and which rows are used: `apart` (m,) bool are outliers."""
 
     carrier: Carrier
     bare: Fitted
@@ -153,8 +167,8 @@ class Course:
             self._settled()
 
     def two_at_once(self, extensions: Sequence[Extension]) -> bool:
-        """Whether two additions were found in place of what was found one by one: the pair that leaves least, where more than noise is
-        left without it and little more with it.
+        """Whether two additions were found in place of what was found one by one: the pair that leaves least, where
+        more than noise is left without it and little more with it.
 
         Of two faults each may look like nothing, or like a third one, as long as the other one is not there.
         """
@@ -163,7 +177,9 @@ class Course:
         if not first.trials or times_noise(carrier, self.base, self.apart) <= CLEAR:
             return False
         ones = [t for t in first.trials if t.at is not None]
-        changes = [t for t in ones if changing([t.extension])]  # many stand for much: they must not take the places of others
+        changes = [
+            t for t in ones if changing([t.extension])
+        ]  # many stand for much: they must not take the places of others
         ones = [*[t for t in ones if t not in changes][:FINALISTS], *changes[:CHANGES]]
         ones.sort(key=lambda t: -t.explained)
         best: tuple[Trial, Fitted] | None = None
@@ -187,7 +203,8 @@ class Course:
         return best is not None and self._taken(extensions, *best)
 
     def _taken(self, extensions: Sequence[Extension], t: Trial, pair: Fitted) -> bool:
-        """Whether a pair is more than chance, holds on unseen data and is better than what was found one by one; then it is taken."""
+        """Whether a pair is more than chance, holds on unseen data and is better than what was found one by one;
+        then it is taken."""
         use, kept, rows, count = self.use, self.kept, self.carrier.rows, len(extensions)
         assert t.at is not None
         carrier, end = self._sharper(pair) or (self.carrier, pair)
@@ -197,7 +214,10 @@ class Course:
             return False
         if self.base.additions and evidence(self.base, end, rows, use) < needed(count * (count - 1) // 2):
             return False
-        for before in (self.bare, self.base):  # one of the two may be all that helps, and that was found without the other one
+        for before in (
+            self.bare,
+            self.base,
+        ):  # one of the two may be all that helps, and that was found without the other one
             later, explained = unseen(carrier, before, end, use, kept), 1.0 - end.cost(use) / before.cost(use)
             if 1.0 - later.extended / later.base < HELD * explained:
                 return False
@@ -214,7 +234,8 @@ class Course:
         return True
 
     def _sharper(self, one: Fitted) -> tuple[Carrier, Fitted] | None:
-        """The carrier with sharper dry friction and a fit on it, where the fit has dry friction and that explains more."""
+        """The carrier with sharper dry friction and a fit on it, where the fit has dry friction and that explains
+        more."""
         carrier = self.carrier
         dry = any(a.kind in KINDS and "creep" in KINDS[a.kind].beside for a in one.additions)
         if (
@@ -230,7 +251,8 @@ class Course:
         return (sharp, at) if at.cost(self.use) <= (1.0 - LEAST) * one.cost(self.use) else None
 
     def _settled(self) -> None:
-        """What a finding changes: outliers that it uncovers, dry friction that is sharper, and earlier findings that stood for it."""
+        """What a finding changes: outliers that it uncovers, dry friction that is sharper, and earlier findings that
+        stood for it."""
         one = self.made[-1]
         anew = outlying(self.base.residuals, self.carrier.rows)
         if np.any(anew != self.apart):  # what a wrong model hid, or took for outliers
@@ -243,7 +265,9 @@ class Course:
             self._told(one)
         if len(self.base.additions) > 1:
             self.say("fitting without what was found before, and with what had helped in its place")
-            self.base, self.made, better = _exchanged(self.carrier, self.bare, self.base, self.made, self.use, self.kept)
+            self.base, self.made, better = _exchanged(
+                self.carrier, self.bare, self.base, self.made, self.use, self.kept
+            )
             self.exchanged += better
             self.base, self.made, gone = _pruned(self.carrier, self.bare, self.base, self.made, self.use, self.kept)
             self.dropped += gone
@@ -255,10 +279,15 @@ class Course:
 
 
 def _valued(carrier: Carrier, made: Sequence[Round], use: np.ndarray) -> list[Round]:
-    """The rounds, the value of everything that was found being that of the fit with all of it; what a later one found does not stand for
-    what an earlier one did."""
+    """The rounds, the value of everything that was found being that of the fit with all of it; what a later one
+    found does not stand for what an earlier one did."""
     firsts = [r.found[0].extension for r in made if r.found]
-    made = [replace(r, found=(r.found[0], *(t for t in r.found[1:] if t.extension not in firsts))) if len(r.found) > 1 else r for r in made]
+    made = [
+        replace(r, found=(r.found[0], *(t for t in r.found[1:] if t.extension not in firsts)))
+        if len(r.found) > 1
+        else r
+        for r in made
+    ]
     found = [r for r in made if r.found]
     end = found[-1].found[0].at if found else None
     if end is None or len(found) < 2:
@@ -267,7 +296,9 @@ def _valued(carrier: Carrier, made: Sequence[Round], use: np.ndarray) -> list[Ro
     for one in made:
         if one.found and one.found[0].extension in end.additions:
             e = one.found[0].extension
-            first = replace(one.found[0], value=end.value(e, carrier), standard_error=standard_error(carrier, end, e, use))
+            first = replace(
+                one.found[0], value=end.value(e, carrier), standard_error=standard_error(carrier, end, e, use)
+            )
             one = replace(one, found=(first, *one.found[1:]))
         rounds.append(one)
     return rounds
@@ -289,8 +320,8 @@ def _pruned(
 def _exchanged(
     carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Round], use: np.ndarray, kept: np.ndarray
 ) -> tuple[Fitted, list[Round], list[tuple[Extension, Extension]]]:
-    """The fit and the rounds, an earlier finding in exchange for one that had helped as well where the record prefers that one by now;
-    which these were.
+    """The fit and the rounds, an earlier finding in exchange for one that had helped as well where the record prefers
+    that one by now; which these were.
 
     What is found first may stand for two causes, of which it is neither.
     """
@@ -299,7 +330,11 @@ def _exchanged(
         if not one.found or one.found[0].extension not in base.additions:
             continue
         old, best, by = one.found[0].extension, base, None
-        rivals = [t for t in one.trials[:FINALISTS] if t.extension not in base.additions and t.explained >= WORTH and t.at is not None]
+        rivals = [
+            t
+            for t in one.trials[:FINALISTS]
+            if t.extension not in base.additions and t.explained >= WORTH and t.at is not None
+        ]
         for t in rivals[:RIVALS]:
             if not carrier.meter.holds(0.0, FITTING):
                 break
@@ -323,7 +358,9 @@ def _in_place_of(carrier: Carrier, base: Fitted, old: Extension, t: Trial, use: 
     return fitted(carrier, (*base.additions[:place], t.extension, *base.additions[place + 1 :]), x, theta, use)
 
 
-def _told_anew(carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Round], use: np.ndarray, kept: np.ndarray) -> list[Round]:
+def _told_anew(
+    carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Round], use: np.ndarray, kept: np.ndarray
+) -> list[Round]:
     """The rounds with the figures of the additions of a fit, one after the other."""
     rounds, before = list(made), bare
     for k, one in enumerate(rounds):
@@ -338,7 +375,9 @@ def _told_anew(carrier: Carrier, bare: Fitted, base: Fitted, made: Sequence[Roun
     return rounds
 
 
-def _with_better_base(carrier: Carrier, bare: Fitted, made: Sequence[Round], last: Round, use: np.ndarray, kept: np.ndarray) -> list[Round]:
+def _with_better_base(
+    carrier: Carrier, bare: Fitted, made: Sequence[Round], last: Round, use: np.ndarray, kept: np.ndarray
+) -> list[Round]:
     """The rounds, where the last one came upon a better fit of what the one before it had found."""
     if not made or last.base is None or not made[-1].found or made[-1].found[0].at is last.base:
         return list(made)
@@ -349,7 +388,9 @@ def _with_better_base(carrier: Carrier, bare: Fitted, made: Sequence[Round], las
         return list(made)
     return [
         *made[:-1],
-        replace(first, found=(refitted(carrier, first.base or bare, first.found[0], last.base, use, kept), *first.found[1:])),
+        replace(
+            first, found=(refitted(carrier, first.base or bare, first.found[0], last.base, use, kept), *first.found[1:])
+        ),
     ]
 
 

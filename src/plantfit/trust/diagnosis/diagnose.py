@@ -1,4 +1,5 @@
-"""What is missing in a model, by evidence: every addition of the catalogue is tried on the fitted problem, the best are fitted in full."""
+"""What is missing in a model, by evidence: every addition of the catalogue is tried on the fitted problem, the best
+are fitted in full."""
 
 from collections.abc import Callable, Sequence
 
@@ -34,10 +35,11 @@ def diagnose(
 ) -> Diagnosis:
     """Try every addition of the catalogue at the answer z (d,) of a problem, and name those that the data ask for.
 
-    At most `rounds` additions are named, each beside those before it. With `only`, as in "dead time of u", this one alone is tried; of
-    several each beside those before it. `progress` is told what is being tried. A `meter` limits the work: what takes least is tried
-    first. Of a regression whose columns were filtered `regression` is what it was before. Raises ModelError for a model that is neither
-    simulated over time nor a regression, and for an addition that the catalogue does not have; Stopped where the meter is asked to stop.
+    At most `rounds` additions are named, each beside those before it. With `only`, as in "dead time of u", this one
+    alone is tried; of several each beside those before it. `progress` is told what is being tried. A `meter` limits the
+    work: what takes least is tried first. Of a regression whose columns were filtered `regression` is what it was
+    before. Raises ModelError for a model that is neither simulated over time nor a regression, and for an addition that
+    the catalogue does not have; Stopped where the meter is asked to stop.
     """
     demand_treatable(problem)
     say, meter = progress or (lambda text: None), meter or Meter()
@@ -61,7 +63,8 @@ def diagnose(
 
 
 def additions(problem: Problem, regression: Regression | None = None) -> list[Extension]:
-    """What is tried on a problem, in the order in which equals are named; of a regression the columns that it may lack."""
+    """What is tried on a problem, in the order in which equals are named; of a regression the columns that it may
+    lack."""
     if not isinstance(problem.model, LinearModel):
         return catalogue(problem, rows_of(problem))
     return extensions_of((regression or Regression.of(problem)).in_units())
@@ -78,13 +81,16 @@ def demand_treatable(problem: Problem) -> None:
     if not treatable(problem) and not isinstance(problem.model, LinearModel):
         name = problem.model.name
         raise ModelError(
-            f"Diagnosis is for models that are simulated over time and for regressions, and {name!r} is neither; look at its residuals."
+            f"Diagnosis is for models that are simulated over time and for regressions, and {name!r} is neither; look "
+            f"at its residuals."
         )
 
 
-def chosen(problem: Problem, extensions: Sequence[Extension], names: Sequence[str]) -> tuple[list[Extension], list[str]]:
-    """The additions of these names, each once, and the outputs whose slow drift is asked for. Raises ModelError for a name that there is
-    not, and lists those that there are."""
+def chosen(
+    problem: Problem, extensions: Sequence[Extension], names: Sequence[str]
+) -> tuple[list[Extension], list[str]]:
+    """The additions of these names, each once, and the outputs whose slow drift is asked for. Raises ModelError for
+    a name that there is not, and lists those that there are."""
     by_name, curves = {e.name: e for e in extensions}, driftable(problem)
     asked = list(dict.fromkeys(name.strip() for name in names))
     known = [*by_name, *curves]

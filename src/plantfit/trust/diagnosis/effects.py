@@ -1,13 +1,17 @@
-"""What additions do to a recorded input, or to a simulated output with its derivatives: plain arrays over the samples of a recording."""
+"""What additions do to a recorded input, or to a simulated output with its derivatives: plain arrays over the
+samples of a recording."""
 
 import numpy as np
 from scipy.linalg import lapack
 
-Shown = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # an output (n,), its derivatives (n, d), that by the value of the addition (n,)
+Shown = tuple[
+    np.ndarray, np.ndarray, np.ndarray | None
+]  # an output (n,), its derivatives (n, d), that by the value of the addition (n,)
 
 
 def late(t: np.ndarray, u: np.ndarray, delay: float, held: bool) -> np.ndarray:
-    """u(t - delay) (n,) of an input; of a held one its mean over each interval between samples, so that its integral is exact."""
+    """u(t - delay) (n,) of an input; of a held one its mean over each interval between samples, so that its integral
+    is exact."""
     if delay <= 0:
         return u
     if not held:
@@ -91,4 +95,8 @@ def sensor_low(t: np.ndarray, y: np.ndarray, slopes: np.ndarray, level: float, s
 
 
 def _ended(y: np.ndarray, slopes: np.ndarray, beyond: np.ndarray, level: float, scale: float) -> Shown:
-    return np.where(beyond, level / scale, y), np.where(beyond[:, None], 0.0, slopes), np.where(beyond, 1.0 / scale, 0.0)
+    return (
+        np.where(beyond, level / scale, y),
+        np.where(beyond[:, None], 0.0, slopes),
+        np.where(beyond, 1.0 / scale, 0.0),
+    )

@@ -1,8 +1,10 @@
-"""How much an addition explains, on samples that were fitted and on those that were not, and whether chance could do that.
+"""How much an addition explains, on samples that were fitted and on those that were not, and whether chance could do
+that.
 
-The statistic is n/c ln(s0^2/s1^2), twice the gain of a normal log-likelihood where n residuals count as n/c independent ones; c is that
-of the residuals which the addition leaves. So what is left of a wrong model does not count as noise, and coloured noise that no addition
-explains does not count as evidence. Compared with chi-squared of one degree of freedom, 1 % shared by all that were tried (Bonferroni).
+The statistic is n/c ln(s0^2/s1^2), twice the gain of a normal log-likelihood where n residuals count as n/c independent
+ones; c is that of the residuals which the addition leaves. So what is left of a wrong model does not count as noise,
+and coloured noise that no addition explains does not count as evidence. Compared with chi-squared of one degree of
+freedom, 1 % shared by all that were tried (Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -25,8 +27,8 @@ BLOCKS, REFITS = 5, 6  # left out in turn where no part of the data is unseen, a
 
 @dataclass(frozen=True)
 class Unseen:
-    """Mean squares over samples that a fit had not seen, by the base and with an addition; `rows` (m,) bool, `blocks` where they were cut
-    out of the fitted part."""
+    """Mean squares over samples that a fit had not seen, by the base and with an addition; `rows` (m,) bool,
+    `blocks` where they were cut out of the fitted part."""
 
     base: float
     extended: float
@@ -55,7 +57,8 @@ def evidence(base: Fitted, extended: Fitted, rows: Rows, use: np.ndarray) -> flo
 
 
 def times_noise(carrier: Carrier, one: Fitted, apart: np.ndarray) -> float:
-    """The most times its sample-to-sample noise that any output is left with by a fit, without the rows that are `apart` (m,) bool."""
+    """The most times its sample-to-sample noise that any output is left with by a fit, without the rows that are
+    `apart` (m,) bool."""
     return max(by_output(carrier, one, apart).values(), default=0.0)
 
 
@@ -76,7 +79,8 @@ def by_output(carrier: Carrier, one: Fitted, apart: np.ndarray) -> dict[str, flo
 
 
 def needed(tried: int, freedom: int = 1) -> float:
-    """The evidence that chance exceeds in 1 % of the records without a fault, of so many additions of `freedom` parameters."""
+    """The evidence that chance exceeds in 1 % of the records without a fault, of so many additions of `freedom`
+    parameters."""
     return float(special.chdtri(float(freedom), CHANCE / max(tried, 1)))
 
 

@@ -10,8 +10,8 @@ class Stopped(Exception):
 
 @dataclass
 class Meter:
-    """`spent` and at most `limit` evaluations of the cost. `stop` is asked before each simulation; True ends the diagnosis, with `Stopped`
-    or, where it `winds_up`, as if no more work were allowed: what was tried is kept.
+    """`spent` and at most `limit` evaluations of the cost. `stop` is asked before each simulation; True ends the
+    diagnosis, with `Stopped` or, where it `winds_up`, as if no more work were allowed: what was tried is kept.
 
     Work is counted and not timed, so that the same answer gives the same diagnosis on every machine.
     """

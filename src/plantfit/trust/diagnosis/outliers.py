@@ -14,8 +14,8 @@ _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its sta
 
 @dataclass(frozen=True)
 class Outliers:
-    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares of the residual, that
-    of the model with the additions `beside`."""
+    """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares
+    of the residual, that of the model with the additions `beside`."""
 
     counts: dict[str, tuple[int, int]]
     share: float
@@ -23,13 +23,14 @@ class Outliers:
 
     @property
     def named(self) -> bool:
-        """Whether they are worth a sentence: one sample in a million normal ones lies as far, some more where the noise has tails."""
+        """Whether they are worth a sentence: one sample in a million normal ones lies as far, some more where the
+        noise has tails."""
         return self.share >= 0.05 and any(n >= max(2, 0.002 * m) for n, m in self.counts.values())
 
 
 def outlying(residuals: np.ndarray, rows: Rows) -> np.ndarray:
-    """Rows (m,) bool whose residual lies more than 6 robust deviations from the running median of its output; none where that would be
-    more than a tenth of them (then they are no outliers)."""
+    """Rows (m,) bool whose residual lies more than 6 robust deviations from the running median of its output; none
+    where that would be more than a tenth of them (then they are no outliers)."""
     found = np.zeros(len(residuals), dtype=bool)
     for name in dict.fromkeys(rows.recording):
         for output in dict.fromkeys(rows.output):
@@ -42,7 +43,11 @@ def outlying(residuals: np.ndarray, rows: Rows) -> np.ndarray:
             windows = np.lib.stride_tricks.sliding_window_view(padded, WINDOW)
             away = r - np.median(windows, axis=1)
             # a step of the residual takes some samples; a spike stands alone, so that the local scale must not hold it
-            scale = max(_TO_SD * float(np.median(np.abs(away))), 1e-12 * float(np.max(np.abs(rows.measured[at]), initial=0.0)), 1e-300)
+            scale = max(
+                _TO_SD * float(np.median(np.abs(away))),
+                1e-12 * float(np.max(np.abs(rows.measured[at]), initial=0.0)),
+                1e-300,
+            )
             local = _TO_SD * np.median(np.abs(windows - np.median(windows, axis=1)[:, None]), axis=1)
             far = np.abs(away) > FAR * np.maximum(scale, local)
             if np.mean(far) <= MOST:
@@ -56,5 +61,8 @@ def outliers_of(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
     scored = rows.fit | rows.unseen
     total = float(np.sum(base.residuals[scored] ** 2))
     share = float(np.sum(base.residuals[scored & apart] ** 2)) / total if total > 0 else 0.0
-    counts = {o: (int(np.sum(apart & (rows.output == o))), int(np.sum(scored & (rows.output == o)))) for o in dict.fromkeys(rows.output)}
+    counts = {
+        o: (int(np.sum(apart & (rows.output == o))), int(np.sum(scored & (rows.output == o))))
+        for o in dict.fromkeys(rows.output)
+    }
     return Outliers(counts, share, base.additions)

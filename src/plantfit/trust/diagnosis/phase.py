@@ -1,4 +1,5 @@
-"""The diagnosis of an answer that was judged: whether its findings ask for one, how much work it may be, and what they say then."""
+"""The diagnosis of an answer that was judged: whether its findings ask for one, how much work it may be, and what
+they say then."""
 
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -34,7 +35,9 @@ DRAWN = 0.05  # of the mean square: what explains less is not drawn
 
 def asked_for(findings: Mapping[str, Any]) -> bool:
     """Whether the residual of some output is above its noise or not white."""
-    return any(not r["white"] for r in findings["residual_tests"]) or any(r["ratio"] >= AT_NOISE for r in noise_rows(findings))
+    return any(not r["white"] for r in findings["residual_tests"]) or any(
+        r["ratio"] >= AT_NOISE for r in noise_rows(findings)
+    )
 
 
 def with_diagnosis(
@@ -50,17 +53,21 @@ def with_diagnosis(
 ) -> Findings:
     """The findings of an answer with section "diagnosis" and the verdict that goes with it.
 
-    They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated. The work is about
-    twice the evaluations that `runs` spent, or those that simulate two million samples if that is more, and none for problems of over
-    60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings say. `stop` ends it, and the findings then say
-    so. `linear` as in `diagnosis_record`, `regression` as in `diagnose`. Raises ModelError only with `whole`, for a model that is neither
-    simulated over time nor a regression.
+    They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated. The
+    work is about twice the evaluations that `runs` spent, or those that simulate two million samples if that is more,
+    and none for problems of over 60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings
+    say. `stop` ends it, and the findings then say so. `linear` as in `diagnosis_record`, `regression` as in `diagnose`.
+    Raises ModelError only with `whole`, for a model that is neither simulated over time nor a regression.
     """
     if not whole and not (asked_for(findings) and (isinstance(problem.model, LinearModel) or treatable(problem))):
         return findings
     best = min(runs, key=lambda r: r.cost)
     if not whole and forgotten(findings):
-        text = f"What may be missing was not tried, as the simulation forgets its start; {_command(findings)} tries it all the same."
+        text = (
+            f"What may be missing was not tried, as the simulation forgets its start; {_command(findings)} tries "
+            f"it "
+            f"all the same."
+        )
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)
@@ -78,12 +85,18 @@ def with_diagnosis(
     except ModelError as error:
         if whole:
             raise
-        return _said(findings, best, {"state": "left", "verdict": [say("info", f"What may be missing was not tried: {error}")]})
+        return _said(
+            findings, best, {"state": "left", "verdict": [say("info", f"What may be missing was not tried: {error}")]}
+        )
     record = diagnosis_record(found, alone=False, linear=linear)
     record["verdict"] += _cut(found, command)
     more = {"state": "whole" if found.whole else "part", "allowed": None if whole else meter.limit, **_after(found)}
     first = list(_data_first(found, findings))
-    return _said(findings, best, {**record, "verdict": record["verdict"] + first, **more, "next": "" if first else _next(found, findings)})
+    return _said(
+        findings,
+        best,
+        {**record, "verdict": record["verdict"] + first, **more, "next": "" if first else _next(found, findings)},
+    )
 
 
 def _said(findings: Findings, best: RunResult, diagnosis: dict[str, Any]) -> Findings:
@@ -119,28 +132,47 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
     first, limit = found.rounds[0], f"within the {found.carrier.meter.limit:.0f} evaluations that it may take"
     tried, untried = len(first.trials), len(first.untried)
     if untried:
-        yield say("info", f"{tried} of {tried + untried} additions to the model were tried {limit}; {command} tries the rest.", tried=tried)
+        yield say(
+            "info",
+            f"{tried} of {tried + untried} additions to the model were tried {limit}; {command} tries the rest.",
+            tried=tried,
+        )
     elif found.found:
-        yield say("info", f"What may be missing beside that was not tried in full {limit}; {command} does it.", tried=tried)
+        yield say(
+            "info", f"What may be missing beside that was not tried in full {limit}; {command} does it.", tried=tried
+        )
 
 
 def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, may stand for that; nothing where it finds none."""
+    """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, may stand for that; nothing
+    where it finds none."""
     if not (found.found or found.disturbed is not None or found.drifting is not None):
         return
-    seldom = some(list(dict.fromkeys(k["signal"] for k in findings.get("data", ()) if k["kind"] in ("held", "filled"))) or [""])
+    seldom = some(
+        list(dict.fromkeys(k["signal"] for k in findings.get("data", ()) if k["kind"] in ("held", "filled"))) or [""]
+    )
     if seldom:
-        text = f"{seldom} was read more seldom than it was recorded, and what is said of what may be missing may stand for that: keep the "
+        text = (
+            f"{seldom} was read more seldom than it was recorded, and what is said of what may be missing may "
+            f"stand "
+            f"for that: keep the "
+        )
         yield say("warning", f"{text}fresh samples alone, as the look at {seldom} says, and run again.")
-    outputs = some(list(dict.fromkeys(look["signal"] for look in findings.get("data", ()) if look["kind"] == "stuck")) or [""])
+    outputs = some(
+        list(dict.fromkeys(look["signal"] for look in findings.get("data", ()) if look["kind"] == "stuck")) or [""]
+    )
     if outputs:
-        text = f"{outputs} may have been stuck, and what is said of what may be missing may stand for that: take those samples out first, "
+        text = (
+            f"{outputs} may have been stuck, and what is said of what may be missing may stand for that: take "
+            f"those "
+            f"samples out first, "
+        )
         yield say("warning", f"{text}as the look at {outputs} says, and run again.")
 
 
 def _after(found: Diagnosis) -> dict[str, Any]:
-    """Residuals (measured minus simulated) of the model as it is and with what was found, else with what explains most, if that is
-    worth a drawing."""
+    """Residuals (measured minus simulated) of the model as it is and with what was found, else with what explains
+    most, if that is worth a drawing."""
     trials = found.rounds[0].trials
     best = found.found[-1] if found.found else trials[0] if trials and trials[0].explained >= DRAWN else None
     if best is None or best.at is None:
@@ -158,7 +190,9 @@ def _series(found: Diagnosis, after: Fitted) -> Iterator[ResidualChange]:
                 both = found.base.residuals[at] * size, after.residuals[at] * size
             before, now = ([float(v) if np.isfinite(v) else None for v in one] for one in both)
             unit = given.model.outputs[output]
-            yield ResidualChange(recording=name, output=output, unit=unit, t=e.recording.t.tolist(), before=before, after=now)
+            yield ResidualChange(
+                recording=name, output=output, unit=unit, t=e.recording.t.tolist(), before=before, after=now
+            )
 
 
 __all__ = ["asked_for", "with_diagnosis"]

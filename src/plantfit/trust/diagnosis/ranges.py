@@ -1,4 +1,5 @@
-"""The ranges and values at which additions are tried, from what the recordings show, and the bounds that the study file gets.
+"""The ranges and values at which additions are tried, from what the recordings show, and the bounds that the study file
+gets.
 
 Bounds are made of the range that was tried (low, high) and the value that was found.
 """
@@ -15,8 +16,9 @@ LEVELS = (0.999, 0.9, 0.7)  # of the range of a signal at which saturation is tr
 
 @dataclass(frozen=True)
 class Seen:
-    """What the recordings show of a signal: its `unit` and `values` (k,) in it, the `length` of the shortest recording (s), the `period` of
-    the samples (s) and `times` (s) to begin with; `late` where the model gives an input a dead time already."""
+    """What the recordings show of a signal: its `unit` and `values` (k,) in it, the `length` of the shortest
+    recording (s), the `period` of the samples (s) and `times` (s) to begin with; `late` where the model gives an
+    input a dead time already."""
 
     unit: str | None
     values: np.ndarray
@@ -28,7 +30,8 @@ class Seen:
 
 @dataclass(frozen=True)
 class Tried:
-    """The parameter of an addition: its unit, its range (low, high), and the values to begin with; none for linear effects."""
+    """The parameter of an addition: its unit, its range (low, high), and the values to begin with; none for linear
+    effects."""
 
     unit: str | None
     low: float
@@ -106,7 +109,9 @@ def zone(s: Seen) -> Tried:
 def limit(s: Seen) -> Tried:
     """Of the size at which an input saturates."""
     least, top = _ends(s)
-    return Tried(s.unit, least + 1e-3 * (top - least), top, tuple(least + part * (top - least) for part in (0.9, 0.7, 0.5)))
+    return Tried(
+        s.unit, least + 1e-3 * (top - least), top, tuple(least + part * (top - least) for part in (0.9, 0.7, 0.5))
+    )
 
 
 def gap(s: Seen) -> Tried:

@@ -26,19 +26,26 @@ from plantfit.trust.diagnosis.plant.hypothesis import (
 
 QUICK, FINALISTS = 3, 6  # steps of a first try, additions fitted in full
 CHANGES = 6  # of what may change with what that are tried
-MOST, NEAR = 0.5, 3.0  # of the mean square that these must explain, or times the sample-to-sample noise that they may leave
+MOST, NEAR = (
+    0.5,
+    3.0,
+)  # of the mean square that these must explain, or times the sample-to-sample noise that they may leave
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
 SAME = 0.5  # cosine of what two additions take from the residual, below which they explain different parts of it
 NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
 SURE = 2.0  # standard errors that a value is off zero
-TRYING, FITTING = 0.65, 0.85  # of the work left to a round: what first tries may take, and full fits may have taken when one begins
+TRYING, FITTING = (
+    0.65,
+    0.85,
+)  # of the work left to a round: what first tries may take, and full fits may have taken when one begins
 
 
 @dataclass(frozen=True)
 class Trial:
-    """One addition tried: `explained` and `unseen` are shares of the mean square that is left without it (of `unseen` None where it was
-    not fitted in full), `rmse` and `unseen_rmse` pairs (without, with), `value` its parameter with a standard error."""
+    """One addition tried: `explained` and `unseen` are shares of the mean square that is left without it (of
+    `unseen` None where it was not fitted in full), `rmse` and `unseen_rmse` pairs (without, with), `value` its
+    parameter with a standard error."""
 
     extension: Extension
     explained: float
@@ -53,10 +60,11 @@ class Trial:
 
 @dataclass(frozen=True)
 class Round:
-    """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that explain alike.
+    """Additions tried beside those `given`: all `trials`, the best first, and which are `found`: one, or several that
+    explain alike.
 
-    `untried` are those for which the work allowed was not enough; with `whole` none is, and all of the best were fitted to their end.
-    `base` is the fit with what was given that all are held against.
+    `untried` are those for which the work allowed was not enough; with `whole` none is, and all of the best were fitted
+    to their end. `base` is the fit with what was given that all are held against.
     """
 
     given: tuple[Extension, ...]
@@ -69,7 +77,12 @@ class Round:
 
 
 def one_round(
-    carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray, say: Callable[[str], None]
+    carrier: Carrier,
+    base: Fitted,
+    extensions: Sequence[Extension],
+    use: np.ndarray,
+    kept: np.ndarray,
+    say: Callable[[str], None],
 ) -> Round:
     """Additions tried beside those of `base`: the best are fitted in full, and judged on unseen data."""
     left, meter = [e for e in extensions if e not in base.additions], carrier.meter
@@ -148,10 +161,11 @@ def tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitt
 def promising(
     carrier: Carrier, base: Fitted, extensions: Sequence[Extension], use: np.ndarray, most: int = CHANGES
 ) -> tuple[list[Extension], dict[Extension, float]]:
-    """The additions that are worth a first try, and the others with the share of the mean square that they explain by their derivatives.
+    """The additions that are worth a first try, and the others with the share of the mean square that they explain by
+    their derivatives.
 
-    Of changes with a signal there are many: at `most` the best few are tried. The shares are those of a straight line once the derivatives
-    by all that is fitted are projected out of effect and residual.
+    Of changes with a signal there are many: at `most` the best few are tried. The shares are those of a straight line
+    once the derivatives by all that is fitted are projected out of effect and residual.
     """
     many = [e for e in extensions if isinstance(e.candidate, Changing)]
     if len(many) <= most:
@@ -199,11 +213,18 @@ def _price(e: Extension) -> int:
 
 
 def _found(
-    carrier: Carrier, base: Fitted, trials: Sequence[Trial], extensions: Sequence[Extension], use: np.ndarray, kept: np.ndarray
+    carrier: Carrier,
+    base: Fitted,
+    trials: Sequence[Trial],
+    extensions: Sequence[Extension],
+    use: np.ndarray,
+    kept: np.ndarray,
 ) -> tuple[Trial, ...]:
-    """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in catalogue order.
+    """The addition that explains most and helps on unseen data, with those that the record cannot tell from it, in
+    catalogue order.
 
-    What changes with a signal bends to much that it is not: it has to explain most of what is left, or to come near the noise.
+    What changes with a signal bends to much that it is not: it has to explain most of what is left, or to come near the
+    noise.
     """
     good = [t for t in trials if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier)]
     good = [t for t in good if not changing([t.extension]) or t.explained >= MOST or _near_noise(carrier, t, kept)]
@@ -239,8 +260,11 @@ def _pressed(carrier: Carrier, one: Fitted) -> bool:
     return bool(np.any((own < NEAR_BOUND) | (own > 1.0 - NEAR_BOUND)))
 
 
-def _from_elsewhere(carrier: Carrier, trials: Sequence[tuple[Extension, Fitted]], use: np.ndarray) -> list[tuple[Extension, Fitted]]:
-    """The trials, the best one fitted from some points of the box as well, and the others of the best from where that ended."""
+def _from_elsewhere(
+    carrier: Carrier, trials: Sequence[tuple[Extension, Fitted]], use: np.ndarray
+) -> list[tuple[Extension, Fitted]]:
+    """The trials, the best one fitted from some points of the box as well, and the others of the best from where
+    that ended."""
     best, made = trials[0][1], list(trials)
     for z in Sobol(max(carrier.own, 1), np.random.default_rng(0)).random(ELSEWHERE)[:, : carrier.own]:
         x = best.x.copy()

@@ -27,17 +27,19 @@ MOST_VALUES = 6  # in a sentence
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
 
-# problem, output, its fitted and unseen samples by recording, RMSE of both, noise from sample to sample, what the model is called; gives a
-# sentence or ""
+# problem, output, its fitted and unseen samples by recording, RMSE of both, noise from sample to sample, what the model
+# is called; gives a sentence or ""
 Masks = Mapping[str, tuple[np.ndarray, np.ndarray]]
 Linear = Callable[[Problem, str, Masks, tuple[float, float], float, str], str]
 
 
 def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | None = None) -> dict[str, Any]:
-    """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried, "write" lines.
+    """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried,
+    "write" lines.
 
-    Not `alone` the sentences stand in a verdict that tells the noise itself and says where nothing is left to explain. `linear` may say
-    what a linear model without physics does on an output of which much is left (`first_look.linear_beside`).
+    Not `alone` the sentences stand in a verdict that tells the noise itself and says where nothing is left to explain.
+    `linear` may say what a linear model without physics does on an output of which much is left
+    (`first_look.linear_beside`).
     """
     simulated = isinstance(diagnosis.carrier.given.model, Model)
     beside = [] if linear is None or not simulated else list(_linear(diagnosis, linear))
@@ -45,7 +47,10 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
     return {
         "name": diagnosis.carrier.given.name,
         "verdict": [*_sentences(diagnosis, alone), *beside, *(say("info", text) for text in of_packages()[1])],
-        "outliers": {"counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()}, "share": diagnosis.outliers.share},
+        "outliers": {
+            "counts": {o: list(c) for o, c in diagnosis.outliers.counts.items()},
+            "share": diagnosis.outliers.share,
+        },
         "rounds": [_round(diagnosis, r).plain() for r in diagnosis.rounds],
         "dropped": [e.name for e in diagnosis.dropped],
         "exchanged": {old.name: new.name for old, new in diagnosis.exchanged},
@@ -71,7 +76,8 @@ def _round(diagnosis: Diagnosis, one: Round) -> records.Round:
 def _trial(t: Trial) -> records.Tried:
     e, later = t.extension, t.unseen_rmse
     return records.Tried(
-        name=e.name, kind=e.kind, signal=e.signal, parameter=e.parameter, unit=e.unit, value=t.value, standard_error=t.standard_error,
+        name=e.name, kind=e.kind, signal=e.signal, parameter=e.parameter, unit=e.unit, value=t.value,
+        standard_error=t.standard_error,
         explained=t.explained, evidence=t.evidence, rmse=t.rmse[0], rmse_with=t.rmse[1],
         unseen_rmse=None if later is None else later[0], unseen_rmse_with=None if later is None else later[1],
     )  # fmt: skip
@@ -86,7 +92,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
                 step, taken = outliers_taken(d, output)
                 yield say(
                     "warning",
-                    f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} % of the squares of the "
+                    f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} % of "
+                    f"the squares of the "
                     f"residual{beside}: outliers, which this diagnosis leaves out. {step} under clean takes "
                     f"{'them' if taken == count else f'{taken} of them'} away.",
                     count=count,
@@ -105,22 +112,35 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
     for e in d.dropped:
         text = f"{e.article} {e.name}".strip()
         yield say(
-            "info", f"{text[0].upper()}{text[1:]} was found first, and explains nothing beside that: it stood for what was found later."
+            "info",
+            f"{text[0].upper()}{text[1:]} was found first, and explains nothing beside that: it stood for what was "
+            f"found later.",
         )
     for old, new in d.exchanged:
         first, better = (f"{e.article} {e.name}".strip() for e in (old, new))
-        text = f"{first[0].upper()}{first[1:]} was found first; beside what was found later {better[0].lower()}{better[1:]} fits better"
+        text = (
+            f"{first[0].upper()}{first[1:]} was found first; beside what was found later "
+            f"{better[0].lower()}{better[1:]} fits better"
+        )
         yield say("info", f"{text} in its place.")
     if not d.found and d.rounds:
         yield _nothing(d, alone)
     last = d.rounds[-1] if d.rounds else None
     if d.found and last and not last.found and last.trials:
-        yield say("info", f"Beside that, nothing that was tried explains more than {_percent(_best(last))}.", explained=_best(last))
+        yield say(
+            "info",
+            f"Beside that, nothing that was tried explains more than {_percent(_best(last))}.",
+            explained=_best(last),
+        )
     asked = bool(d.curves) and d.beside is None
     if (alone or d.found) and not asked:
         yield from _left(d)
     if asked:
-        yield say("info", f"{some([c.name[0].upper() + c.name[1:] for c in d.curves])}: a curve in time, as smooth as the data ask for.")
+        yield say(
+            "info",
+            f"{some([c.name[0].upper() + c.name[1:] for c in d.curves])}: a curve in time, as smooth as the data ask "
+            f"for.",
+        )
     if d.disturbed is not None and not d.surpassed:
         yield _wanders(d, d.disturbed)
     if d.drifting is not None and not d.surpassed:
@@ -132,7 +152,11 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
     if not one.found:
         return None
     best = max(one.found, key=lambda t: t.explained)
-    sure = min(t.evidence for t in one.found) >= STRONG * one.needed and best.unseen is not None and best.unseen >= 0.5 * best.explained
+    sure = (
+        min(t.evidence for t in one.found) >= STRONG * one.needed
+        and best.unseen is not None
+        and best.unseen >= 0.5 * best.explained
+    )
     much = _stands_for_more(d)
     if d.beside is not None and len(d.beside) < len(d.end.additions):
         return "possibly"  # a disturbance or a drift does without it
@@ -169,8 +193,10 @@ def _rivalled(d: Diagnosis, found: Rival) -> Sentence:
     moved = with_unit(found.drift.moves, plain_unit(difference_of(d.carrier.given.model.outputs[y])))
     that = "that" if len(d.end.additions) == 1 else "all of that"
     text = (
-        f"A slow drift of {y}, a curve in time that moves by up to {moved}, explains {_percent(found.explains)} of what is left by itself, "
-        f"as well as {that}: this record does not tell which. What comes back when the record is repeated is no drift. Try it by "
+        f"A slow drift of {y}, a curve in time that moves by up to {moved}, explains {_percent(found.explains)} of "
+        f"what is left by itself, "
+        f"as well as {that}: this record does not tell which. What comes back when the record is repeated is no drift. "
+        f"Try it by "
         f'--try "slow drift of {y}".'
     )
     return say("warning", text, explained=found.explains)
@@ -189,7 +215,11 @@ def _figures(d: Diagnosis, t: Trial) -> str:
 def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     first = d.rounds[0]
     best = _best(first)
-    text = f"Nothing that was tried explains more than {_percent(best)} of what is left ({len(first.trials)} additions to the model)"
+    text = (
+        f"Nothing that was tried explains more than {_percent(best)} of what is left ({len(first.trials)} "
+        f"additions "
+        f"to the model)"
+    )
     strong = [t for t in first.trials if t.explained >= 0.05]
     if strong:
         text += ", and none of it is more than chance or holds on unseen data"
@@ -208,7 +238,8 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
             continue  # it is told what that is
         yield say(
             "warning",
-            f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried explains beyond "
+            f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried "
+            f"explains beyond "
             "doubt: something else is missing, or the record is too short to tell.",
             times=times,
         )
@@ -244,7 +275,8 @@ def _drifts(d: Diagnosis, found: Drifting) -> Sentence:
     slower = ", more slowly than the inputs move the plant" if driven else ""
     text = (
         f"{of} drifts slowly, {some(moved)}{slower}: a curve in time accounts for "
-        f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts there, or a sensor drifts"
+        f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts there, or a "
+        f"sensor drifts"
         f"{', and nothing else need be missing' if alone and driven else ''}."
     )
     if not driven:
@@ -274,7 +306,8 @@ def _wandering(d: Diagnosis) -> dict[str, Any] | None:
     unit = plain_unit(difference_of(d.carrier.given.model.outputs[found.output]))
     walk, values = found.walk, [records.ValueBeside(**v) for v in _values_beside(d, found)]
     return records.Wandering(
-        output=found.output, unit=unit, steps=walk.steps, period=found.period, noise=walk.noise, explained=walk.explains, values=values,
+        output=found.output, unit=unit, steps=walk.steps, period=found.period, noise=walk.noise,
+        explained=walk.explains, values=values,
     ).plain()  # fmt: skip
 
 
@@ -284,7 +317,9 @@ def _drifting(d: Diagnosis) -> dict[str, Any] | None:
         return None
     units = d.carrier.given.model.outputs
     outputs = [
-        records.SlowDrift(output=s.output, unit=plain_unit(difference_of(units[s.output])), splines=s.count, moves=s.moves)
+        records.SlowDrift(
+            output=s.output, unit=plain_unit(difference_of(units[s.output])), splines=s.count, moves=s.moves
+        )
         for s in found.drifts
     ]
     values = [records.ValueBeside(**v) for v in _values_beside(d, found)]
@@ -314,7 +349,8 @@ def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:
 
 
 def _stands_for_more(d: Diagnosis) -> bool:
-    """Whether what was found may stand for something else: a cause that is not in the catalogue may look like one that is."""
+    """Whether what was found may stand for something else: a cause that is not in the catalogue may look like one
+    that is."""
     return d.surpassed or any(times > MORE for times in by_output(d.carrier, d.end, d.apart).values())
 
 
@@ -345,7 +381,13 @@ def plain_unit(unit: str | None) -> str:
 
 def _percent(share: float) -> str:
     percent = 100.0 * share
-    return f"{percent:.0f} %" if percent < 99.5 and percent >= 2 else f"{percent:.1f} %" if percent < 99.95 else "over 99.9 %"
+    return (
+        f"{percent:.0f} %"
+        if percent < 99.5 and percent >= 2
+        else f"{percent:.1f} %"
+        if percent < 99.95
+        else "over 99.9 %"
+    )
 
 
 def _unit(d: Diagnosis) -> str | None:

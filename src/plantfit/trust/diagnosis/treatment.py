@@ -19,10 +19,12 @@ from plantfit.trust.diagnosis.rounds import Trial
 
 @dataclass(frozen=True)
 class Change:
-    """An addition for the study file: its `name`, kind and signal of [model.extensions], bounds of its parameter and where to begin.
+    """An addition for the study file: its `name`, kind and signal of [model.extensions], bounds of its parameter and
+    where to begin.
 
-    `values` are parameters that come with it, `ranges` those of them that are fitted (low, high, start); with `per_recording` every
-    recording has its own value. A curve in time has `nodes` (from, to in s, count), and its bends are kept small.
+    `values` are parameters that come with it, `ranges` those of them that are fitted (low, high, start); with
+    `per_recording` every recording has its own value. A curve in time has `nodes` (from, to in s, count), and its bends
+    are kept small.
     """
 
     name: str
@@ -41,7 +43,8 @@ SMOOTH = "reml"  # of curves in time
 
 
 def changed(diagnosis: Diagnosis) -> list[Change]:
-    """The changes of all rounds, of those that explain alike the first, and a curve for what wanders beside them or in their place."""
+    """The changes of all rounds, of those that explain alike the first, and a curve for what wanders beside them or
+    in their place."""
     beside = diagnosis.beside
     trials = [t for t in diagnosis.found if beside is None or t.extension in beside]
     return [*(change_of(diagnosis, t) for t in trials), *map(_of_curve, diagnosis.curves)]
@@ -49,7 +52,10 @@ def changed(diagnosis: Diagnosis) -> list[Change]:
 
 def asked_changes(diagnosis: Diagnosis) -> list[Change]:
     """Those that were asked for, whatever they explain."""
-    return [*(change_of(diagnosis, r.trials[0]) for r in diagnosis.rounds if r.trials), *map(_of_curve, diagnosis.curves)]
+    return [
+        *(change_of(diagnosis, r.trials[0]) for r in diagnosis.rounds if r.trials),
+        *map(_of_curve, diagnosis.curves),
+    ]
 
 
 def clean_steps(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:
@@ -82,7 +88,9 @@ def _removals(diagnosis: Diagnosis) -> Iterator[tuple[str, str, dict[str, Any], 
 
 def _of_curve(c: Curve) -> Change:
     low, high = (rounded(b) for b in c.bounds)
-    return Change(c.name, KIND, c.output, c.parameter, (low, high), 0.0, per_recording=c.several, nodes=(c.begin, c.end, c.count))
+    return Change(
+        c.name, KIND, c.output, c.parameter, (low, high), 0.0, per_recording=c.several, nodes=(c.begin, c.end, c.count)
+    )
 
 
 def change_of(diagnosis: Diagnosis, trial: Trial) -> Change:
@@ -96,7 +104,9 @@ def change_of(diagnosis: Diagnosis, trial: Trial) -> Change:
         assert trial.at is not None
         speed, spread = rounded(float(trial.at.x[place])), carrier.speeds[e.kind, e.signal][1]
         ranges.append((carrier.names[place], (rounded(SLOWEST * spread), rounded(FASTEST * spread), speed)))
-    several = isinstance(e.candidate, Inside) and e.candidate.per_recording and len(diagnosis.carrier.given.experiments) > 1
+    several = (
+        isinstance(e.candidate, Inside) and e.candidate.per_recording and len(diagnosis.carrier.given.experiments) > 1
+    )
     start = min(max(rounded(value), low), high)
     return Change(e.name, e.kind, e.signal, e.parameter, (low, high), start, tuple(values), tuple(ranges), several)
 

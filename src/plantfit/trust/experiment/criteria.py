@@ -1,5 +1,5 @@
-"""What makes one input better than another: small errors of the parameters, or two models told apart. Costs are logarithms of a mean
-standard error, so that a difference of 0.1 is one of 10 %."""
+"""What makes one input better than another: small errors of the parameters, or two models told apart. Costs are
+logarithms of a mean standard error, so that a difference of 0.1 is one of 10 %."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -16,10 +16,11 @@ KINDS = ("D", "A")
 class Precision:
     """Errors of the parameters after a new recording, as `criterion` sums them up over the plants.
 
-    `known` (d, d) is the information that the study's own recordings give, in the parameters' units, 0 where it shall not count;
-    `inflation` how many times larger variances are than those of white noise. "D": the mean log error of all axes of the ellipsoid;
-    "A": the root of the mean square relative error, of `chosen` coordinates (d,) only. (Fedorov, Theory of Optimal Experiments, 1972,
-    section 2.1; averaged over the plants: Pronzato and Walter, Math. Biosci. 75 (1985) 103.)
+    `known` (d, d) is the information that the study's own recordings give, in the parameters' units, 0 where it shall
+    not count; `inflation` how many times larger variances are than those of white noise. "D": the mean log error of all
+    axes of the ellipsoid; "A": the root of the mean square relative error, of `chosen` coordinates (d,) only. (Fedorov,
+    Theory of Optimal Experiments, 1972, section 2.1; averaged over the plants: Pronzato and Walter, Math. Biosci. 75
+    (1985) 103.)
     """
 
     trial: TrialRecord
@@ -35,19 +36,22 @@ class Precision:
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """Sizes (s,) that errors are divided by: of each value, or of the width of its bounds where that is larger than 1000 values."""
+        """Sizes (s,) that errors are divided by: of each value, or of the width of its bounds where that is larger
+        than 1000 values."""
         space, values = self.trial.problem.space, np.abs(self.trial.plants[0][self.shared])
         typical = np.array([space.coordinates[i].typical for i in self.shared])
         return np.maximum(np.maximum(values, typical), 1e-3 * (space.upper - space.lower)[self.shared])
 
     @cached_property
     def _before(self) -> np.ndarray:
-        """Information (s, s) in units of `scale` that is there before the new recording; hardly any of what nothing is known of."""
+        """Information (s, s) in units of `scale` that is there before the new recording; hardly any of what nothing
+        is known of."""
         on = self.shared
         return self.known[np.ix_(on, on)] * np.outer(self.scale, self.scale) + self._hardly
 
     def information(self, told: Told) -> np.ndarray:
-        """Information (K, s, s) in units of `scale` that the new recording gives for each plant, whatever its own coordinates are."""
+        """Information (K, s, s) in units of `scale` that the new recording gives for each plant, whatever its own
+        coordinates are."""
         own, sizes = self.trial.own, self.trial.sizes[self.trial.coordinates]
         unit = np.where(own, np.maximum(np.nan_to_num(np.abs(sizes)), 1e-12), 1.0)
         unit[~own] = self.scale
@@ -60,7 +64,8 @@ class Precision:
         return full[:, ~own][:, :, ~own] - cross @ np.linalg.solve(inner, np.swapaxes(cross, 1, 2))
 
     def covariance(self, told: Told | None, before: bool = True) -> np.ndarray:
-        """Covariance (K, s, s) in units of `scale` with a recording (None: without), and with or without what was known before."""
+        """Covariance (K, s, s) in units of `scale` with a recording (None: without), and with or without what was
+        known before."""
         base = self._before if before else self._hardly
         return np.linalg.inv(base[None] + (0.0 if told is None else self.information(told)))
 
@@ -87,9 +92,9 @@ class Precision:
 class Difference:
     """How far apart two models foretell a new recording, over what noise and their own parameters leave open.
 
-    The squared distance is d'C^-1 d of the difference d of the outputs, where C is the mean of the covariances that the two models
-    foretell, of noise and of what their own parameters leave open (Box and Hill, Technometrics 9 (1967) 57, with the covariance of
-    Bhattacharyya's distance). The cost is minus its log.
+    The squared distance is d'C^-1 d of the difference d of the outputs, where C is the mean of the covariances that the
+    two models foretell, of noise and of what their own parameters leave open (Box and Hill, Technometrics 9 (1967) 57,
+    with the covariance of Bhattacharyya's distance). The cost is minus its log.
     """
 
     one: Precision

@@ -20,7 +20,8 @@ OUTSIDE = 1e6  # cost of a design that breaks a limit, to which its violation is
 
 @dataclass(frozen=True)
 class Experiment:
-    """A design (d,) with its `information` (k, k), its log-determinant and the sum of its violations, 0 within all limits."""
+    """A design (d,) with its `information` (k, k), its log-determinant and the sum of its violations, 0 within all
+    limits."""
 
     design: np.ndarray
     information: np.ndarray
@@ -45,17 +46,18 @@ def d_optimal(
 ) -> Experiment:
     """The design in `bounds` (lower (d,), upper (d,)) with the largest log det of its information (k, k).
 
-    `information` and `violation` (any shape, > 0 where a limit is broken, in units that can be added up) are jax-traceable
-    functions of a design (d,); with `violation` None, `information` gives both, so that one simulation serves both.
-    A design that breaks a limit is worse than any that does not, and the more the
-    more it breaks (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000) 311, eq. 4). `start` (d,) or (m, d) are designs to begin from; `method`
-    is any of `plantfit methods` without a gradient. D-optimality: Fedorov, Theory of Optimal Experiments, 1972, section 2.1.
-    Raises SearchError for bounds that cannot be, and when no design of `budget` tries keeps all limits.
+    `information` and `violation` (any shape, > 0 where a limit is broken, in units that can be added up) are
+    jax-traceable functions of a design (d,); with `violation` None, `information` gives both, so that one simulation
+    serves both. A design that breaks a limit is worse than any that does not, and the more the more it breaks (Deb,
+    Comput. Methods Appl. Mech. Eng. 186 (2000) 311, eq. 4). `start` (d,) or (m, d) are designs to begin from; `method`
+    is any of `plantfit methods` without a gradient. D-optimality: Fedorov, Theory of Optimal Experiments, 1972, section
+    2.1. Raises SearchError for bounds that cannot be, and when no design of `budget` tries keeps all limits.
     """
     low, high = (np.asarray(b, dtype=float) for b in bounds)
     if low.ndim != 1 or low.shape != high.shape or not np.all(low < high):
         raise SearchError(
-            f"The bounds of the design have shapes {low.shape} and {high.shape}; give a lower below an upper bound for each number."
+            f"The bounds of the design have shapes {low.shape} and {high.shape}; give a lower below an upper bound for "
+            f"each number."
         )
 
     def measured(design: Any) -> tuple[Any, Any, Any]:
@@ -73,11 +75,16 @@ def d_optimal(
     cubes = None if start is None else (np.atleast_2d(np.asarray(start, dtype=float)) - low) / (high - low)
     if cubes is not None and (cubes.shape[1] != len(low) or np.any(cubes < -1e-9) or np.any(cubes > 1 + 1e-9)):
         raise SearchError(f"The start of the design does not lie in its bounds; give {len(low)} numbers inside.")
-    objective = Objective(len(low), costs, start=None if cubes is None else np.clip(cubes, 0.0, 1.0), lower=low, upper=high)
+    objective = Objective(
+        len(low), costs, start=None if cubes is None else np.clip(cubes, 0.0, 1.0), lower=low, upper=high
+    )
     (run,) = minimise(objective, method, budget=budget, seed=seed, settings=settings)
     if not run.cost < OUTSIDE:
         said = f"breaks limits by {run.cost - OUTSIDE:.3g}" if np.isfinite(run.cost) else "cannot be evaluated"
-        raise SearchError(f"No design keeps all limits: the best of {budget} {said}; widen the limits or give a start that keeps them.")
+        raise SearchError(
+            f"No design keeps all limits: the best of {budget} {said}; widen the limits or give a start that keeps "
+            f"them."
+        )
     design = low + (high - low) * run.x
     matrix, log_det, total = (np.asarray(v) for v in jax.jit(measured)(jnp.asarray(design)))
     return Experiment(design, matrix, float(log_det), float(total), run.evaluations)
@@ -85,7 +92,8 @@ def d_optimal(
 
 @dataclass(frozen=True)
 class Gain:
-    """What one experiment tells more than another: `log_det` the difference, `error_ratio` (k,) standard errors new / old."""
+    """What one experiment tells more than another: `log_det` the difference, `error_ratio` (k,) standard errors new
+    / old."""
 
     names: tuple[str, ...]
     log_det: float
@@ -96,8 +104,14 @@ class Gain:
         k = len(self.names)
         mean = float(np.exp(-self.log_det / (2 * k)))
         each = [f"{n} {number(r)}" for n, r in zip(self.names, self.error_ratio, strict=True)]
-        grown = f"The log-determinant of the information {'grows' if self.log_det >= 0 else 'falls'} by {number(abs(self.log_det))}"
-        return f"{grown}: standard errors become {number(mean)} times as large in the mean of all axes ({some(each, most=8)})."
+        grown = (
+            f"The log-determinant of the information {'grows' if self.log_det >= 0 else 'falls'} by "
+            f"{number(abs(self.log_det))}"
+        )
+        return (
+            f"{grown}: standard errors become {number(mean)} times as large in the mean of all axes "
+            f"({some(each, most=8)})."
+        )
 
 
 def gain(names: Sequence[str], new: Any, old: Any) -> Gain:
@@ -110,7 +124,9 @@ def gain(names: Sequence[str], new: Any, old: Any) -> Gain:
         size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
         scaled = matrix / np.outer(size, size)
         if np.linalg.eigvalsh(scaled)[0] <= 1e-14:
-            raise SearchError(f"The information of the {which} experiment is singular; compare it over its base parameters.")
+            raise SearchError(
+                f"The information of the {which} experiment is singular; compare it over its base parameters."
+            )
         errors.append(np.sqrt(np.diag(np.linalg.inv(scaled))) / size)
         log_dets.append(np.linalg.slogdet(scaled)[1] + 2.0 * np.sum(np.log(size)))
     return Gain(tuple(names), float(log_dets[0] - log_dets[1]), errors[0] / errors[1])

@@ -12,7 +12,9 @@ from plantfit.trust.experiment.exchange import LEVELS, Exchange
 from plantfit.trust.experiment.shapes import kind_of, shapes
 from plantfit.trust.experiment.trial_record import Told
 
-OUTSIDE = 1e6  # cost of an input that breaks a limit, to which by how much is added (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000) 311)
+# cost of an input that breaks a limit, to which by how much is added (Deb, Comput. Methods Appl. Mech. Eng. 186 (2000)
+# 311)
+OUTSIDE = 1e6
 AMPLITUDES = (1.0, 0.8, 0.6, 0.45, 0.33, 0.24, 0.16, 0.1, 0.05)  # of the range of the input
 OFFSETS = (0.5, 0.0, 1.0)  # of what is left of the range
 MOST_BLOCKS = 64
@@ -21,9 +23,10 @@ FINE = tuple(np.linspace(0.0, 1.0, 17))
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What the bench allows: `low` and `high` (inputs,) of the inputs, `slew` (inputs,) per second, inf where there is none, `hold` the
-    samples that a level lasts at least, and `signals` (low, high) of outputs and states, by name in their units. `far` are ends between
-    which outputs stay that have no limit of their own: a plant that runs away tells nothing, however large its sensitivities."""
+    """What the bench allows: `low` and `high` (inputs,) of the inputs, `slew` (inputs,) per second, inf where there
+    is none, `hold` the samples that a level lasts at least, and `signals` (low, high) of outputs and states, by name
+    in their units. `far` are ends between which outputs stay that have no limit of their own: a plant that runs away
+    tells nothing, however large its sensitivities."""
 
     low: np.ndarray
     high: np.ndarray
@@ -72,8 +75,8 @@ def designed(
 ) -> Designed:
     """The best input that was found in `budget` simulations, classical shapes included.
 
-    Shapes are tried with many settings and within the limits of the signals as large as these allow; levels of blocks are then
-    exchanged, from 8 blocks to 64. Raises SearchError where no input keeps the limits.
+    Shapes are tried with many settings and within the limits of the signals as large as these allow; levels of blocks
+    are then exchanged, from 8 blocks to 64. Raises SearchError where no input keeps the limits.
     """
     trial = goal.trial if isinstance(goal, Precision) else goal.one.trial
     n, inputs, period = len(trial.t), len(limits.low), float(np.median(np.diff(trial.t)))
@@ -106,21 +109,30 @@ def designed(
         return [*found, alternating, rng.choice(LEVELS, size=(blocks, inputs)), _resting(begins, limits, blocks)]
 
     levels, _ = exchange.search(starts, most, rng)
-    levels, reached = exchange.improved(levels, exchange.of(levels), rng, FINE) if not exchange.over else (levels, cost(played(levels)))
+    levels, reached = (
+        exchange.improved(levels, exchange.of(levels), rng, FINE)
+        if not exchange.over
+        else (levels, cost(played(levels)))
+    )
     own = Candidate("designed", f"{len(levels)} blocks", played(levels), reached)
     best = min([own, *classical], key=lambda c: c.cost)
     if best.cost >= 2 * OUTSIDE:
-        raise SearchError("No input that was tried can be simulated to finite outputs; check the limits of the inputs and the parameters.")
+        raise SearchError(
+            "No input that was tried can be simulated to finite outputs; check the limits of the inputs and the "
+            "parameters."
+        )
     if best.cost >= OUTSIDE:
         raise SearchError(
-            f"No input of {exchange.tried} keeps the limits: the best breaks them by {100 * (best.cost - OUTSIDE):.3g} % of their "
+            f"No input of {exchange.tried} keeps the limits: the best breaks them by {100 * (best.cost - OUTSIDE):.3g} "
+            f"% of their "
             "width. Widen the limits, or begin where the plant is within them."
         )
     return Designed(best, tuple(c for c in classical if c.cost < OUTSIDE), exchange.tried)
 
 
 def _classical(
-    cost: Callable[[np.ndarray], float], slewed: Callable[[np.ndarray], np.ndarray], limits: Limits, n: int, inputs: int, seed: int,
+    cost: Callable[[np.ndarray], float], slewed: Callable[[np.ndarray], np.ndarray], limits: Limits, n: int,
+    inputs: int, seed: int,
     exchange: Exchange,
 ) -> list[Candidate]:  # fmt: skip
     """The best of each kind, as large as the limits of the signals allow."""
@@ -134,9 +146,14 @@ def _classical(
 
 
 def _fitted(
-    cost: Callable[[np.ndarray], float], slewed: Callable[[np.ndarray], np.ndarray], limits: Limits, shape: np.ndarray, exchange: Exchange
+    cost: Callable[[np.ndarray], float],
+    slewed: Callable[[np.ndarray], np.ndarray],
+    limits: Limits,
+    shape: np.ndarray,
+    exchange: Exchange,
 ) -> Iterator[tuple[np.ndarray, float]]:
-    """A shape over the whole range of the inputs; where that breaks a limit, of the largest part that does not, at each offset."""
+    """A shape over the whole range of the inputs; where that breaks a limit, of the largest part that does not, at
+    each offset."""
     width = limits.high - limits.low
     for offset in OFFSETS if limits.signals else OFFSETS[:1]:
         for signed in (shape, -shape) if offset != 0.5 else (shape,):
@@ -154,7 +171,10 @@ def _fitted(
 def _in_blocks(u: np.ndarray, blocks: int, limits: Limits) -> np.ndarray:
     """Means of an input over blocks of equal length, as the nearest levels."""
     place = np.minimum(np.arange(len(u)) * blocks // len(u), blocks - 1)
-    means = np.stack([np.bincount(place, column, blocks) / np.maximum(np.bincount(place, minlength=blocks), 1) for column in u.T], axis=1)
+    means = np.stack(
+        [np.bincount(place, column, blocks) / np.maximum(np.bincount(place, minlength=blocks), 1) for column in u.T],
+        axis=1,
+    )
     share = (means - limits.low) / (limits.high - limits.low)
     return np.clip(np.round(share * 16) / 16, 0.0, 1.0)
 
@@ -180,7 +200,8 @@ def errors_after(goal: Precision, told: Told | None, before: bool = True) -> tup
 
 
 def gains(found: Designed) -> list[InputGain]:
-    """How many times as large errors are with the best of each classical kind, or by how much less far apart the models."""
+    """How many times as large errors are with the best of each classical kind, or by how much less far apart the
+    models."""
     return [
         InputGain(kind=c.kind, name=c.name, times=float(np.exp(c.cost - found.best.cost)))
         for c in sorted(found.classical, key=lambda c: c.cost)

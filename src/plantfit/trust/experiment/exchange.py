@@ -36,7 +36,8 @@ class Exchange:
     def improved(
         self, levels: np.ndarray, cost: float, rng: np.random.Generator, grid: tuple[float, ...] = LEVELS
     ) -> tuple[np.ndarray, float]:
-        """Levels at which no exchange of one of them for another of the grid is better, unless the budget ends first."""
+        """Levels at which no exchange of one of them for another of the grid is better, unless the budget ends
+        first."""
         levels = levels.copy()
         while not self.over:
             before = cost
@@ -54,7 +55,9 @@ class Exchange:
                 break
         return levels, cost
 
-    def search(self, starts: Callable[[int], list[np.ndarray]], most: int, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+    def search(
+        self, starts: Callable[[int], list[np.ndarray]], most: int, rng: np.random.Generator
+    ) -> tuple[np.ndarray, float]:
         """The best levels; `starts` gives those to begin from for a number of blocks, at most `most`."""
         blocks = min(FEWEST, most)
         best: tuple[np.ndarray, float] | None = None

@@ -13,7 +13,8 @@ LINES = 48  # of a multisine, at most
 
 
 def shapes(n: int, inputs: int, seed: int, hold: int = 1) -> Iterator[tuple[str, np.ndarray]]:
-    """Kinds with settings, and their values (n, inputs), each of which lasts for `hold` samples at least (but at the end)."""
+    """Kinds with settings, and their values (n, inputs), each of which lasts for `hold` samples at least (but at the
+    end)."""
     held = np.arange(n) // hold * hold
     for name, values in _shapes(n, inputs, seed, hold):
         yield name, values if name.startswith(("step", "PRBS")) else values[held]
@@ -41,7 +42,10 @@ def _shapes(n: int, inputs: int, seed: int, least: int) -> Iterator[tuple[str, n
         t = np.arange(n) / n
         growth = np.log(2.0 * turns)
         sweep = np.sin(2 * np.pi * 0.5 / growth * np.expm1(growth * t))
-        yield f"chirp up to {turns} periods", np.column_stack([sweep if k % 2 == 0 else sweep[::-1] for k in range(inputs)])
+        yield (
+            f"chirp up to {turns} periods",
+            np.column_stack([sweep if k % 2 == 0 else sweep[::-1] for k in range(inputs)]),
+        )
 
 
 def kind_of(name: str) -> str:

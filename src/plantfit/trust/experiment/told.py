@@ -21,7 +21,8 @@ def precision_sentences(record: NextExperiment) -> list[Sentence]:
     lost = [r.name for r in rows if r.open]
     if lost:
         found.append(
-            say("warning", f"{some(lost)} would stay open, each by itself, under every input that was tried within these limits; "
+            say("warning", f"{some(lost)} would stay open, each by itself, under every input that was tried within "
+                           f"these limits; "
                   "hold or measure one of them, or widen the limits.")
         )  # fmt: skip
     larger = {r.name: r.worst / r.then for r in rows if r.then and r.worst}
@@ -39,7 +40,8 @@ def difference_sentences(record: NextExperiment) -> list[Sentence]:
     share = f"{right:.3g} %" if right < 99.9 else "more than 99.9 %"
     level = "good" if far >= TOLD_APART else "warning"
     sentence = (
-        f"Under this input the outputs that {record.name} and {record.against} foretell lie {far:.3g} standard deviations apart, "
+        f"Under this input the outputs that {record.name} and {record.against} foretell lie {far:.3g} standard "
+        f"deviations apart, "
         f"over noise and what their parameters leave open: the right one of the two is told in {share} of recordings."
     )
     if far < TOLD_APART:
@@ -66,7 +68,12 @@ def _beside(record: NextExperiment, words: str) -> list[Sentence]:
     """Against the best of the classical kinds."""
     others = [c for c in record.compared if c.kind != record.kind]
     if record.kind != "designed":
-        return [say("info", f"Of all that was tried, a {record.shape} tells most; exchanging its levels found nothing better.")]
+        return [
+            say(
+                "info",
+                f"Of all that was tried, a {record.shape} tells most; exchanging its levels found nothing better.",
+            )
+        ]
     if not others:
         return []
     best = others[0]
@@ -92,7 +99,8 @@ def _beyond(record: NextExperiment) -> list[Sentence]:
         if least < low - BEYOND * (high - low) or most > high + BEYOND * (high - low):
             unit = f" {o.unit}" if o.unit not in (None, "1") else ""
             sentence = (
-                f"{o.name} would go from {least:.4g} to {most:.4g}{unit}, and the recordings hold {low:.4g} to {high:.4g}: nobody knows "
+                f"{o.name} would go from {least:.4g} to {most:.4g}{unit}, and the recordings hold {low:.4g} to "
+                f"{high:.4g}: nobody knows "
                 f"yet that the model holds there. Keep it within limits with --limit {o.name}=LOW..HIGH."
             )
             found.append(say("warning", sentence))
@@ -102,15 +110,20 @@ def _beyond(record: NextExperiment) -> list[Sentence]:
 def _scattering(record: NextExperiment) -> list[Sentence]:
     if not record.scatters:
         return []
-    text = f"Recordings scatter in {some(record.scatters)}: the input serves {record.plants} plants as another recording may find them."
+    text = (
+        f"Recordings scatter in {some(record.scatters)}: the input serves {record.plants} plants as another "
+        f"recording may find them."
+    )
     return [say("info", text)]
 
 
 def _coloured(record: NextExperiment) -> list[Sentence]:
     if record.inflation > 2.0:
         sentence = (
-            f"The residuals of the study are correlated, which makes variances {record.inflation:.2g} times those of white noise; the "
-            "same is assumed of the new recording. What the model lacks counts as noise here: look for it first (plantfit diagnose)."
+            f"The residuals of the study are correlated, which makes variances {record.inflation:.2g} times those of "
+            f"white noise; the "
+            "same is assumed of the new recording. What the model lacks counts as noise here: look for it first "
+            "(plantfit diagnose)."
         )
         return [say("warning", sentence)]
     return []

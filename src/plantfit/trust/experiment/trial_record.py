@@ -32,8 +32,9 @@ FEWEST_KNOTS = 16  # of an input that arrives late, that a program is compiled f
 
 @dataclass(frozen=True)
 class Told:
-    """What a recording would tell: `effects` (K, m, c) of the c coordinates on the outputs over their noise, for each of K plants;
-    `course` (K, m) the outputs over their noise; `signals` by name (K, N) what limits are held against, in their units."""
+    """What a recording would tell: `effects` (K, m, c) of the c coordinates on the outputs over their noise, for
+    each of K plants; `course` (K, m) the outputs over their noise; `signals` by name (K, N) what limits are held
+    against, in their units."""
 
     effects: np.ndarray
     course: np.ndarray
@@ -48,9 +49,9 @@ class Told:
 class TrialRecord:
     """`told(u)` for inputs u (N, inputs) at times `t` (N,), held from one to the next.
 
-    `plants` (K, d) are values of the free parameters in their units, the first the one that is believed most; `noise` the standard
-    deviation of each output in its unit; `sizes` (d,) how far a parameter may be moved to see its effect, in its unit. The plant begins
-    as in the problem's first recording: input before it, first measured outputs.
+    `plants` (K, d) are values of the free parameters in their units, the first the one that is believed most; `noise`
+    the standard deviation of each output in its unit; `sizes` (d,) how far a parameter may be moved to see its effect,
+    in its unit. The plant begins as in the problem's first recording: input before it, first measured outputs.
     """
 
     problem: Problem
@@ -83,7 +84,10 @@ class TrialRecord:
     def own(self) -> np.ndarray:
         """Which (c,) of `coordinates` are unknown anew: of one recording only, or where the states begin."""
         only, coordinates = self._only_initial(), self.problem.space.coordinates
-        return np.array([coordinates[i].recording is not None or coordinates[i].parameter in only for i in self.coordinates], dtype=bool)
+        return np.array(
+            [coordinates[i].recording is not None or coordinates[i].parameter in only for i in self.coordinates],
+            dtype=bool,
+        )
 
     def _only_initial(self) -> set[str]:
         """Parameters that say where the states begin and nothing else."""
@@ -103,7 +107,8 @@ class TrialRecord:
 
     @cached_property
     def moves(self) -> tuple[np.ndarray, np.ndarray]:
-        """Values (K, c) of the coordinates a little lower and a little higher than each plant's, within physical limits."""
+        """Values (K, c) of the coordinates a little lower and a little higher than each plant's, within physical
+        limits."""
         on, coordinates = self.coordinates, self.problem.space.coordinates
         values = self.plants[:, on]
         size = np.maximum(np.abs(values), 1e-3 * np.array([coordinates[i].upper - coordinates[i].lower for i in on]))
@@ -145,7 +150,9 @@ class TrialRecord:
             finite = seen[np.isfinite(seen)]
             signals[name] = Signal(np.full(len(self.t), finite[0] if len(finite) else np.nan), unit)
         given = Experiment(Recording(self.t, signals, "new"), before=self.begins)
-        drive = self.problem.predictor.with_simulator(self._own_simulator).drive(given, longest=self.problem.longest_delays())
+        drive = self.problem.predictor.with_simulator(self._own_simulator).drive(
+            given, longest=self.problem.longest_delays()
+        )
         return drive._replace(delayed=tuple(_padded(pieces, self.t) for pieces in drive.delayed))
 
     @cached_property
@@ -173,7 +180,8 @@ class TrialRecord:
         return Told(np.swapaxes(effects, 1, 2), scaled[:count], signals)
 
     def refined(self, trials: Sequence[np.ndarray]) -> "TrialRecord":
-        """The same with steps halved until their error at the first plant is below 0.1 % of the outputs' spread for these inputs."""
+        """The same with steps halved until their error at the first plant is below 0.1 % of the outputs' spread for
+        these inputs."""
         predictor = self.problem.predictor
         if not predictor.has_steps or self.problem.substeps_chosen:
             return self
@@ -182,7 +190,10 @@ class TrialRecord:
         while True:
             twice = simulator.refined(2)
             coarse, fine = (jax.jit(predictor.with_simulator(s).outputs) for s in (simulator, twice))
-            error = max(_step_error(coarse(p, self.drive(u)), fine(p, self.drive(u)), STEPPERS[simulator.stepper].order) for u in trials)
+            error = max(
+                _step_error(coarse(p, self.drive(u)), fine(p, self.drive(u)), STEPPERS[simulator.stepper].order)
+                for u in trials
+            )
             if error <= EXACT or twice.substeps > FINEST:
                 return self._with(simulator)
             simulator = twice
@@ -192,8 +203,8 @@ class TrialRecord:
 
 
 def _padded(pieces: Pieces, t: np.ndarray) -> Pieces:
-    """The same input with further knots after the last sample, as many as make their number a power of two: so that inputs with other
-    numbers of jumps share a compiled program."""
+    """The same input with further knots after the last sample, as many as make their number a power of two: so that
+    inputs with other numbers of jumps share a compiled program."""
     count = len(pieces.knots)
     more = max(FEWEST_KNOTS, 1 << max(0, count - 1).bit_length()) - count
     late = t[-1] + (t[-1] - t[0] + 1.0) * np.arange(1.0, more + 1.0)

@@ -29,9 +29,9 @@ SEPARATE = 8.0  # standard errors between two answers, by the wider one's, from 
 def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
     """The section "agreement" of the findings record.
 
-    A run reaches the reported answer when its own search came to its end at the lowest cost, to a millionth or to rounding. Of
-    these `answers` tells the distinct ones, and `symmetries` which exchanges and signs make two answers the same, both also where all runs
-    report one of them and only their local searches met the others.
+    A run reaches the reported answer when its own search came to its end at the lowest cost, to a millionth or to
+    rounding. Of these `answers` tells the distinct ones, and `symmetries` which exchanges and signs make two answers
+    the same, both also where all runs report one of them and only their local searches met the others.
     """
     costs = np.array([r.cost for r in runs])
     best = float(np.min(costs))
@@ -47,7 +47,9 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
         runs=len(runs),
         agree=len(reached),
         cost=best,
-        ranges={n: [float(v.min()), float(v.max())] for n, v in zip(names, values.T, strict=True)} if len(plain) else {},
+        ranges={n: [float(v.min()), float(v.max())] for n, v in zip(names, values.T, strict=True)}
+        if len(plain)
+        else {},
         spent=sum(r.status is Status.budget for r in runs),
         spent_and_searched=sum(r.status is Status.budget and r.extra.get("ended") != LEFT for r in runs),
         spent_and_agree=sum(runs[k].status is Status.budget for k in reached),
@@ -56,16 +58,25 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
         ended=runs[int(np.argmin(costs))].extra.get("ended", ""),
         answers=[
             *(DistinctAnswer(runs=len(g.members), parameters=named(problem, g.x)) for g in groups),
-            *(DistinctAnswer(runs=0, parameters=named(problem, z)) for z in _twins(problem, [runs[k] for k in reached], groups)),
+            *(
+                DistinctAnswer(runs=0, parameters=named(problem, z))
+                for z in _twins(problem, [runs[k] for k in reached], groups)
+            ),
         ],
         symmetries=[
-            SameModel(sentence=s.sentence, source={n: names[k] for n, k in zip(names, s.source, strict=True)}, sign=list(s.sign))
+            SameModel(
+                sentence=s.sentence,
+                source={n: names[k] for n, k in zip(names, s.source, strict=True)},
+                sign=list(s.sign),
+            )
             for s in found
         ],
     )
 
 
-def distinct(problem: Problem, costs: np.ndarray, x: np.ndarray, within: float) -> tuple[list[Basin], list[Symmetry], list[int]]:
+def distinct(
+    problem: Problem, costs: np.ndarray, x: np.ndarray, within: float
+) -> tuple[list[Basin], list[Symmetry], list[int]]:
     """Groups of answers x (n, d) of one cost that are no one model, the best first, and the maps that joined others.
 
     Last the answers (k,) that no map leads to another group: only these tell how far a parameter is open.
@@ -85,8 +96,11 @@ def distinct(problem: Problem, costs: np.ndarray, x: np.ndarray, within: float) 
     return [_joined(own) for own in kept], list(maps.values()), [k for own in kept for k in own[0].members]
 
 
-def _with_others(problem: Problem, found: Sequence[Symmetry], x: np.ndarray, elsewhere: Sequence[Sequence[float]]) -> list[Symmetry]:
-    """The maps `found`, and those that take the answer to other points (d,) at which searches within a run found its cost."""
+def _with_others(
+    problem: Problem, found: Sequence[Symmetry], x: np.ndarray, elsewhere: Sequence[Sequence[float]]
+) -> list[Symmetry]:
+    """The maps `found`, and those that take the answer to other points (d,) at which searches within a run found its
+    cost."""
     maps, looked = {s.sentence: s for s in found}, [*x[1:]]
     for z in map(np.asarray, elsewhere):
         if len(looked) < COMPARED and all(np.max(np.abs(z - other)) > NEAR for other in (*x[:1], *looked)):
@@ -97,10 +111,12 @@ def _with_others(problem: Problem, found: Sequence[Symmetry], x: np.ndarray, els
 
 
 def _twins(problem: Problem, reached: Sequence[RunResult], groups: Sequence[Basin]) -> list[np.ndarray]:
-    """Optima (d,) that only local searches within the runs met, and that fit as well as the answer of the first of the `groups`.
+    """Optima (d,) that only local searches within the runs met, and that fit as well as the answer of the first of the
+    `groups`.
 
-    A valley is not told: along it standard errors are as wide as the way from one end to the other. Nor is what an exchange or a sign
-    makes the same model. A search knows its optima with the steps and weights that it had, so each is searched on here.
+    A valley is not told: along it standard errors are as wide as the way from one end to the other. Nor is what an
+    exchange or a sign makes the same model. A search knows its optima with the steps and weights that it had, so each
+    is searched on here.
     """
     met = [np.asarray(z, dtype=float) for key in ("elsewhere", "nearly") for r in reached for z in r.extra.get(key, ())]
     if not groups or not met or not plain_space(problem) or problem.separable is not None:
@@ -126,7 +142,8 @@ def _twins(problem: Problem, reached: Sequence[RunResult], groups: Sequence[Basi
 
 
 def _known(problem: Problem, z: np.ndarray) -> tuple[tuple[float, int], np.ndarray]:
-    """The sum of squares and the number of residuals at a cube point (d,), and standard errors (d,) there, infinite where nothing tells."""
+    """The sum of squares and the number of residuals at a cube point (d,), and standard errors (d,) there, infinite
+    where nothing tells."""
     residuals, jacobian = residuals_and_jacobian(problem, z)
     square, count = float(residuals @ residuals), len(residuals)
     size = np.linalg.norm(jacobian, axis=0)
@@ -139,11 +156,15 @@ def _known(problem: Problem, z: np.ndarray) -> tuple[tuple[float, int], np.ndarr
 
 
 def opened(rows: list[dict[str, Any]], ranges: Mapping[str, Sequence[float]]) -> list[dict[str, Any]]:
-    """Rows of parameters that runs of the same cost contradict: an answer as good outside of the 95 % interval opens it.
+    """Rows of parameters that runs of the same cost contradict: an answer as good outside of the 95 % interval opens
+    it.
 
-    `ranges` are those of `agreement`. Such a parameter has no standard error, and `equal_answers` says how far it was found.
+    `ranges` are those of `agreement`. Such a parameter has no standard error, and `equal_answers` says how far it was
+    found.
     """
-    return [_opened(row, *ranges[row["name"]]) if row["name"] in ranges and row["low"] is not None else row for row in rows]
+    return [
+        _opened(row, *ranges[row["name"]]) if row["name"] in ranges and row["low"] is not None else row for row in rows
+    ]
 
 
 def _opened(row: dict[str, Any], low: float, high: float) -> dict[str, Any]:

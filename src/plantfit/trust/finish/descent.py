@@ -22,7 +22,8 @@ POLISH = 30  # Gauss-Newton steps after it
 
 @dataclass(frozen=True)
 class Descent:
-    """Where a local search stands: point (d,), cost there, whether it came to its end, and the evaluations that it was charged."""
+    """Where a local search stands: point (d,), cost there, whether it came to its end, and the evaluations that it
+    was charged."""
 
     z: np.ndarray
     cost: float
@@ -31,7 +32,8 @@ class Descent:
 
 
 def descent(problem: Problem, z: np.ndarray, evaluations: float | None = None) -> Descent:
-    """Least squares from the cube point z (d,) alone, with no other start; at most so many `evaluations`, by default 200 Jacobians."""
+    """Least squares from the cube point z (d,) alone, with no other start; at most so many `evaluations`, by default
+    200 Jacobians."""
     z, objective = np.asarray(z, dtype=float), objective_of(problem, np.asarray(z, dtype=float)[None, :])
     objective = dataclasses.replace(objective, compressed=partial(points.compressed, problem))
     counter = Counter(objective, STEPS * problem.jacobian_charge if evaluations is None else evaluations)
@@ -54,9 +56,11 @@ def polished(problem: Problem, z: np.ndarray) -> Descent:
 
 
 def gauss_newton(problem: Problem, z: np.ndarray, most: int = POLISH) -> np.ndarray:
-    """The last digits: Gauss-Newton steps of the coordinates inside the box, as long as each changes the residuals less than the last.
+    """The last digits: Gauss-Newton steps of the coordinates inside the box, as long as each changes the residuals less
+    than the last.
 
-    A cost that is flat to rounding hides them from a search that compares costs, and the gradient is rounding there as well.
+    A cost that is flat to rounding hides them from a search that compares costs, and the gradient is rounding there as
+    well.
     """
     return _newton(problem, z, most)[0]
 

@@ -36,17 +36,19 @@ REFUSED = "refused"  # its answer exists in the integrator only
 
 
 def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, list[RunResult]]:
-    """The final problem, and the runs with the points and costs that a local search from each one's own end reaches there.
+    """The final problem, and the runs with the points and costs that a local search from each one's own end reaches
+    there.
 
-    Scales that nobody gave, steps and strengths of smoothing are chosen at the best answer. Every other run then goes on from its
-    own point: runs at one point share a search, at most 100 are searched, first one of each basin. Where another run ends lower
-    on the final problem, that answer becomes the best one and the final problem is made anew there. `extra["ended"]` of a run
-    says what was done: "searched", "same point" as another run, "cut" before its end, or "left" where it stood; `extra["searched"]`
-    has the point (d,) that the search had ended at.
+    Scales that nobody gave, steps and strengths of smoothing are chosen at the best answer. Every other run then goes
+    on from its own point: runs at one point share a search, at most 100 are searched, first one of each basin. Where
+    another run ends lower on the final problem, that answer becomes the best one and the final problem is made anew
+    there. `extra["ended"]` of a run says what was done: "searched", "same point" as another run, "cut" before its end,
+    or "left" where it stood; `extra["searched"]` has the point (d,) that the search had ended at.
 
-    An answer that takes the lead is simulated by an independent solver (`checked_cost`). Is the cost off by more than 1 %, the search
-    goes on with finer steps; can the solver not follow, the answer is "refused" (`extra["refused"]` says where), has an infinite cost,
-    and the next basin takes the lead. Are all refused that were looked at, the last one stays with its cost.
+    An answer that takes the lead is simulated by an independent solver (`checked_cost`). Is the cost off by more than 1
+    %, the search goes on with finer steps; can the solver not follow, the answer is "refused" (`extra["refused"]` says
+    where), has an infinite cost, and the next basin takes the lead. Are all refused that were looked at, the last one
+    stays with its cost.
 
     Histories keep the costs that they were made with. Raises SearchError when no run has a finite cost.
     """
@@ -54,7 +56,8 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     if not order:
         raise SearchError(
             "No candidate of any run could be simulated: the outputs were not finite anywhere in the box. "
-            "Check the equations at the middle of the bounds with `plantfit check`, narrow the bounds, or fill missing inputs."
+            "Check the equations at the middle of the bounds with `plantfit check`, narrow the bounds, or fill missing "
+            "inputs."
         )
     allowed = max(SHARE * sum(r.evaluations for r in results), STEPS * problem.jacobian_charge)
     twins = _twins(results, order)
@@ -74,16 +77,26 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
             if lead is None and final is None:  # no answer that was looked at can be followed: the verdict says so
                 final = _Final(made, {led[-1]: own}, "")
         else:
-            points = {k: final.ends[k].z if final and k in final.ends else results[k].x for k in firsts if k not in refused}
+            points = {
+                k: final.ends[k].z if final and k in final.ends else results[k].x for k in firsts if k not in refused
+            }
             final = _Final(made, _brought(made, points, {lead: own}, allowed), said)
             lead = _better(final, own, led)
     assert final is not None
     ends = {k: end for k, end in final.ends.items() if k not in refused} or final.ends
     left = [k for k in order if twins[k] not in ends and twins[k] not in refused]
-    costs = dict(zip(left, np.asarray(final.problem.costs(np.array([results[k].x for k in left]))), strict=True)) if left else {}
+    costs = (
+        dict(zip(left, np.asarray(final.problem.costs(np.array([results[k].x for k in left]))), strict=True))
+        if left
+        else {}
+    )
     found = [_result(k, r, twins.get(k), ends, costs, refused) for k, r in enumerate(results)]
     best = min(range(len(found)), key=lambda k: found[k].cost)
-    found[best] = dataclasses.replace(found[best], extra={**found[best].extra, "steps": final.told}) if final.told else found[best]
+    found[best] = (
+        dataclasses.replace(found[best], extra={**found[best].extra, "steps": final.told})
+        if final.told
+        else found[best]
+    )
     return final.problem, found
 
 
@@ -117,10 +130,11 @@ def _basin(results: Sequence[RunResult], lead: int) -> tuple[int, ...]:
 
 
 def _confirmed(problem: Problem, own: Descent) -> tuple[Problem, Descent, str, str | None]:
-    """The problem with steps as fine as an independent solver asks for, and the search gone on there; what is to be said; why refused.
+    """The problem with steps as fine as an independent solver asks for, and the search gone on there; what is to be
+    said; why refused.
 
-    The cost of the tight solution has to be that which is reported to 1 % (`CheckedCost.confirmed`), over the recordings whose steps are
-    least exact. Steps that the user chose stay.
+    The cost of the tight solution has to be that which is reported to 1 % (`CheckedCost.confirmed`), over the
+    recordings whose steps are least exact. Steps that the user chose stay.
     """
     if not problem.predictor.has_steps or not any(isinstance(d, Drive) for d in problem.data["drive"].values()):
         return problem, own, "", None
@@ -148,7 +162,11 @@ def _confirmed(problem: Problem, own: Descent) -> tuple[Problem, Descent, str, s
     text = f"At the answer the cost of an independent solver was {_percent(first)} off, so that the fit "
     if told.confirmed:
         return problem, own, f"{text}went on with finer steps; now it is {_percent(told.off)} off.", None
-    kind = "would need finer steps than were chosen" if problem.substeps_chosen else "went on with finer steps as far as they are made"
+    kind = (
+        "would need finer steps than were chosen"
+        if problem.substeps_chosen
+        else "went on with finer steps as far as they are made"
+    )
     return problem, own, f"{text}{kind}; it is still {_percent(told.off)} off, more than 1 %.", None
 
 
@@ -183,7 +201,8 @@ def _twins(results: Sequence[RunResult], order: Sequence[int]) -> dict[int, int]
 
 
 def _settled(problem: Problem, z: np.ndarray, ended: bool) -> tuple[Problem, Descent]:
-    """The problem with its scales, steps and strengths of smoothing chosen at the answer near z (d,), and a search to that answer's end.
+    """The problem with its scales, steps and strengths of smoothing chosen at the answer near z (d,), and a search to
+    that answer's end.
 
     A search that `ended` there already gets its last digits only.
     """
@@ -204,7 +223,8 @@ def _settled(problem: Problem, z: np.ndarray, ended: bool) -> tuple[Problem, Des
 
 
 def _weighed(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
-    """The problem with scales that its residuals show, and the end of the search there; `last` is that with the scales it has."""
+    """The problem with scales that its residuals show, and the end of the search there; `last` is that with the
+    scales it has."""
     searched = problem
 
     def search(changed: Problem, at: np.ndarray) -> np.ndarray:
@@ -216,7 +236,9 @@ def _weighed(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
     return problem, last if problem is searched else descent(problem, z)
 
 
-def _brought(problem: Problem, points: dict[int, np.ndarray], known: dict[int, Descent], allowed: float) -> dict[int, Descent]:
+def _brought(
+    problem: Problem, points: dict[int, np.ndarray], known: dict[int, Descent], allowed: float
+) -> dict[int, Descent]:
     """Searches to their end from `points` (d,), as far as `allowed` evaluations go; those `known` are not repeated."""
     ends = dict(known)
     for k, z in points.items():
@@ -230,7 +252,12 @@ def _brought(problem: Problem, points: dict[int, np.ndarray], known: dict[int, D
 
 
 def _result(
-    k: int, r: RunResult, twin: int | None, ends: dict[int, Descent], costs: dict[int, float], refused: Mapping[int, str]
+    k: int,
+    r: RunResult,
+    twin: int | None,
+    ends: dict[int, Descent],
+    costs: dict[int, float],
+    refused: Mapping[int, str],
 ) -> RunResult:
     """A run with its end on the final problem; its history stays."""
     if twin is None:
@@ -243,4 +270,6 @@ def _result(
         return dataclasses.replace(r, cost=float(costs[k]), extra={**r.extra, "ended": LEFT})
     end = ends[twin]
     how = CUT if not end.ended else SEARCHED if twin == k else SHARED
-    return dataclasses.replace(r, x=end.z, cost=end.cost, extra={**r.extra, "ended": how, "searched": np.asarray(r.x).tolist()})
+    return dataclasses.replace(
+        r, x=end.z, cost=end.cost, extra={**r.extra, "ended": how, "searched": np.asarray(r.x).tolist()}
+    )

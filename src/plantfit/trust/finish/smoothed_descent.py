@@ -12,7 +12,8 @@ STEPS, TOLERANCE, DAMPING = 40, 1e-9, 1e-5
 
 
 class Rows:
-    """The data's rows of a problem at cube points; recordings that share no coordinate stay apart, all others are one group."""
+    """The data's rows of a problem at cube points; recordings that share no coordinate stay apart, all others are
+    one group."""
 
     def __init__(self, problem: Problem):
         self.problem = problem.unsmoothed
@@ -39,8 +40,11 @@ class Rows:
             total[np.ix_(own, own)] += jacobian.T @ jacobian
         return total
 
-    def at(self, z: np.ndarray, smoothing: Smoothing | None, keep: np.ndarray | None) -> list[tuple[np.ndarray, np.ndarray]]:
-        """For every group residuals (k,) and derivatives (k, q) of the rows `keep` (m,), all if None, in few rows, then of bends."""
+    def at(
+        self, z: np.ndarray, smoothing: Smoothing | None, keep: np.ndarray | None
+    ) -> list[tuple[np.ndarray, np.ndarray]]:
+        """For every group residuals (k,) and derivatives (k, q) of the rows `keep` (m,), all if None, in few rows,
+        then of bends."""
         parts = []
         for (r, jacobian), (own, place) in zip(self.blocks(z), self.places, strict=True):
             kept = slice(None) if keep is None else keep[place]
@@ -57,8 +61,11 @@ class Rows:
         return made
 
 
-def descend(rows: Rows, smoothing: Smoothing | None, z: np.ndarray, keep: np.ndarray | None = None, most: int = STEPS) -> np.ndarray:
-    """The point (d,) where the sum of squares of rows `keep` and bends is least, from z by bounded Levenberg-Marquardt, `most` steps."""
+def descend(
+    rows: Rows, smoothing: Smoothing | None, z: np.ndarray, keep: np.ndarray | None = None, most: int = STEPS
+) -> np.ndarray:
+    """The point (d,) where the sum of squares of rows `keep` and bends is least, from z by bounded
+    Levenberg-Marquardt, `most` steps."""
     z = np.clip(np.asarray(z, dtype=float), 0.0, 1.0)
     start = rows.at(z, smoothing, keep)
     searches = [Block(own, z[own], r, j, TOLERANCE, DAMPING) for own, (r, j) in zip(rows.groups, start, strict=True)]

@@ -15,15 +15,21 @@ from plantfit.trust.finish.smoothed_descent import Rows, descend
 from plantfit.trust.intervals.linearised import Local, residual_blocks
 
 FOLDS, PIECES = 5, 2  # left-out parts, and the pieces of each recording that one part has
-BENDS = tuple(10.0 ** (-0.5 - 0.5 * k) for k in range(9))  # typical bends (box widths) that cross-validation compares, 0.3 to 3e-5
+BENDS = tuple(
+    10.0 ** (-0.5 - 0.5 * k) for k in range(9)
+)  # typical bends (box widths) that cross-validation compares, 0.3 to 3e-5
 FINEST, COARSEST = 1e-6, 1e3  # typical bends that strengths stay between
-ROUNDS, SETTLED = 60, 0.01  # of restricted maximum likelihood: rounds at most, change of a strength's logarithm that ends them
+ROUNDS, SETTLED = (
+    60,
+    0.01,
+)  # of restricted maximum likelihood: rounds at most, change of a strength's logarithm that ends them
 STEPS = 3  # towards the answer in each round
 
 
 @dataclass(frozen=True)
 class Score:
-    """What cross-validation found for one typical bend (box widths): mean square of the left-out residuals and its standard error."""
+    """What cross-validation found for one typical bend (box widths): mean square of the left-out residuals and its
+    standard error."""
 
     bend: float
     score: float
@@ -32,7 +38,8 @@ class Score:
 
 @dataclass(frozen=True)
 class Chosen:
-    """A problem with the chosen strengths, its answer z (d,) from there, and the scores that cross-validation compared."""
+    """A problem with the chosen strengths, its answer z (d,) from there, and the scores that cross-validation
+    compared."""
 
     problem: Problem
     z: np.ndarray
@@ -40,9 +47,11 @@ class Chosen:
 
 
 def choose_strengths(problem: Problem, z: np.ndarray) -> Chosen:
-    """The strengths that the parameters' `smooth` asks for, near the answer z (d,); the problem itself where all are given.
+    """The strengths that the parameters' `smooth` asks for, near the answer z (d,); the problem itself where all are
+    given.
 
-    Tables with "reml" get one for each axis, tables with "cross-validated" one for all together, in which the others stay as they are.
+    Tables with "reml" get one for each axis, tables with "cross-validated" one for all together, in which the others
+    stay as they are.
     """
     ways = problem.smoothing.asked if problem.smoothing else {}
     reml, validated = ([n for n, way in ways.items() if way == wanted] for wanted in ("reml", "cross-validated"))
@@ -59,8 +68,9 @@ def by_reml(problem: Problem, z: np.ndarray, names: Sequence[str] | None = None)
 
         strength <- strength phi (tr(S^- B'B) - tr((J'J + S)^-1 B'B)) / b'b
 
-    (generalised Fellner-Schall: Wood and Fasiolo, Biometrics 73 (2017) 1071, eq. 4), each round near the answer to its strengths.
-    phi is the variance of a residual times the factor by which correlation from sample to sample inflates that of a mean.
+    (generalised Fellner-Schall: Wood and Fasiolo, Biometrics 73 (2017) 1071, eq. 4), each round near the answer to its
+    strengths. phi is the variance of a residual times the factor by which correlation from sample to sample inflates
+    that of a mean.
     """
     smoothing = _smoothing(problem)
     chosen = [key for key in smoothing.keys if names is None or key[0] in names]
@@ -79,7 +89,9 @@ def by_reml(problem: Problem, z: np.ndarray, names: Sequence[str] | None = None)
     return Chosen(problem.with_smoothing(smoothing.strengths), descend(rows, smoothing, z))
 
 
-def _fellner_schall(smoothing: Smoothing, chosen: Sequence[Key], z: np.ndarray, phi: float, inverse: np.ndarray) -> dict[Key, float]:
+def _fellner_schall(
+    smoothing: Smoothing, chosen: Sequence[Key], z: np.ndarray, phi: float, inverse: np.ndarray
+) -> dict[Key, float]:
     """The strengths `chosen` one round later; `inverse` is (J'J + S)^-1."""
     all_rows, offset, place = smoothing.rows
     penalty = _pseudo_inverse(smoothing)
@@ -94,7 +106,8 @@ def _fellner_schall(smoothing: Smoothing, chosen: Sequence[Key], z: np.ndarray, 
 
 
 def _pseudo_inverse(smoothing: Smoothing) -> np.ndarray:
-    """S^- (d, d), table by table; what bends of no axis see (a plane and its twist) is left out by its number of dimensions."""
+    """S^- (d, d), table by table; what bends of no axis see (a plane and its twist) is left out by its number of
+    dimensions."""
     result = np.zeros((smoothing.dimension,) * 2)
     matrix = smoothing.matrix
     for own, unseen in smoothing.tables:
@@ -104,12 +117,15 @@ def _pseudo_inverse(smoothing: Smoothing) -> np.ndarray:
     return result
 
 
-def by_cross_validation(problem: Problem, z: np.ndarray, names: Sequence[str] | None = None, *, bends: Sequence[float] = BENDS) -> Chosen:
+def by_cross_validation(
+    problem: Problem, z: np.ndarray, names: Sequence[str] | None = None, *, bends: Sequence[float] = BENDS
+) -> Chosen:
     """One strength for the tables `names` (all smoothed ones if None): that with the least error in left-out pieces.
 
-    Every recording is cut into `FOLDS x PIECES` pieces of equal length; each fifth is left out in turn, fitted without and
-    simulated through (Stone, J. R. Statist. Soc. B 36 (1974) 111; pieces and not single samples, which their neighbours give away).
-    `bends` are the candidates: a strength sigma^2/bend^2 takes bends of that standard deviation for likely.
+    Every recording is cut into `FOLDS x PIECES` pieces of equal length; each fifth is left out in turn, fitted without
+    and simulated through (Stone, J. R. Statist. Soc. B 36 (1974) 111; pieces and not single samples, which their
+    neighbours give away). `bends` are the candidates: a strength sigma^2/bend^2 takes bends of that standard deviation
+    for likely.
     """
     smoothing = _smoothing(problem)
     chosen = [key for key in smoothing.keys if names is None or key[0] in names]
@@ -137,11 +153,14 @@ def _left_out(rows: Rows, smoothing: Smoothing, z: np.ndarray, held: np.ndarray)
 def _parts(problem: Problem) -> np.ndarray:
     """Which part (m,) each residual is left out with."""
     count = FOLDS * PIECES
-    return np.concatenate([np.arange(n) * count // n % FOLDS for b in residual_blocks(problem) if (n := b.rows.stop - b.rows.start)])
+    return np.concatenate(
+        [np.arange(n) * count // n % FOLDS for b in residual_blocks(problem) if (n := b.rows.stop - b.rows.start)]
+    )
 
 
 def _noise(problem: Problem, z: np.ndarray, effective: float) -> float:
-    """Variance that independent residuals with as many `effective` parameters would need for means as uncertain as these."""
+    """Variance that independent residuals with as many `effective` parameters would need for means as uncertain as
+    these."""
     residuals = np.asarray(problem.residuals(z))
     blocks = residual_blocks(problem)
     inflated = sum(float(np.sum(residuals[b.rows] ** 2)) * inflation(residuals[b.rows], b.index) for b in blocks)
@@ -155,13 +174,17 @@ def _smoothing(problem: Problem) -> Smoothing:
 
 
 def typical_bends(problem: Problem, z: np.ndarray) -> dict[Key, float]:
-    """By parameter and axis the bend (box widths) that its strength takes for likely: sigma/sqrt(strength), inf for none."""
+    """By parameter and axis the bend (box widths) that its strength takes for likely: sigma/sqrt(strength), inf for
+    none."""
     sigma = float(np.sqrt(np.mean(np.asarray(problem.residuals(z)) ** 2)))
-    return {key: float(sigma / np.sqrt(s)) if s > 0 else float("inf") for key, s in _smoothing(problem).strengths.items()}
+    return {
+        key: float(sigma / np.sqrt(s)) if s > 0 else float("inf") for key, s in _smoothing(problem).strengths.items()
+    }
 
 
 def smoothing_rows(problem: Problem, local: Local) -> list[SmoothedTable]:
-    """Rows of the findings record, one for each smoothed table: strengths and typical bends by axis, and its effective entries."""
+    """Rows of the findings record, one for each smoothed table: strengths and typical bends by axis, and its
+    effective entries."""
     if problem.smoothing is None:
         return []
     bends, rows = typical_bends(problem, problem.space.cube(local.values)), []

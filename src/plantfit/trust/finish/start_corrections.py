@@ -1,9 +1,9 @@
 """States that begin at first measured values, without the noise of these samples.
 
-A state that begins at a measured value begins wrongly by the noise of that one sample, and so do the parameters that make up for it: the
-time constant of a step has 1.8 times the spread that its record allows. The noise is estimated together with the parameters, as a free
-start would be: the measured value is one sample of the output as the others are. Recordings that are not fitted begin where they are
-measured.
+A state that begins at a measured value begins wrongly by the noise of that one sample, and so do the parameters that
+make up for it: the time constant of a step has 1.8 times the spread that its record allows. The noise is estimated
+together with the parameters, as a free start would be: the measured value is one sample of the output as the others
+are. Recordings that are not fitted begin where they are measured.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,17 +20,20 @@ from plantfit.trust.intervals.linearised import named_blocks
 
 Key = tuple[str, str]  # recording and output
 
-LARGEST = 5.0  # times the sample-to-sample noise that a first value may be off; more is no noise, and the start stays where it was measured
+# times the sample-to-sample noise that a first value may be off; more is no noise, and the start stays where it was
+# measured
+LARGEST = 5.0
 TAKEN_UP = 0.01  # of what a first value does to the residuals, below which the parameters do it all
 ROUNDS, ENDED = 5, 1e-3  # of estimates, and standard deviations of the noise that the last of them may move a start
 
 
 def with_start_corrections(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
-    """The problem whose states begin at first measured values less their noise, and the search gone on there from where it stood (`last`).
+    """The problem whose states begin at first measured values less their noise, and the search gone on there from where
+    it stood (`last`).
 
-    A first value that is not scored (`skip`) counts as a sample of the noise that the others have. One that would be off by more than
-    noise can be stays where it was measured. Problem and search stay as they were where states begin elsewhere, and where the cost is
-    not lower.
+    A first value that is not scored (`skip`) counts as a sample of the noise that the others have. One that would be
+    off by more than noise can be stays where it was measured. Problem and search stay as they were where states begin
+    elsewhere, and where the cost is not lower.
     """
     noises = _noises(problem, last.z)
     if not noises:
@@ -47,7 +50,8 @@ def with_start_corrections(problem: Problem, last: Descent) -> tuple[Problem, De
 def _estimated(
     problem: Problem, last: Descent, effects: Sequence[ValueEffect], noises: Mapping[Key, float]
 ) -> tuple[Problem, Descent, list[Key]]:
-    """The problem with the starts that the `effects` are of estimated, the search gone on there, and those starts that are too far off."""
+    """The problem with the starts that the `effects` are of estimated, the search gone on there, and those starts
+    that are too far off."""
     starts = {(e.recording, e.output): 0.0 for e in effects}
     made, end = problem.with_starts(_table(starts)), last
     for _ in range(ROUNDS):
@@ -95,7 +99,8 @@ def _effects(problem: Problem, z: np.ndarray) -> list[ValueEffect]:
 
 
 def _open(problem: Problem, z: np.ndarray) -> list[ValueEffect]:
-    """Starts whose move is none of parameters: a model may say itself by how much a state begins off its first measured value."""
+    """Starts whose move is none of parameters: a model may say itself by how much a state begins off its first
+    measured value."""
     effects, jacobian = _effects(problem, z), residuals_and_jacobian(problem.unsmoothed, z)[1]
     if not effects:
         return []
@@ -110,8 +115,11 @@ def _beside(jacobian: np.ndarray, columns: np.ndarray) -> np.ndarray:
     return columns - scaled @ np.linalg.lstsq(scaled, columns, rcond=1e-12)[0]
 
 
-def _step(problem: Problem, z: np.ndarray, effects: Sequence[ValueEffect], noises: Mapping[Key, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Moves of the starts (k,), in standard deviations of their noise, and of the cube point (d,), to the minimum of the linear problem."""
+def _step(
+    problem: Problem, z: np.ndarray, effects: Sequence[ValueEffect], noises: Mapping[Key, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Moves of the starts (k,), in standard deviations of their noise, and of the cube point (d,), to the minimum of
+    the linear problem."""
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     columns = np.stack([e.column for e in effects], axis=1)
     if problem.smoothing is not None:

@@ -1,8 +1,9 @@
 """What finishing found for a stored study, as bytes of its store: an answer that is opened again is not finished again.
 
-Finishing is a pure function of the problem, of the runs and of this plantfit on this machine. `finish_key` is a digest of all of them, so
-that what was found is used where all are the same, and found anew where one is another. Steps, scales, strengths of smoothing and the ends
-of the runs are kept to the last bit; all else of the final problem is made of the problem itself.
+Finishing is a pure function of the problem, of the runs and of this plantfit on this machine. `finish_key` is a digest
+of all of them, so that what was found is used where all are the same, and found anew where one is another. Steps,
+scales, strengths of smoothing and the ends of the runs are kept to the last bit; all else of the final problem is made
+of the problem itself.
 """
 
 import hashlib
@@ -62,7 +63,9 @@ def finish_bytes(key: str, final: Problem, results: Sequence[RunResult]) -> byte
         "scales": {output: float(scale) for output, scale in final.scales.items()},
         "sources": {output: list(source) for output, source in final.scale_sources.items()},
         "starts": final.start_corrections,
-        "strengths": None if smoothing is None else [[*name, float(value)] for name, value in smoothing.strengths.items()],
+        "strengths": None
+        if smoothing is None
+        else [[*name, float(value)] for name, value in smoothing.strengths.items()],
         "x": _text(np.array([r.x for r in results])),
         "cost": _text([r.cost for r in results]),
         "extra": [dict(r.extra) for r in results],
@@ -71,8 +74,11 @@ def finish_bytes(key: str, final: Problem, results: Sequence[RunResult]) -> byte
     return _seal(key, body) + body
 
 
-def finish_of_bytes(content: Any, key: str, problem: Problem, runs: Sequence[RunResult]) -> tuple[Problem, list[RunResult]] | None:
-    """The inverse of `finish_bytes` for the problem and the runs that `key` is of; None for bytes that are not whole."""
+def finish_of_bytes(
+    content: Any, key: str, problem: Problem, runs: Sequence[RunResult]
+) -> tuple[Problem, list[RunResult]] | None:
+    """The inverse of `finish_bytes` for the problem and the runs that `key` is of; None for bytes that are not
+    whole."""
     if not isinstance(content, bytes) or content[:DIGEST] != _seal(key, content[DIGEST:]):
         return None
     try:
@@ -88,20 +94,29 @@ def _final(problem: Problem, found: dict[str, Any]) -> Problem:
         stepper, substeps = found["steps"]
         problem = problem.with_simulator(replace(simulator, stepper=stepper, substeps=substeps))
     if found["mesh"] or problem.mesh:
-        problem = problem.with_mesh({name: _values(found["mesh"][name]) for name in problem.whole_drives if name in found["mesh"]})
+        problem = problem.with_mesh(
+            {name: _values(found["mesh"][name]) for name in problem.whole_drives if name in found["mesh"]}
+        )
     if found["starts"]:
         problem = problem.with_starts(found["starts"])
     if found["strengths"] is not None:
-        problem = problem.with_smoothing({(parameter, signal): value for parameter, signal, value in found["strengths"]})
+        problem = problem.with_smoothing(
+            {(parameter, signal): value for parameter, signal, value in found["strengths"]}
+        )
     chosen = {output: ScaleSource(*source) for output, source in found["sources"].items()}
     for source in {s: None for output, s in chosen.items() if s != problem.scale_sources[output]}:
-        problem = problem.with_scales({output: found["scales"][output] for output, s in chosen.items() if s == source}, source)
+        problem = problem.with_scales(
+            {output: found["scales"][output] for output, s in chosen.items() if s == source}, source
+        )
     return problem
 
 
 def _results(runs: Sequence[RunResult], found: dict[str, Any]) -> list[RunResult]:
     x, cost = _values(found["x"]).reshape(len(runs), -1), _values(found["cost"])
-    return [replace(r, x=z, cost=float(f), extra=extra) for r, z, f, extra in zip(runs, x, cost, found["extra"], strict=True)]
+    return [
+        replace(r, x=z, cost=float(f), extra=extra)
+        for r, z, f, extra in zip(runs, x, cost, found["extra"], strict=True)
+    ]
 
 
 def _seal(key: str, body: bytes) -> bytes:

@@ -22,7 +22,8 @@ def as_known(problem: Problem) -> Problem:
 
 
 def few_samples(problem: Problem) -> frozenset[str]:
-    """The outputs with no more samples than there are free parameters: their residuals may be nothing whatever their errors are."""
+    """The outputs with no more samples than there are free parameters: their residuals may be nothing whatever their
+    errors are."""
     counts = {o: sum(len(own[o]) for own in problem.data["index"].values()) for o in problem.outputs}
     return frozenset(o for o, n in counts.items() if n <= problem.space.dimension)
 

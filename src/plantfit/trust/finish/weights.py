@@ -22,24 +22,32 @@ def open_scales(problem: Problem) -> tuple[str, ...]:
     return tuple(o for o in problem.outputs if problem.scale_sources[o] != GIVEN) if len(problem.outputs) > 1 else ()
 
 
-def weighed(problem: Problem, z: np.ndarray, search: Callable[[Problem, np.ndarray], np.ndarray]) -> tuple[Problem, np.ndarray]:
+def weighed(
+    problem: Problem, z: np.ndarray, search: Callable[[Problem, np.ndarray], np.ndarray]
+) -> tuple[Problem, np.ndarray]:
     """The problem with open scales as its residuals show them, and its answer z (d,) by `search` from there.
 
-    Each scale becomes the root mean square of its residuals and the search goes on, until nothing changes: for independent
-    residuals that is the maximum of the likelihood over parameters and scales (Seber and Wild 1989, Nonlinear Regression, sec.
+    Each scale becomes the root mean square of its residuals and the search goes on, until nothing changes: for
+    independent residuals that is the maximum of the likelihood over parameters and scales (Seber and Wild 1989,
+    Nonlinear Regression, sec.
     11.4), and each of the two steps raises it, so that the rounds cannot go round in a circle.
 
-    That likelihood has no maximum where an output has no more samples than there are free parameters: with a scale that goes to zero these
-    samples are followed exactly, at any cost to the other outputs. Such a scale stays at 1 % of the output's spread at least. Of the only
-    output, whose scale changes nothing, it stays as it is, and its source tells that it says nothing of the errors.
+    That likelihood has no maximum where an output has no more samples than there are free parameters: with a scale that
+    goes to zero these samples are followed exactly, at any cost to the other outputs. Such a scale stays at 1 % of the
+    output's spread at least. Of the only output, whose scale changes nothing, it stays as it is, and its source tells
+    that it says nothing of the errors.
     """
     names = open_scales(problem)
     for k in range(1, ROUNDS + 1) if names else ():
         scales = residual_scales(problem, z, names)
         settled = all(abs(scales[o] - problem.scales[o]) <= SETTLED * problem.scales[o] for o in names)
         few = {o for o in few_samples(problem).intersection(names) if scales[o] <= least_scale(problem, o)}
-        problem = problem.with_scales({o: s for o, s in scales.items() if o not in few}, ScaleSource("residuals", k, settled))
-        problem = problem.with_scales({o: scales[o] for o in few}, ScaleSource("few samples", k, settled)) if few else problem
+        problem = problem.with_scales(
+            {o: s for o, s in scales.items() if o not in few}, ScaleSource("residuals", k, settled)
+        )
+        problem = (
+            problem.with_scales({o: scales[o] for o in few}, ScaleSource("few samples", k, settled)) if few else problem
+        )
         if settled:
             break
         z = search(problem, z)
@@ -59,7 +67,10 @@ def residual_scales(problem: Problem, z: np.ndarray, names: Sequence[str]) -> di
             count = len(problem.data["measured"][recording][output])
             squares[output].append(residuals[start : start + count] ** 2)
             start += count
-    return {o: max(least_scale(problem, o), problem.scales[o] * float(np.sqrt(np.mean(np.concatenate(squares[o]))))) for o in names}
+    return {
+        o: max(least_scale(problem, o), problem.scales[o] * float(np.sqrt(np.mean(np.concatenate(squares[o])))))
+        for o in names
+    }
 
 
 def least_scale(problem: Problem, output: str) -> float:
@@ -89,12 +100,14 @@ _WORDS = {
     "given": "given",
     "spread": "standard deviation of the record",
     "unit": "the only output, so that its scale changes nothing",
-    "few samples": "1 % of its spread: it has no more samples than there are free parameters, so that its noise cannot be told",
+    "few samples": "1 % of its spread: it has no more samples than there are free parameters, so that its noise cannot "
+    "be told",
 }
 
 
 def _chosen(source: ScaleSource) -> Literal["given", "unit", "spread", "residuals"]:
-    """As findings have it: a least scale of few samples comes from residuals, but that of the only output, which is 1."""
+    """As findings have it: a least scale of few samples comes from residuals, but that of the only output, which is
+    1."""
     return source.kind if source.kind != "few samples" else "residuals" if source.rounds else "unit"
 
 

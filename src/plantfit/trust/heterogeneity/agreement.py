@@ -9,7 +9,16 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate
 from plantfit.trust.heterogeneity.alone import Estimates
-from plantfit.trust.heterogeneity.cochran import LEVEL, Heterogeneity, difference, heterogeneity, holm, pooled, seen_from, together
+from plantfit.trust.heterogeneity.cochran import (
+    LEVEL,
+    Heterogeneity,
+    difference,
+    heterogeneity,
+    holm,
+    pooled,
+    seen_from,
+    together,
+)
 from plantfit.trust.heterogeneity.sentences import sentences
 
 TOGETHER = ""  # the test of all parameters at once, beside those by name
@@ -21,19 +30,21 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
 
     {"name", "verdict": [{"level", "sentence", "figures"}], "agree": bool|null, "level", "unit": str|null,
      "recordings": [{"name", "samples", "independent", "sound": bool, "rmse_joint", "rmse_alone"}],
-     "parameters": [{"name", "unit", "scale": "linear"|"log", "joint": {"value", "standard_error", "low", "high", "status"},
+     "parameters": [{"name", "unit", "scale": "linear"|"log", "joint": {"value", "standard_error", "low", "high",
+     "status"},
         "alone": [{"recording", "value", "standard_error", "low", "high", "open", "status", "tested": bool}],
         "q", "degrees", "p", "p_adjusted", "i_squared", "between", "seen_from", "differs": bool}],
      "together": null|{"q", "degrees", "p", "p_adjusted", "differs": bool},
-     "apart": [{"recording", "others": [name], "moved": [{"name", "unit", "value", "standard_error", "others", "others_error", "by",
+     "apart": [{"recording", "others": [name], "moved": [{"name", "unit", "value", "standard_error", "others",
+     "others_error", "by",
         "share", "p_adjusted", "told": bool}]}],
      "either": [name]}
 
-    Parameters are the shared ones; those that the study lets differ are no disagreement. Figures of a test are null where no two recordings
-    determine the parameter alone. On a log scale the test is of the logarithm, and "between" the standard deviation in the unit at the
-    joint value; "seen_from" is that which would be told in 8 of 10 such studies. "apart" are recordings without which the others agree,
-    "either" several of which one is. "agree" is null where nothing could be tested. "share" is "by" over the value of the others, null
-    at zero.
+    Parameters are the shared ones; those that the study lets differ are no disagreement. Figures of a test are null
+    where no two recordings determine the parameter alone. On a log scale the test is of the logarithm, and "between"
+    the standard deviation in the unit at the joint value; "seen_from" is that which would be told in 8 of 10 such
+    studies. "apart" are recordings without which the others agree, "either" several of which one is. "agree" is null
+    where nothing could be tested. "share" is "by" over the value of the others, null at zero.
     """
     shared = {c.name: c for c in problem.space.coordinates if c.recording is None}
     estimates = {n: _tested(c, each) for n, c in shared.items()}
@@ -41,7 +52,9 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
     p = {n: t.p for n, t in tests.items()} | ({} if all_at_once is None else {TOGETHER: all_at_once[2]})
     adjusted = holm(p)
     differ = [n for n in adjusted if adjusted[n] < LEVEL]
-    apart, either = _odd({n: own for n, own in estimates.items() if n in tests}, each, shared, differ) if differ else ([], [])
+    apart, either = (
+        _odd({n: own for n, own in estimates.items() if n in tests}, each, shared, differ) if differ else ([], [])
+    )
     one = len(problem.outputs) == 1
     record = {
         "name": problem.name,
@@ -51,7 +64,8 @@ def compared(problem: Problem, joint: Estimates, each: Mapping[str, Estimates]) 
         "unit": problem.model.outputs[problem.outputs[0]] if one else None,
         "recordings": [
             {
-                "name": n, "samples": e.samples, "independent": float(e.independent), "sound": e.sound, "rmse_joint": joint.rmse[n],
+                "name": n, "samples": e.samples, "independent": float(e.independent), "sound": e.sound,
+                "rmse_joint": joint.rmse[n],
                 "rmse_alone": e.rmse[n],
             }
             for n, e in each.items()
@@ -88,7 +102,8 @@ def _row(row: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _tested(c: Coordinate, each: Mapping[str, Estimates]) -> dict[str, One]:
-    """By recording the estimate of one parameter on the scale of its search, where the recording alone determines it."""
+    """By recording the estimate of one parameter on the scale of its search, where the recording alone determines
+    it."""
     found = {}
     for name, e in each.items():
         if e.known(c.name):
@@ -127,7 +142,9 @@ def _covariance(e: Estimates, names: Sequence[str], shared: Mapping[str, Coordin
     return own / np.outer(sizes, sizes) * np.outer(stated, stated)
 
 
-def _least(estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]) -> float:
+def _least(
+    estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate]
+) -> float:
     """The least adjusted p-value over all tests; 0 where nothing is left to test, since that is no agreement."""
     tests, all_at_once = _tests(estimates, each, shared)
     p = {n: t.p for n, t in tests.items()} | ({} if all_at_once is None else {TOGETHER: all_at_once[2]})
@@ -135,10 +152,14 @@ def _least(estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estima
 
 
 def _odd(
-    estimates: Mapping[str, Mapping[str, One]], each: Mapping[str, Estimates], shared: Mapping[str, Coordinate], differ: Sequence[str]
+    estimates: Mapping[str, Mapping[str, One]],
+    each: Mapping[str, Estimates],
+    shared: Mapping[str, Coordinate],
+    differ: Sequence[str],
 ) -> tuple[list[str], list[str]]:
-    """The recordings, less than half of all, without which the others agree, taken one after the other; or, where one of several would do,
-    these. None of both where the recordings scatter, or fewer than two of the others tell a parameter that differs."""
+    """The recordings, less than half of all, without which the others agree, taken one after the other; or, where
+    one of several would do, these. None of both where the recordings scatter, or fewer than two of the others tell a
+    parameter that differs."""
     left, gone = list(each), []
     if any(len(own) < 3 for n, own in estimates.items() if n in differ):
         return [], []
@@ -147,7 +168,9 @@ def _odd(
         for r in left:
             rest = [o for o in left if o != r]
             without[r] = _least(
-                {n: {o: v for o, v in own.items() if o in rest} for n, own in estimates.items()}, {o: each[o] for o in rest}, shared
+                {n: {o: v for o, v in own.items() if o in rest} for n, own in estimates.items()},
+                {o: each[o] for o in rest},
+                shared,
             )
         enough = [r for r in left if without[r] >= LEVEL]
         if len(enough) > 1 and not gone:
@@ -160,7 +183,9 @@ def _odd(
     return [], []
 
 
-def _moved(recording: str, others: Sequence[str], estimates: Mapping[str, Mapping[str, One]], shared: Mapping[str, Coordinate]) -> dict:
+def _moved(
+    recording: str, others: Sequence[str], estimates: Mapping[str, Mapping[str, One]], shared: Mapping[str, Coordinate]
+) -> dict:
     """By how much each parameter of a recording is off that of the others, the surest first."""
     rows, p = [], {}
     for name, own in estimates.items():
@@ -172,7 +197,8 @@ def _moved(recording: str, others: Sequence[str], estimates: Mapping[str, Mappin
         (value, error), (mean, spread) = _back(c, here), _back(c, there)
         rows.append(
             {
-                "name": name, "unit": c.unit, "value": value, "standard_error": error, "others": mean, "others_error": spread,
+                "name": name, "unit": c.unit, "value": value, "standard_error": error, "others": mean,
+                "others_error": spread,
                 "by": value - mean, "share": (value - mean) / abs(mean) if mean else None,
                 "sizes": abs(here[0] - there[0]) / _error_of(here, there),
             }
@@ -180,7 +206,11 @@ def _moved(recording: str, others: Sequence[str], estimates: Mapping[str, Mappin
     adjusted = holm(p)
     rows.sort(key=lambda r: (adjusted[r["name"]], -r["sizes"]))
     moved = [{k: v for k, v in r.items() if k != "sizes"} | {"p_adjusted": adjusted[r["name"]]} for r in rows]
-    return {"recording": recording, "others": list(others), "moved": [{**m, "told": m["p_adjusted"] < LEVEL} for m in moved]}
+    return {
+        "recording": recording,
+        "others": list(others),
+        "moved": [{**m, "told": m["p_adjusted"] < LEVEL} for m in moved],
+    }
 
 
 def _error_of(first: One, second: One) -> float:
@@ -198,7 +228,8 @@ def _figures(
 ) -> dict[str, Any]:
     if test is None:
         return {
-            "q": None, "degrees": None, "p": None, "p_adjusted": None, "i_squared": None, "between": None, "seen_from": None,
+            "q": None, "degrees": None, "p": None, "p_adjusted": None, "i_squared": None, "between": None,
+            "seen_from": None,
             "differs": False,
         }  # fmt: skip
     assert adjusted is not None

@@ -14,14 +14,16 @@ from plantfit.trust.intervals.follow.following import followed_ranges
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows
 
-PREFERRED = float(special.chdtri(1.0, 0.01))  # twice the log-likelihood by which a basin has to be better than that of the joint answer
+PREFERRED = float(
+    special.chdtri(1.0, 0.01)
+)  # twice the log-likelihood by which a basin has to be better than that of the joint answer
 
 
 @dataclass(frozen=True)
 class Estimates:
     """What one fit says: `rows` of its parameters by coordinate name, their covariance (d, d) in their units for
-    `names` (d,), how many `independent` samples of all `samples` the residuals are worth, whether intervals are `sound`, and the RMSE
-    of every recording, in the unit of the output, of several outputs in scales."""
+    `names` (d,), how many `independent` samples of all `samples` the residuals are worth, whether intervals are
+    `sound`, and the RMSE of every recording, in the unit of the output, of several outputs in scales."""
 
     names: tuple[str, ...]
     rows: dict[str, dict[str, Any]]
@@ -48,10 +50,19 @@ def alone(problem: Problem, name: str) -> Problem:
     """The problem of one of its recordings: the steps, scales and strengths of smoothing are those of all."""
     simulator, steps = problem.predictor.simulator, dict[str, Any](standard_errors=problem.standard_errors)
     if simulator is not None:
-        hold = {u: "linear" if u in simulator.interpolated else "previous" for u in getattr(problem.model, "inputs", {})}
+        hold = {
+            u: "linear" if u in simulator.interpolated else "previous" for u in getattr(problem.model, "inputs", {})
+        }
         steps |= {"stepper": simulator.stepper, "substeps": simulator.substeps, "hold": hold}
     own = {name: problem.experiments[name]}
-    made = Problem(problem.model, own, problem.space.parameters, scales=problem.scales, name=f"{problem.name}, {name} alone", **steps)
+    made = Problem(
+        problem.model,
+        own,
+        problem.space.parameters,
+        scales=problem.scales,
+        name=f"{problem.name}, {name} alone",
+        **steps,
+    )
     if name in problem.mesh:
         made = made.with_mesh({name: problem.mesh[name]})
     if made.smoothing is not None and problem.smoothing is not None:
@@ -65,12 +76,14 @@ def joint_start(problem: Problem, z: np.ndarray, own: Problem) -> np.ndarray:
     return np.array([at[n] for n in own.space.names])
 
 
-def fitted_alone(own: Problem, start: np.ndarray, search: Callable[[Problem, np.ndarray], tuple[np.ndarray, float]]) -> Estimates:
-    """The estimates of one recording: a local fit from the joint answer `start` (d,), or the basin that a search within the bounds finds,
-    where the recording prefers it beyond chance.
+def fitted_alone(
+    own: Problem, start: np.ndarray, search: Callable[[Problem, np.ndarray], tuple[np.ndarray, float]]
+) -> Estimates:
+    """The estimates of one recording: a local fit from the joint answer `start` (d,), or the basin that a search within
+    the bounds finds, where the recording prefers it beyond chance.
 
-    Basins of one cost, as those of a model in which two parameters may be exchanged, are no disagreement. `search` gives a cube point
-    (d,) and the evaluations that it took.
+    Basins of one cost, as those of a model in which two parameters may be exchanged, are no disagreement. `search`
+    gives a cube point (d,) and the evaluations that it took.
     """
     everything = np.ones(len(start), dtype=bool)
     z, cost = refit(own, start, everything)
@@ -92,11 +105,14 @@ def estimates(problem: Problem, z: np.ndarray, spent: float) -> Estimates:
     free = sum(r["status"] != NOT_VISITED for r in rows.values())
     independent = float(count) if local.linear is None else local.linear.samples
     sound = count > free if local.linear is None else local.linear.sound
-    return Estimates(problem.space.names, rows, local.covariance, count, independent, bool(sound), recording_rmse(problem, z))
+    return Estimates(
+        problem.space.names, rows, local.covariance, count, independent, bool(sound), recording_rmse(problem, z)
+    )
 
 
 def recording_rmse(problem: Problem, z: np.ndarray) -> dict[str, float]:
-    """By recording the root of the mean square of what was fitted: in the unit of one output, of several in their scales."""
+    """By recording the root of the mean square of what was fitted: in the unit of one output, of several in their
+    scales."""
     values = np.asarray(problem.space.physical(z))
     one, found = len(problem.outputs) == 1, {}
     for name in problem.data["drive"]:

@@ -1,8 +1,9 @@
-"""Do estimates of one quantity from several recordings agree: Cochran's Q, with few degrees of freedom as Welch has it, and Holm's levels.
+"""Do estimates of one quantity from several recordings agree: Cochran's Q, with few degrees of freedom as Welch has it,
+and Holm's levels.
 
-Cochran, Biometrics 10 (1954) 101; Welch, Biometrika 38 (1951) 330, eq. 28; Holm, Scand. J. Statistics 6 (1979) 65; I^2 of Higgins and
-Thompson, Statistics in Medicine 21 (2002) 1539; the spread between recordings of Paule and Mandel, J. Research of the National Bureau of
-Standards 87 (1982) 377.
+Cochran, Biometrics 10 (1954) 101; Welch, Biometrika 38 (1951) 330, eq. 28; Holm, Scand. J. Statistics 6 (1979) 65; I^2
+of Higgins and Thompson, Statistics in Medicine 21 (2002) 1539; the spread between recordings of Paule and Mandel, J.
+Research of the National Bureau of Standards 87 (1982) 377.
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,9 +20,9 @@ HALVINGS = 60  # of the scatter that is looked for
 
 @dataclass(frozen=True)
 class Heterogeneity:
-    """Estimates (k,) against their weighted mean: Cochran's `q` with `degrees` of freedom, the `p` of Welch's test (that of q for standard
-    errors without error), `i_squared`, the share of the scatter that is more than the errors', and `between`, the standard deviation
-    between recordings. `mean` with `error` is the estimate of all."""
+    """Estimates (k,) against their weighted mean: Cochran's `q` with `degrees` of freedom, the `p` of Welch's test
+    (that of q for standard errors without error), `i_squared`, the share of the scatter that is more than the
+    errors', and `between`, the standard deviation between recordings. `mean` with `error` is the estimate of all."""
 
     mean: float
     error: float
@@ -48,8 +49,9 @@ def heterogeneity(values: np.ndarray, errors: np.ndarray, freedom: np.ndarray) -
 
 
 def between(values: np.ndarray, errors: np.ndarray) -> float:
-    """The standard deviation s between recordings of estimates (k,) with standard errors (k,): that which makes Cochran's Q with weights
-    1 / (errors^2 + s^2) equal to k - 1, its mean; 0 where Q is smaller without it (Paule and Mandel).
+    """The standard deviation s between recordings of estimates (k,) with standard errors (k,): that which makes
+    Cochran's Q with weights 1 / (errors^2 + s^2) equal to k - 1, its mean; 0 where Q is smaller without it (Paule and
+    Mandel).
 
     Newton's steps of DerSimonian and Kacker, Contemporary Clinical Trials 28 (2007) 105; Q falls and is convex in s^2.
     """
@@ -65,7 +67,8 @@ def between(values: np.ndarray, errors: np.ndarray) -> float:
 
 
 def seen_from(errors: np.ndarray, level: float = LEVEL) -> float:
-    """The standard deviation s between recordings that Cochran's Q of estimates with standard errors (k,) tells with a chance of `POWER`.
+    """The standard deviation s between recordings that Cochran's Q of estimates with standard errors (k,) tells with a
+    chance of `POWER`.
 
     Of Q its mean and variance are used, which is exact for equal errors (Satterthwaite).
     """
@@ -89,7 +92,8 @@ def seen_from(errors: np.ndarray, level: float = LEVEL) -> float:
 
 
 def together(values: np.ndarray, covariances: np.ndarray, freedom: np.ndarray) -> tuple[float, float, float]:
-    """Of vectors (k, d) with covariances (k, d, d): the sum of squares about their weighted mean, its degrees of freedom, and p.
+    """Of vectors (k, d) with covariances (k, d, d): the sum of squares about their weighted mean, its degrees of
+    freedom, and p.
 
     By Hotelling's F with the least degrees of freedom of any covariance, which is never too sure.
     """

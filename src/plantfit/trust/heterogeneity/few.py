@@ -1,10 +1,11 @@
 """How much wider an interval has to be where few recordings agree: agreement of few is often chance.
 
-The variance of the answer about the mean of the plant is v = 1 + r^2 times that by the noise, r the scatter between recordings in units
-of what noise does to the answer. What the recordings show of v is h, with `degrees` of freedom, as a mean square shows a variance. The
-interval is the posterior one with r = 0 weighing as much as `NONE` of a density 1/(1 + r) over all r: even below the noise, even in the
-logarithm above it (a prior in units of the noise, as the 1/(1 + r)^2 of DuMouchel, in Berry (ed.), Statistical Methodology in the
-Pharmaceutical Sciences, 1990, 509). Its tail is that of Hartung and Knapp's interval, so that it holds at any scatter.
+The variance of the answer about the mean of the plant is v = 1 + r^2 times that by the noise, r the scatter between
+recordings in units of what noise does to the answer. What the recordings show of v is h, with `degrees` of freedom, as
+a mean square shows a variance. The interval is the posterior one with r = 0 weighing as much as `NONE` of a density
+1/(1 + r) over all r: even below the noise, even in the logarithm above it (a prior in units of the noise, as the 1/(1 +
+r)^2 of DuMouchel, in Berry (ed.), Statistical Methodology in the Pharmaceutical Sciences, 1990, 509). Its tail is that
+of Hartung and Knapp's interval, so that it holds at any scatter.
 """
 
 import numpy as np

@@ -24,8 +24,9 @@ def heterogeneity_findings(
 ) -> tuple[list[Row], Heterogeneity | None]:
     """The rows at the answer z (d,), wider where recordings disagree, and the section "heterogeneity".
 
-    The section is None where there is nothing to test: one recording, no parameter that recordings share, no linearised problem (tables,
-    over 60 coordinates). The refits take at most the evaluations that the search `spent`, or 1000; with too few nothing is tested.
+    The section is None where there is nothing to test: one recording, no parameter that recordings share, no linearised
+    problem (tables, over 60 coordinates). The refits take at most the evaluations that the search `spent`, or 1000;
+    with too few nothing is tested.
     """
     rows = [{**row, "by_noise": None, "scatter": None} for row in rows]
     shared = any(c.recording is None for c in problem.space.coordinates)
@@ -41,16 +42,23 @@ def heterogeneity_findings(
     each, taken = refitted(problem, z, residuals, jacobian, begins, allowed)
     record = compared(problem, of_all(problem, local, rows, residuals), each)
     kept = {k: v for k, v in record.items() if k not in ("name", "verdict")}
-    section = Heterogeneity.model_validate({**_EMPTY, **kept, "state": "tested", "evaluations": taken, "allowed": allowed})
+    section = Heterogeneity.model_validate(
+        {**_EMPTY, **kept, "state": "tested", "evaluations": taken, "allowed": allowed}
+    )
     return widened(problem, residuals, jacobian, local, rows, record), section
 
 
 def withdrawn(rows: Sequence[Row]) -> list[str]:
     """Parameters that are determined by the noise of the recordings, and not when these disagree."""
-    return [r["name"] for r in rows if r["by_noise"] and r["by_noise"]["status"] == "determined" and r["status"] != "determined"]
+    return [
+        r["name"]
+        for r in rows
+        if r["by_noise"] and r["by_noise"]["status"] == "determined" and r["status"] != "determined"
+    ]
 
 
 _EMPTY: dict[str, Any] = {
-    "state": "", "evaluations": 0.0, "agree": None, "level": None, "unit": None, "recordings": [], "parameters": [], "together": None,
+    "state": "", "evaluations": 0.0, "agree": None, "level": None, "unit": None, "recordings": [], "parameters": [],
+    "together": None,
     "apart": [], "either": [],
 }  # fmt: skip

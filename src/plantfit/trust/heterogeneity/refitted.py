@@ -23,12 +23,16 @@ DAMPING = 1e-4  # relative to the largest derivative: the answer of all is near
 
 
 def own_rows(problem: Problem) -> dict[str, tuple[slice, list[Block]]]:
-    """By fitted recording its rows among the residuals of the problem, and their blocks counted from the first of them."""
+    """By fitted recording its rows among the residuals of the problem, and their blocks counted from the first of
+    them."""
     found: dict[str, tuple[slice, list[Block]]] = {}
     for name, _, block in named_blocks(problem):
         begin = found[name][0].start if name in found else block.rows.start
         here = slice(block.rows.start - begin, block.rows.stop - begin)
-        found[name] = slice(begin, block.rows.stop), [*(found[name][1] if name in found else ()), replace(block, rows=here)]
+        found[name] = (
+            slice(begin, block.rows.stop),
+            [*(found[name][1] if name in found else ()), replace(block, rows=here)],
+        )
     return found
 
 
@@ -40,10 +44,11 @@ def work(problem: Problem, count: int) -> float:
 def refitted(
     problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, begins: Begins, allowed: float
 ) -> tuple[dict[str, Estimates], float]:
-    """By recording what it says alone, and the evaluations that were spent, about `allowed` at most; of recordings that come to their end.
+    """By recording what it says alone, and the evaluations that were spent, about `allowed` at most; of recordings that
+    come to their end.
 
-    Residuals (m,) with derivatives (m, d) at the answer z (d,); `begins` as in `covariance`. One local search each, bounded by the
-    box, all of them in step: no point depends on how many others there are.
+    Residuals (m,) with derivatives (m, d) at the answer z (d,); `begins` as in `covariance`. One local search each,
+    bounded by the box, all of them in step: no point depends on how many others there are.
     """
     rows = own_rows(problem)
     places = {n: problem.space.local(n) for n in rows}
@@ -67,7 +72,9 @@ def refitted(
     return {n: _estimates(problem, n, z, s, rows[n][1], begins.of(rows[n][0])) for n, s in ended.items()}, spent
 
 
-def _estimates(problem: Problem, name: str, z: np.ndarray, search: Search, blocks: Sequence[Block], begins: Begins) -> Estimates:
+def _estimates(
+    problem: Problem, name: str, z: np.ndarray, search: Search, blocks: Sequence[Block], begins: Begins
+) -> Estimates:
     whole, own = np.array(z, dtype=float), search.own
     whole[own] = search.x
     jacobian = np.zeros((len(search.residuals), len(whole)))
@@ -76,7 +83,9 @@ def _estimates(problem: Problem, name: str, z: np.ndarray, search: Search, block
     covariance = linear.spread * linear.size[:, None] * linear.size[None, :]
     touched = np.any(search.jacobian != 0.0, axis=0)
     bound = tuple("lower" if x <= EDGE else "upper" if x >= 1.0 - EDGE else None for x in search.x)
-    local = Local(linear.values, covariance, np.sqrt(np.diag(covariance)), bound, (), np.ones(len(own)), touched, linear)
+    local = Local(
+        linear.values, covariance, np.sqrt(np.diag(covariance)), bound, (), np.ones(len(own)), touched, linear
+    )
     space = Space(problem.space.parameters, (name,))
     unseen = [n for n, known in zip(space.names, touched, strict=True) if not known]
     rows = {r["name"]: r for r in parameter_rows(space, local, unseen) if r["status"] != "fixed"}

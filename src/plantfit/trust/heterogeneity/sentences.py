@@ -8,7 +8,9 @@ from plantfit.trust.verdict.words import Sentence, estimate, interval, number, s
 
 Record = Mapping[str, Any]
 MOVED = 3  # parameters that are named with their figures
-CAUSES = "The plant changed between them, or the model lacks something that they excite differently (`plantfit diagnose`)."
+CAUSES = (
+    "The plant changed between them, or the model lacks something that they excite differently (`plantfit diagnose`)."
+)
 
 
 def sentences(record: Record) -> list[Sentence]:
@@ -17,14 +19,19 @@ def sentences(record: Record) -> list[Sentence]:
 
 
 def answer_sentences(findings: Record) -> list[Sentence]:
-    """What the verdict of an answer says: which recordings disagree, and how intervals allow for it; nothing where they agree."""
+    """What the verdict of an answer says: which recordings disagree, and how intervals allow for it; nothing where
+    they agree."""
     section = findings.get("heterogeneity")
     if not section:
         return []
     file = study_file(findings)
     command = f"`plantfit compare-records {shlex.quote(file)}`" if file else "`pf.compare_records(answer)`"
     if section["state"] == "left":
-        text = f"Whether the {len(section['recordings'])} recordings agree was not tested, as it takes long; {command} does it."
+        text = (
+            f"Whether the {len(section['recordings'])} recordings agree was not tested, as it takes long; "
+            f"{command} "
+            f"does it."
+        )
         return [say("info", text)]
     count, rows = len(section["recordings"]), findings["parameters"]
     if section["agree"] is False:
@@ -51,8 +58,15 @@ def _doubted(section: Record, rows: Sequence[Record], count: int) -> list[Senten
     p = {t["name"]: t["p"] for t in section["parameters"]}
     doubted = [r for r in wider if r["scatter"]]
     names = [f"{r['name']} (p {number(p[r['name']])})" for r in doubted[:MOVED]] + [r["name"] for r in doubted[MOVED:]]
-    chance = f"but {some(names)} may scatter between them" if names else "as so few often do where a plant scatters between them"
-    text = f"The {count} recordings agree within chance, {chance}. Intervals allow for that: {_wider(wider)}.{_withdrawn(wider)}"
+    chance = (
+        f"but {some(names)} may scatter between them"
+        if names
+        else "as so few often do where a plant scatters between them"
+    )
+    text = (
+        f"The {count} recordings agree within chance, {chance}. Intervals allow for that: "
+        f"{_wider(wider)}.{_withdrawn(wider)}"
+    )
     text += " A third one makes them shorter." if count == 2 else ""
     return [say("info", text, widened=len(wider), withdrawn=len(_lost(wider)))]
 
@@ -64,7 +78,9 @@ def _unseen(section: Record, rows: Sequence[Record], count: int) -> list[Sentenc
     def size(t: Record) -> float:
         return t["seen_from"] / max(abs(t["joint"]["value"]), 1e-300)
 
-    tested = sorted([t for t in section["parameters"] if t["seen_from"] is not None and size(t) < 1], key=size, reverse=True)
+    tested = sorted(
+        [t for t in section["parameters"] if t["seen_from"] is not None and size(t) < 1], key=size, reverse=True
+    )
     if not tested:
         return []
     shown = [f"{100 * size(t):.2g} % of {t['name']}" for t in tested[:MOVED]]
@@ -82,7 +98,9 @@ def _unseen(section: Record, rows: Sequence[Record], count: int) -> list[Sentenc
 
 def _wider(rows: Sequence[Record]) -> str:
     """The intervals that grew most, beside those by the noise alone."""
-    grown = sorted(rows, key=lambda r: -(r["high"] - r["low"]) / max(r["by_noise"]["high"] - r["by_noise"]["low"], 1e-300))
+    grown = sorted(
+        rows, key=lambda r: -(r["high"] - r["low"]) / max(r["by_noise"]["high"] - r["by_noise"]["low"], 1e-300)
+    )
     shown = []
     for r in grown[:MOVED]:
         (low, high), width = (r["by_noise"][end] for end in ("low", "high")), r["high"] - r["low"]
@@ -101,7 +119,11 @@ def _withdrawn(rows: Sequence[Record]) -> str:
 
 
 def _two(count: int) -> str:
-    return " Two recordings say little of a scatter; a third one makes such intervals over three times shorter." if count == 2 else ""
+    return (
+        " Two recordings say little of a scatter; a third one makes such intervals over three times shorter."
+        if count == 2
+        else ""
+    )
 
 
 def _first(record: Record) -> list[Sentence]:
@@ -119,10 +141,16 @@ def _first(record: Record) -> list[Sentence]:
     differ = [p for p in record["parameters"] if p["differs"]]
     if record["agree"]:
         least = min([p["p_adjusted"] for p in record["parameters"] if p["p"] is not None], default=1.0)
-        whole = len(tested) == len(record["parameters"]) and all(a["tested"] for p in record["parameters"] for a in p["alone"])
+        whole = len(tested) == len(record["parameters"]) and all(
+            a["tested"] for p in record["parameters"] for a in p["alone"]
+        )
         what = "all parameters" if len(tested) == len(record["parameters"]) else some(tested)
         compared = {a["recording"] for p in record["parameters"] for a in p["alone"] if a["tested"]}
-        count = f"{len(names)} recordings" if len(compared) == len(names) else f"{len(compared)} of {len(names)} recordings compared"
+        count = (
+            f"{len(names)} recordings"
+            if len(compared) == len(names)
+            else f"{len(compared)} of {len(names)} recordings compared"
+        )
         tail = f"least p {number(least)}, corrected for {len(tested) + (record['together'] is not None)} tests"
         return [say("good" if whole else "info", f"The recordings agree on {what} ({count}; {tail}).", p=least)]
     if record["either"]:
@@ -137,14 +165,19 @@ def _differ(differ: Sequence[Record], record: Record) -> str:
     """Each parameter that differs, with its values."""
     if not differ:
         p = chance(record["together"]["p_adjusted"])
-        return f"The recordings disagree on the parameters together ({p}), though on none of them by more than its intervals"
+        return (
+            f"The recordings disagree on the parameters together ({p}), though on none of them by more than its "
+            f"intervals"
+        )
     told = []
     for p in sorted(differ, key=lambda p: p["p_adjusted"])[:MOVED]:
         known = [a for a in p["alone"] if a["tested"]]
         known.sort(key=lambda a: a["value"])
         shown = known if len(known) <= 4 else [known[0], known[-1]]
         values = some([f"{_value(a['value'], a['standard_error'], p['unit'])} in {a['recording']}" for a in shown], 9)
-        told.append(f"{p['name']} differs between recordings by more than its intervals: {values} ({chance(p['p_adjusted'])})")
+        told.append(
+            f"{p['name']} differs between recordings by more than its intervals: {values} ({chance(p['p_adjusted'])})"
+        )
     more = f"; so {_do(len(differ) - MOVED)} {some([p['name'] for p in differ[MOVED:]])}" if len(differ) > MOVED else ""
     return "; ".join(told) + more
 
@@ -169,7 +202,10 @@ def _apart(a: Record, record: Record) -> Sentence:
     unit = record["unit"]
     what = "; ".join(shown) if shown else "the parameters differ together, none of them by more than its intervals"
     more = f"; {some([m['name'] for m in moved[MOVED:]])} moved as well" if len(moved) > MOVED else ""
-    rmse = f"its RMSE is {number(own['rmse_joint'])} with the joint values and {with_unit(own['rmse_alone'], unit)} with its own"
+    rmse = (
+        f"its RMSE is {number(own['rmse_joint'])} with the joint values and {with_unit(own['rmse_alone'], unit)} "
+        f"with its own"
+    )
     figures = {"rmse_joint": own["rmse_joint"], "rmse_alone": own["rmse_alone"]}
     if moved:
         figures |= {"by": moved[0]["by"], "p": moved[0]["p_adjusted"]}
@@ -190,7 +226,11 @@ def _same(record: Record) -> str:
 
 
 def _p(differ: Sequence[Record], record: Record) -> dict[str, float]:
-    return {"p": min([p["p_adjusted"] for p in differ], default=record["together"]["p_adjusted"] if record["together"] else 1.0)}
+    return {
+        "p": min(
+            [p["p_adjusted"] for p in differ], default=record["together"]["p_adjusted"] if record["together"] else 1.0
+        )
+    }
 
 
 def _spread(record: Record) -> list[Sentence]:
@@ -200,8 +240,10 @@ def _spread(record: Record) -> list[Sentence]:
         error = p["joint"]["standard_error"]
         if p["differs"] and error and p["between"] > error:
             text = (
-                f"Between recordings {p['name']} scatters by {with_unit(p['between'], p['unit'])} (standard deviation), "
-                f"{number(p['between'] / error)} times the standard error of the joint answer, which does not hold for another recording."
+                f"Between recordings {p['name']} scatters by {with_unit(p['between'], p['unit'])} (standard "
+                f"deviation), "
+                f"{number(p['between'] / error)} times the standard error of the joint answer, which does not hold for "
+                f"another recording."
             )
             said.append(say("warning", text, between=p["between"], standard_error=error))
     return said[:MOVED]
@@ -212,7 +254,10 @@ def _untested(record: Record) -> list[Sentence]:
     said = []
     slow = [r["name"] for r in record["recordings"] if not r["sound"]]
     if slow:
-        text = f"What is left of {some(slow)} moves too slowly, or is too short, for intervals that hold; {_it(slow)} not compared."
+        text = (
+            f"What is left of {some(slow)} moves too slowly, or is too short, for intervals that hold; {_it(slow)} "
+            f"not compared."
+        )
         said.append(say("info", text))
     for p in record["parameters"]:
         open_ = [a["recording"] for a in p["alone"] if not a["tested"] and a["recording"] not in slow]

@@ -1,12 +1,13 @@
 """Intervals of the answer of all recordings that allow for how its parameters scatter between them.
 
-To first order the answer of all is the sum of what every recording adds to it, c_k = -(J'J)^-1 J_k' r_k, which is A_k (p_k - p) of the
-parameters p_k that it has alone, with A_k = (J'J)^-1 J_k' J_k. The c_k scatter as the recordings do, whatever the reason: the variance of
-the answer about the mean of the plant is the sum of their squares, each over the share of the scatter that is left in it, 1 - 2 a_k +
-sum a^2 (Bell and McCaffrey, Survey Methodology 28 (2002) 169: recordings are the clusters; a_k is the diagonal of A_k). Student's t has
-the degrees of freedom that this sum has for equal scatter, k - 1 where the recordings tell equally much: then it is the interval of
-Hartung and Knapp, Statistics in Medicine 20 (2001) 3875. Nothing is subtracted for the noise, so that recordings that agree on one
-parameter by chance do not look as if they determined it. The value stays that of least squares, the one that is simulated with.
+To first order the answer of all is the sum of what every recording adds to it, c_k = -(J'J)^-1 J_k' r_k, which is A_k
+(p_k - p) of the parameters p_k that it has alone, with A_k = (J'J)^-1 J_k' J_k. The c_k scatter as the recordings do,
+whatever the reason: the variance of the answer about the mean of the plant is the sum of their squares, each over the
+share of the scatter that is left in it, 1 - 2 a_k + sum a^2 (Bell and McCaffrey, Survey Methodology 28 (2002) 169:
+recordings are the clusters; a_k is the diagonal of A_k). Student's t has the degrees of freedom that this sum has for
+equal scatter, k - 1 where the recordings tell equally much: then it is the interval of Hartung and Knapp, Statistics in
+Medicine 20 (2001) 3875. Nothing is subtracted for the noise, so that recordings that agree on one parameter by chance
+do not look as if they determined it. The value stays that of least squares, the one that is simulated with.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +26,9 @@ from plantfit.trust.intervals.ranges import LEVEL, Range
 
 NOTICED = 1.05  # times its reach from which on an interval is widened
 WORTH = 1.15  # times from which on that of recordings that agree is
-PRELIMINARY = 0.25  # level of a test from which on plants are drawn as if they scatter (Bancroft, Biometrics 20 (1964) 427)
+PRELIMINARY = (
+    0.25  # level of a test from which on plants are drawn as if they scatter (Bancroft, Biometrics 20 (1964) 427)
+)
 ENOUGH = 3  # recordings from which on: two say nothing of a scatter
 RCOND = 1e-12  # of the largest singular value: directions below are open
 LEFT = 0.05  # of a recording's scatter: at least so much is taken to be left where it sets a parameter nearly alone
@@ -35,8 +38,8 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Effects:
-    """What every recording adds to the answer of all: `moves` (k, d) in the cube, each scaled so that the sum of squares is the variance
-    of the answer, and the `degrees` (d,) of freedom of that sum."""
+    """What every recording adds to the answer of all: `moves` (k, d) in the cube, each scaled so that the sum of
+    squares is the variance of the answer, and the `degrees` (d,) of freedom of that sum."""
 
     moves: np.ndarray
     degrees: np.ndarray
@@ -48,7 +51,8 @@ class Effects:
 
 
 def effects(problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, local: Local) -> Effects:
-    """Of the recordings on the answer, from residuals (m,) and derivatives (m, d) there. Coordinates that a bound holds do not move."""
+    """Of the recordings on the answer, from residuals (m,) and derivatives (m, d) there. Coordinates that a bound
+    holds do not move."""
     free = np.array([b is None for b in local.at_bound])
     norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     j = np.where(free, jacobian / norms, 0.0)
@@ -72,20 +76,30 @@ def _degrees(shares: np.ndarray, left: np.ndarray) -> float:
 
 
 def widened(
-    problem: Problem, residuals: np.ndarray, jacobian: np.ndarray, local: Local, rows: Sequence[Row], record: Mapping[str, Any]
+    problem: Problem,
+    residuals: np.ndarray,
+    jacobian: np.ndarray,
+    local: Local,
+    rows: Sequence[Row],
+    record: Mapping[str, Any],
 ) -> list[Row]:
-    """The rows of the findings, those wider that the scatter of recordings reaches; `record` is that of `agreement.compared`.
+    """The rows of the findings, those wider that the scatter of recordings reaches; `record` is that of
+    `agreement.compared`.
 
-    Where recordings disagree on anything, every parameter has the interval of Student's t of so few; where they do not, those that they
-    tell alone have the one of `few`, since few recordings agree by chance. Residuals (m,) and derivatives (m, d) are those at the answer.
-    Rows without a standard error stay as they are.
+    Where recordings disagree on anything, every parameter has the interval of Student's t of so few; where they do not,
+    those that they tell alone have the one of `few`, since few recordings agree by chance. Residuals (m,) and
+    derivatives (m, d) are those at the answer. Rows without a standard error stay as they are.
     """
     tests = {p["name"]: p for p in record["parameters"]}
     told = record["agree"] is False
     compared = [n for n, p in tests.items() if p["p"] is not None]
     if not told and not compared:
         return list(rows)
-    found, names, coordinates = effects(problem, residuals, jacobian, local), problem.space.names, problem.space.coordinates
+    found, names, coordinates = (
+        effects(problem, residuals, jacobian, local),
+        problem.space.names,
+        problem.space.coordinates,
+    )
     errors = np.sqrt(np.diag(found.covariance))
     made = []
     for row in rows:
@@ -107,7 +121,9 @@ def _tested(parameter: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [a for a in parameter["alone"] if a["tested"]]
 
 
-def _wider(row: Row, coordinate: Any, spread: float, degrees: float, scatter: Row | None, told: bool, local: Local) -> Row:
+def _wider(
+    row: Row, coordinate: Any, spread: float, degrees: float, scatter: Row | None, told: bool, local: Local
+) -> Row:
     """The row with a standard error and an interval that hold for the mean of the recordings."""
     value, error = row["value"], row["standard_error"]
     if error is None or row["status"] not in ("determined", "weak") or row.get("open"):
@@ -122,7 +138,9 @@ def _wider(row: Row, coordinate: Any, spread: float, degrees: float, scatter: Ro
     least, most = coordinate.limits
     low, high = float(max(least, min(ends[0], row["low"]))), float(min(most, max(ends[1], row["high"])))
     if high - low < (NOTICED if told else WORTH) * (row["high"] - row["low"]):
-        return {**row, "scatter": scatter} if scatter and scatter["between"] > 0 else row  # another recording is farther off than the mean
+        return (
+            {**row, "scatter": scatter} if scatter and scatter["between"] > 0 else row
+        )  # another recording is farther off than the mean
     assert local.linear is not None
     status = judged(coordinate, value, Range(low, high), local.linear.sound)
     # an interval that reaches all that is possible is not the same as data that say nothing
@@ -137,7 +155,8 @@ def _wider(row: Row, coordinate: Any, spread: float, degrees: float, scatter: Ro
 
 
 def _stated(uncertainty: Row | None, value: float, reach: float) -> Row | None:
-    """What errors of instruments make of an interval, and a scatter between recordings that adds so much to its half width by the noise."""
+    """What errors of instruments make of an interval, and a scatter between recordings that adds so much to its half
+    width by the noise."""
     if uncertainty is None:
         return None
     noise, combined = (float(np.hypot(uncertainty[k], reach / NORMAL)) for k in ("noise", "combined"))

@@ -21,7 +21,8 @@ SETS = 3000  # of measurements that are compared at most
 
 @dataclass(frozen=True)
 class Measurement:
-    """An extra measurement: `function` of named parameters to one number or several, known to `sd` (one, or one for each)."""
+    """An extra measurement: `function` of named parameters to one number or several, known to `sd` (one, or one for
+    each)."""
 
     name: str
     function: Callable[[Mapping[str, Any]], Any]
@@ -30,7 +31,8 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Opening:
-    """What the record with `measurements` beside it determines: directions opened, standard errors (d,), inf where still open."""
+    """What the record with `measurements` beside it determines: directions opened, standard errors (d,), inf where
+    still open."""
 
     names: tuple[str, ...]
     measurements: tuple[str, ...]
@@ -46,9 +48,14 @@ class Opening:
     def sentence(self) -> str:
         what, verb = some(self.measurements, most=8), "open" if len(self.measurements) > 1 else "opens"
         if not self.opened:
-            return f"{what}: {verb} nothing; what this tells about the parameters follows from what the record determines already."
+            return (
+                f"{what}: {verb} nothing; what this tells about the parameters follows from what the record "
+                f"determines already."
+            )
         gain = f"{what}: {verb} {self.opened} of {self.opened + self.still_open} flat directions"
-        errors = [f"{n} to ±{number(e)}" for n, e in zip(self.names, self.standard_error, strict=True) if np.isfinite(e)]
+        errors = [
+            f"{n} to ±{number(e)}" for n, e in zip(self.names, self.standard_error, strict=True) if np.isfinite(e)
+        ]
         if not errors:
             return f"{gain}, but no parameter alone is determined yet."
         if self.still_open:
@@ -67,13 +74,20 @@ class Openings:
 
     @property
     def sentences(self) -> list[str]:
-        last = "No set of these measurements opens every flat direction." if self.together is None else self.together.sentence
+        last = (
+            "No set of these measurements opens every flat direction."
+            if self.together is None
+            else self.together.sentence
+        )
         return [o.sentence for o in self.alone] + ([last] if self.record.still_open else [])
 
     def table(self) -> dict[str, Any]:
         """A table for a report: a row for each measurement, a column of standard errors for each parameter."""
         rows = [self.record, *self.alone, *([self.together] if self.together else [])]
-        body = [[" + ".join(o.measurements) or "the record alone", str(o.opened), *map(_error, o.standard_error)] for o in rows]
+        body = [
+            [" + ".join(o.measurements) or "the record alone", str(o.opened), *map(_error, o.standard_error)]
+            for o in rows
+        ]
         return {
             "caption": "Standard errors with an extra measurement",
             "columns": ["Extra measurement", "Opened", *self.names],
@@ -85,18 +99,22 @@ def _error(value: float) -> str:
     return number(value) if np.isfinite(value) else "open"
 
 
-def openings(found: Combinations, covariance: np.ndarray, point: np.ndarray, candidates: Sequence[Measurement]) -> Openings:
+def openings(
+    found: Combinations, covariance: np.ndarray, point: np.ndarray, candidates: Sequence[Measurement]
+) -> Openings:
     """What each candidate measurement, and the best set of them, adds to a record at the parameters `point` (d,).
 
-    `covariance` (rank, rank) is that of the combinations `found`. Measurements are linearised at the point, independent of
-    the record and of each other. A parameter is determined when its axis lies in the span of all gradients.
-    Of the smallest sets that open everything the one with the least sum of squared relative errors is chosen.
-    Raises ModelError for a covariance or a standard deviation that cannot be.
+    `covariance` (rank, rank) is that of the combinations `found`. Measurements are linearised at the point, independent
+    of the record and of each other. A parameter is determined when its axis lies in the span of all gradients. Of the
+    smallest sets that open everything the one with the least sum of squared relative errors is chosen. Raises
+    ModelError for a covariance or a standard deviation that cannot be.
     """
     covariance, point = np.asarray(covariance, dtype=float), np.asarray(point, dtype=float)
     if covariance.shape != (found.rank, found.rank) or np.any(np.linalg.eigvalsh(covariance) <= 0):
         wanted = f"a positive definite ({found.rank}, {found.rank})"
-        raise ModelError(f"The covariance of the {found.rank} combinations has shape {covariance.shape}; give {wanted}.")
+        raise ModelError(
+            f"The covariance of the {found.rank} combinations has shape {covariance.shape}; give {wanted}."
+        )
     width = found.upper - found.lower
     record = np.linalg.solve(np.linalg.cholesky(covariance), found.jacobian(point)) * width
     extra = [_rows(m, found.names, point) * width for m in candidates]
@@ -107,7 +125,12 @@ def openings(found: Combinations, covariance: np.ndarray, point: np.ndarray, can
         return Opening(found.names, names, rank - found.rank, len(width) - rank, errors * width)
 
     plain = opening(())
-    return Openings(found.names, plain, tuple(opening((i,)) for i in range(len(candidates))), _best(plain, opening, len(candidates), point))
+    return Openings(
+        found.names,
+        plain,
+        tuple(opening((i,)) for i in range(len(candidates))),
+        _best(plain, opening, len(candidates), point),
+    )
 
 
 def _best(plain: Opening, opening: Callable[[Sequence[int]], Opening], count: int, point: np.ndarray) -> Opening | None:
@@ -136,12 +159,19 @@ def _rows(m: Measurement, names: Sequence[str], point: np.ndarray) -> np.ndarray
         return made if isinstance(made, (Mapping, list, tuple)) else list(jnp.atleast_1d(made))
 
     gradient = np.asarray(jax.jit(jax.jacfwd(stacked(listed, names)))(jnp.asarray(point)))
-    sd = np.broadcast_to(np.asarray(m.sd, dtype=float), len(gradient)) if np.size(m.sd) in (1, len(gradient)) else np.zeros(1)
+    sd = (
+        np.broadcast_to(np.asarray(m.sd, dtype=float), len(gradient))
+        if np.size(m.sd) in (1, len(gradient))
+        else np.zeros(1)
+    )
     if np.any(sd <= 0) or not np.all(np.isfinite(sd)):
-        raise ModelError(f"Measurement {m.name!r}: sd is {m.sd}; give a standard deviation above 0, one or {len(gradient)}.")
+        raise ModelError(
+            f"Measurement {m.name!r}: sd is {m.sd}; give a standard deviation above 0, one or {len(gradient)}."
+        )
     if not np.all(np.isfinite(gradient)):
         raise ModelError(
-            f"Measurement {m.name!r} has no finite derivative at {dict(zip(names, point.tolist(), strict=True))}; check its function."
+            f"Measurement {m.name!r} has no finite derivative at {dict(zip(names, point.tolist(), strict=True))}; "
+            f"check its function."
         )
     return gradient / sd[:, None]
 

@@ -38,7 +38,10 @@ class BaseParameters:
             return f"All {k} parameters are determined: {some(self.names, most=12)}."
         alone = f" {some(self.unseen)} {'has' if len(self.unseen) == 1 else 'have'} no effect." if self.unseen else ""
         are = "combination of the" if self.rank == 1 else "combinations of the"
-        return f"{self.rank} {are} {k} parameters {'is' if self.rank == 1 else 'are'} determined: {', '.join(self.texts)}.{alone}"
+        return (
+            f"{self.rank} {are} {k} parameters {'is' if self.rank == 1 else 'are'} determined: "
+            f"{', '.join(self.texts)}.{alone}"
+        )
 
 
 def base_parameters(
@@ -54,10 +57,15 @@ def base_parameters(
     """
     w, names = np.asarray(regressor, dtype=float), tuple(names)
     if w.ndim != 2 or w.shape[1] != len(names) or w.shape[0] == 0:
-        raise ModelError(f"The regressor has shape {w.shape} for {len(names)} parameters; give (N, {len(names)}) with at least one row.")
+        raise ModelError(
+            f"The regressor has shape {w.shape} for {len(names)} parameters; give (N, {len(names)}) with at least one "
+            f"row."
+        )
     bad = np.argwhere(~np.isfinite(w))
     if len(bad):
-        raise ModelError(f"The regressor has a missing value at row {bad[0][0]}, column {names[bad[0][1]]!r}; leave that row out.")
+        raise ModelError(
+            f"The regressor has a missing value at row {bad[0][0]}, column {names[bad[0][1]]!r}; leave that row out."
+        )
     if len(w) > w.shape[1]:
         w = np.asarray(np.linalg.qr(w, mode="r"))
     norms = np.linalg.norm(w, axis=0)

@@ -1,4 +1,5 @@
-"""Before any fit: how many combinations of the parameters the records can determine, in symbols, and what would have to be known."""
+"""Before any fit: how many combinations of the parameters the records can determine, in symbols, and what would have
+to be known."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -29,15 +30,16 @@ ROUGH = 0.5  # relative standard error from which on a parameter is only roughly
 class BeforeFit:
     """What records can determine of the free parameters `names`, the true values being unknown.
 
-    `rank` counts determined combinations. `alone` are parameters that are determined by themselves, `together` formulas of those that
-    are not, `unseen` parameters without any effect. `open` are the parameters of which only combinations are determined, and each of
-    `fix` is a set of them that makes the others determined. `rough` maps parameters that noise of 1 % would leave roughly known to their
-    median relative standard error. `points` were tried, `lost` of them could not be simulated.
+    `rank` counts determined combinations. `alone` are parameters that are determined by themselves, `together` formulas
+    of those that are not, `unseen` parameters without any effect. `open` are the parameters of which only combinations
+    are determined, and each of `fix` is a set of them that makes the others determined. `rough` maps parameters that
+    noise of 1 % would leave roughly known to their median relative standard error. `points` were tried, `lost` of them
+    could not be simulated.
 
-    `silent` maps outputs whose fitted samples are no more than the parameters that follow them, and whose scale nobody gave, to the number
-    of these samples: nothing shows how large their errors are, and a fit gives no interval that rests on them. Without them the rank is
-    `heard`, and `heard_alone` are determined by themselves. `few` is the number of all fitted samples where they are too few for intervals
-    that hold, else 0.
+    `silent` maps outputs whose fitted samples are no more than the parameters that follow them, and whose scale nobody
+    gave, to the number of these samples: nothing shows how large their errors are, and a fit gives no interval that
+    rests on them. Without them the rank is `heard`, and `heard_alone` are determined by themselves. `few` is the number
+    of all fitted samples where they are too few for intervals that hold, else 0.
     """
 
     names: tuple[str, ...]
@@ -64,21 +66,25 @@ class BeforeFit:
     def record(self) -> dict[str, Any]:
         """As a plain record, with the sentences."""
         return {
-            "rank": self.rank, "of": len(self.names), "alone": list(self.alone), "together": list(self.together), "open": list(self.open),
-            "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points, "lost": self.lost,
+            "rank": self.rank, "of": len(self.names), "alone": list(self.alone), "together": list(self.together),
+            "open": list(self.open),
+            "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points,
+            "lost": self.lost,
             "silent": self.silent, "heard": self.heard, "heard_alone": list(self.heard_alone), "few": self.few,
             "sentences": [{"level": level, "sentence": sentence} for level, sentence in self.sentences],
         }  # fmt: skip
 
 
 def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFit | None:
-    """What the fitted samples of a problem can determine; None for more than `MOST` coordinates or where too few points can be simulated.
+    """What the fitted samples of a problem can determine; None for more than `MOST` coordinates or where too few points
+    can be simulated.
 
-    The rank is that of the exact sensitivities by the logarithms of the parameters, the largest over `points` random points of the box
-    (numpy's generator of `key`): what cannot be told apart anywhere cannot be told apart. A combination is named where its formula holds
-    at all points: a product of powers where the open directions are the same in logarithms, a weighted sum where they are the same in
-    the parameters themselves (Bellman and Astrom 1970, Mathematical Biosciences 7, for the notion; Stigter and Molenaar 2015, Automatica
-    58, for the rank of sensitivities).
+    The rank is that of the exact sensitivities by the logarithms of the parameters, the largest over `points` random
+    points of the box (numpy's generator of `key`): what cannot be told apart anywhere cannot be told apart. A
+    combination is named where its formula holds at all points: a product of powers where the open directions are the
+    same in logarithms, a weighted sum where they are the same in the parameters themselves (Bellman and Astrom 1970,
+    Mathematical Biosciences 7, for the notion; Stigter and Molenaar 2015, Automatica 58, for the rank of
+    sensitivities).
     """
     space = problem.space
     d = space.dimension
@@ -105,16 +111,18 @@ def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFi
     held = {*fix[0]} if fix else set()
     return BeforeFit(
         tuple(space.names), rank, tuple(alone), tuple(together), tuple(names[k] for k in loose),
-        tuple(space.names[i] for i in np.flatnonzero(~effect)), tuple(fix), _rough(names, used, held), points, points - len(good),
+        tuple(space.names[i] for i in np.flatnonzero(~effect)), tuple(fix), _rough(names, used, held), points,
+        points - len(good),
         *_heard(own, problem, key, points), _too_few(problem),
     )  # fmt: skip
 
 
 def _heard(own: Problem, problem: Problem, key: int, points: int) -> tuple[dict[str, int], int, tuple[str, ...]]:
-    """Outputs whose errors nothing shows and their samples, the rank without them, and which parameters are determined alone then.
+    """Outputs whose errors nothing shows and their samples, the rank without them, and which parameters are determined
+    alone then.
 
-    They are those that are followed exactly at most of the points while others are followed with errors of 1 %, as in the fit
-    (`trust.finish.weights`).
+    They are those that are followed exactly at most of the points while others are followed with errors of 1 %, as in
+    the fit (`trust.finish.weights`).
     """
     few = [o for o in few_samples(problem) if problem.scale_sources[o] != GIVEN]
     if not few:
@@ -128,7 +136,11 @@ def _heard(own: Problem, problem: Problem, key: int, points: int) -> tuple[dict[
     at = np.random.default_rng(key).uniform(0.02, 0.98, (points, problem.space.dimension))
     found = [j for z in at if np.all(np.isfinite(j := np.asarray(residuals_and_jacobian(own, z)[1])))]
     spare = [spare_of(j, named) for j in found]
-    left = {o: float(np.median([sum(v for (_, of), v in own_.items() if of == o) for own_ in spare])) for o in few} if found else {}
+    left = (
+        {o: float(np.median([sum(v for (_, of), v in own_.items() if of == o) for own_ in spare])) for o in few}
+        if found
+        else {}
+    )
     silent = {o: sum(len(index[o]) for index in problem.data["index"].values()) for o, v in left.items() if v < SPARE}
     if not silent:
         return {}, 0, ()
@@ -148,25 +160,32 @@ def _too_few(problem: Problem) -> int:
 
 
 def _spread(problem: Problem, output: str) -> float:
-    values = np.concatenate([np.asarray(e.recording[output]) for e in problem.experiments.values() if output in e.recording.signals])
+    values = np.concatenate(
+        [np.asarray(e.recording[output]) for e in problem.experiments.values() if output in e.recording.signals]
+    )
     spread = float(np.nanstd(values))
     return spread if spread > 0 else 1.0
 
 
 def _at(problem: Problem, z: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """(values (d,), sensitivities (k, d) of residuals whose noise is 1 by the logarithms of the values), None where not finite."""
+    """(values (d,), sensitivities (k, d) of residuals whose noise is 1 by the logarithms of the values), None where
+    not finite."""
     jacobian = _sensitivities(problem, z)
     if jacobian is None:
         return None
     space, p = problem.space, np.asarray(problem.space.physical(z))
     by_log = np.array(
-        [1 / np.log(c.upper / c.lower) if c.log else v / (c.upper - c.lower) for c, v in zip(space.coordinates, p, strict=True)]
+        [
+            1 / np.log(c.upper / c.lower) if c.log else v / (c.upper - c.lower)
+            for c, v in zip(space.coordinates, p, strict=True)
+        ]
     )
     return p, jacobian * by_log
 
 
 def _sensitivities(problem: Problem, z: np.ndarray) -> np.ndarray | None:
-    """Sensitivities (k, d) in few rows with the Gauss-Newton matrix of all, by what choosing the steps compiled already where it did so."""
+    """Sensitivities (k, d) in few rows with the Gauss-Newton matrix of all, by what choosing the steps compiled
+    already where it did so."""
     if shared(problem):
         r, jacobian = residuals_and_jacobian(problem, z)
         finite = np.isfinite(r).all() and np.isfinite(jacobian).all()
@@ -177,7 +196,8 @@ def _sensitivities(problem: Problem, z: np.ndarray) -> np.ndarray | None:
 
 
 def _open(jacobian: np.ndarray, size: np.ndarray | None = None) -> np.ndarray:
-    """An orthonormal basis (d, d - rank) of the directions that change nothing; sensitivities (k, d) are small beside their `size` (d,)."""
+    """An orthonormal basis (d, d - rank) of the directions that change nothing; sensitivities (k, d) are small
+    beside their `size` (d,)."""
     norms = np.linalg.norm(jacobian, axis=0) if size is None else size
     by = np.where(norms > 0, norms, 1.0)
     _, singular, right = np.linalg.svd(jacobian / by, full_matrices=True)
@@ -194,7 +214,9 @@ def _same_everywhere(bases: Sequence[np.ndarray]) -> np.ndarray | None:
     return vectors[:, -k:] if k and np.all(values[-k:] > 1 - SAME) else None
 
 
-def _named(names: Sequence[str], used: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], rank: int) -> tuple[list[str], list[str]]:
+def _named(
+    names: Sequence[str], used: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], rank: int
+) -> tuple[list[str], list[str]]:
     """Parameters that are determined alone, and formulas of the other determined combinations."""
     bases = [n for _, n, _ in used]
     moved = np.max([np.max(np.abs(n), axis=1, initial=0.0) for n in bases], axis=0)
@@ -274,8 +296,11 @@ def _fixes(names: Sequence[str], bases: Sequence[np.ndarray], loose: Sequence[in
     return [tuple(str(names[i]) for i in s) for s in found]
 
 
-def _rough(names: Sequence[str], used: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], held: set[str]) -> dict[str, float]:
-    """The median over points of the relative standard error that noise of 1 % leaves, of those above `ROUGH`, with `held` known."""
+def _rough(
+    names: Sequence[str], used: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], held: set[str]
+) -> dict[str, float]:
+    """The median over points of the relative standard error that noise of 1 % leaves, of those above `ROUGH`, with
+    `held` known."""
     free = [k for k, n in enumerate(names) if n not in held]
     errors = []
     for _, _, jacobian in used:
@@ -294,11 +319,16 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
         does = "has" if len(found.unseen) == 1 else "have"
         yield (
             "warning",
-            f"{some(found.unseen)} {does} no effect on the fitted samples at any of {tried}: hold a value, or record what it acts on.",
+            f"{some(found.unseen)} {does} no effect on the fitted samples at any of {tried}: hold a value, or record "
+            f"what it acts on.",
         )
     yield from _unheard(found)
     if found.rank == d:
-        given = f"With {'a scale' if len(found.silent) == 1 else 'scales'} for {some([*found.silent])} these" if found.silent else "These"
+        given = (
+            f"With {'a scale' if len(found.silent) == 1 else 'scales'} for {some([*found.silent])} these"
+            if found.silent
+            else "These"
+        )
         yield "info", f"{given} records can tell all {d} parameters apart (rank of the sensitivities at {tried})."
     elif found.rank + len(found.unseen) < d:
         told = [*found.alone, *found.together]
@@ -312,23 +342,33 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
     if found.rough:
         worst = sorted(found.rough, key=lambda n: -found.rough[n])
         known = f" with {some(found.fix[0])} known" if found.fix else ""
-        left = f"Noise of 1 % of the outputs' standard deviation would leave {some(worst)} known only to more than {100 * ROUGH:.0f} %"
+        left = (
+            f"Noise of 1 % of the outputs' standard deviation would leave {some(worst)} known only to more than "
+            f"{100 * ROUGH:.0f} %"
+        )
         yield "info", f"{left} at half of these points{known}."
 
 
 def _unheard(found: BeforeFit) -> Iterator[tuple[str, str]]:
-    """That nothing will show the errors of some outputs, and what is left without them; that samples are too few for any interval."""
+    """That nothing will show the errors of some outputs, and what is left without them; that samples are too few for
+    any interval."""
     d = len(found.names)
     if found.silent:
         many, of = len(found.silent) > 1, some([*found.silent])
-        text = f"{of} {'have' if many else 'has'} {some([str(n) for n in found.silent.values()])} fitted samples, no more than the "
+        text = (
+            f"{of} {'have' if many else 'has'} {some([str(n) for n in found.silent.values()])} fitted samples, no "
+            f"more than the "
+        )
         text += f"parameters that follow them, and nothing shows how large {'their' if many else 'its'} errors are. "
         known = f": {', '.join(found.heard_alone)}" if found.heard == len(found.heard_alone) and found.heard else ""
         text += f"Unless the study gives {'scales' if many else 'a scale'} for {of}, these records determine "
         text += f"{found.heard or 'none'} of {d} parameters{' at best' if found.heard else ''}{known}."
         yield "warning", text
     if found.few and not found.silent:
-        yield "warning", f"{found.few} fitted samples are too few for {d} parameters: a fit will call none of them determined."
+        yield (
+            "warning",
+            f"{found.few} fitted samples are too few for {d} parameters: a fit will call none of them determined.",
+        )
 
 
 def _advice(found: BeforeFit) -> str:

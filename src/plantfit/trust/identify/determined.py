@@ -1,4 +1,5 @@
-"""What the data determine: combinations of parameters that they leave open one by one, and what would have to be known."""
+"""What the data determine: combinations of parameters that they leave open one by one, and what would have to be
+known."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -52,8 +53,11 @@ class Combination:
         return " ".join(parts).removeprefix("+ ")
 
 
-def determined_findings(problem: Problem, linear: Linear | None, rows: Sequence[Row], ranges: Mapping[int, Range]) -> Determined | None:
-    """The section "determined" of the findings record; None where there is no linearised problem (tables, many coordinates)."""
+def determined_findings(
+    problem: Problem, linear: Linear | None, rows: Sequence[Row], ranges: Mapping[int, Range]
+) -> Determined | None:
+    """The section "determined" of the findings record; None where there is no linearised problem (tables, many
+    coordinates)."""
     if linear is None:
         return None
     names, d = problem.space.names, len(linear.values)
@@ -111,7 +115,8 @@ def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]
 
 
 def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]]:
-    """Of those that the data leave open, which one other has to be known for one to be determined, and its standard error then."""
+    """Of those that the data leave open, which one other has to be known for one to be determined, and its standard
+    error then."""
     result: dict[int, tuple[int, float]] = {}
     _, singular, right = np.linalg.svd(linear.rows, full_matrices=False)
     bread, weights = (right.T / singular**2) @ right, np.eye(len(linear.values))
@@ -120,7 +125,9 @@ def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]
             if k == j:
                 continue
             # as the fit with x_j held: what of x_k follows from x_j is no longer open
-            error = float(np.sqrt(linear.variance_of(weights[k] - bread[k, j] / bread[j, j] * weights[j])) * linear.size[k])
+            error = float(
+                np.sqrt(linear.variance_of(weights[k] - bread[k, j] / bread[j, j] * weights[j])) * linear.size[k]
+            )
             if error <= ROUGH * abs(linear.values[k]) and error < result.get(k, (0, np.inf))[1]:
                 result[k] = (j, error)
     return result
@@ -131,16 +138,20 @@ def known_directions(linear: Linear, loose: Sequence[int]) -> int:
     return int(np.sum(np.linalg.eigvalsh(linear.spread[np.ix_(loose, loose)]) <= ROUGH**2)) if len(loose) else 0
 
 
-def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], ranges: Mapping[int, Range]) -> list[Combination]:
+def combinations_of(
+    problem: Problem, linear: Linear, loose: Sequence[int], ranges: Mapping[int, Range]
+) -> list[Combination]:
     """Independent combinations of the parameters `loose`, the fewest parameters in each, that the data determine.
 
-    Weights are those of the direction of least variance of a subset, all others free. A product and a sum have the same direction
-    at the answer: what stays the same over the points of about the answer's cost that were met tells which of them it is, and what is
-    constant in neither form is not named.
+    Weights are those of the direction of least variance of a subset, all others free. A product and a sum have the same
+    direction at the answer: what stays the same over the points of about the answer's cost that were met tells which of
+    them it is, and what is constant in neither form is not named.
     """
     met = [linear.values] + [np.asarray(problem.space.physical(z)) for i in sorted(ranges) for z in ranges[i].points]
     cloud = np.array(met)
-    moved = np.max(np.abs(cloud - linear.values), axis=0) / linear.size  # one that is small at the answer may be large elsewhere
+    moved = (
+        np.max(np.abs(cloud - linear.values), axis=0) / linear.size
+    )  # one that is small at the answer may be large elsewhere
     reach = np.maximum(moved, 1.0)[loose]
     spread = linear.spread[np.ix_(loose, loose)]
     wanted = known_directions(linear, loose)
@@ -177,7 +188,9 @@ def _subsets(n: int) -> Iterator[tuple[int, ...]]:
 
 def _named(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray) -> Combination | None:
     """The product or the sum with these weights of relative changes that is constant over the cloud."""
-    forms = [f for f in (_product(linear, cloud, places, weights), _sum(linear, cloud, places, weights)) if f is not None]
+    forms = [
+        f for f in (_product(linear, cloud, places, weights), _sum(linear, cloud, places, weights)) if f is not None
+    ]
     best = min(forms, key=lambda f: (f.high - f.low) / max(abs(f.value), 1e-300), default=None)
     if best is None or best.high - best.low > 2 * 1.96 * ROUGH * abs(best.value):
         return None
@@ -211,12 +224,16 @@ def _sum(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.n
     at = list(places)
     factors = weights / linear.size[at]
     factors = factors / factors[np.flatnonzero(np.abs(weights) > (1.0 - ALIKE) * np.max(np.abs(weights)))[0]]
-    factors = np.array([float(np.round(f)) if f and abs(f - np.round(f)) < 5e-4 * abs(f) else float(f"{f:.3g}") for f in factors])
+    factors = np.array(
+        [float(np.round(f)) if f and abs(f - np.round(f)) < 5e-4 * abs(f) else float(f"{f:.3g}") for f in factors]
+    )
     values = cloud[:, at] @ factors
     if values[0] == 0.0:
         return None
     own = factors * linear.size[at]
-    return _combination(linear, places, factors, False, values, float(np.sqrt(_variance(linear, at, own))) / abs(values[0]))
+    return _combination(
+        linear, places, factors, False, values, float(np.sqrt(_variance(linear, at, own))) / abs(values[0])
+    )
 
 
 def _variance(linear: Linear, places: Sequence[int], weights: np.ndarray) -> float:

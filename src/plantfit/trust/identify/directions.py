@@ -24,7 +24,8 @@ class Direction:
 
     @property
     def moves(self) -> str:
-        """That the parameters move together, without what stays constant: where determined combinations are named themselves."""
+        """That the parameters move together, without what stays constant: where determined combinations are named
+        themselves."""
         return self.sentence.split("; only what")[0].rstrip(".") + "."
 
     @property
@@ -37,14 +38,16 @@ class Direction:
             return f"The data leave {up[0] if up else down[0]} open to about {extent(self.relative_sd)}."
         if len(self.weights) > NAMED:
             return (
-                f"{len(self.weights)} parameters can move together ({strength}, the others less) and the simulated outputs hardly change."
+                f"{len(self.weights)} parameters can move together ({strength}, the others less) and the simulated "
+                f"outputs hardly change."
             )
         if not down:
             how = f"{some(up)} can grow together"
         else:
             how = f"{some(up)} can grow while {some(down)} shrink{'s' if len(down) == 1 else ''}"
         return (
-            f"{how} ({strength}) and the simulated outputs hardly change; only what stays constant along this line is determined, "
+            f"{how} ({strength}) and the simulated outputs hardly change; only what stays constant along this line is "
+            f"determined, "
             f"here {self.constant}."
         )
 
@@ -62,7 +65,9 @@ class Direction:
         return ", ".join(found)
 
 
-def flat_directions(hessian: np.ndarray, values: np.ndarray, width: np.ndarray, names: tuple[str, ...]) -> list[Direction]:
+def flat_directions(
+    hessian: np.ndarray, values: np.ndarray, width: np.ndarray, names: tuple[str, ...]
+) -> list[Direction]:
     """Directions along which the data fix the parameters less well than by a factor.
 
     `hessian` (d, d): information about the values in their units (inverse covariance of white
@@ -80,7 +85,8 @@ def flat_directions(hessian: np.ndarray, values: np.ndarray, width: np.ndarray, 
 
 
 def _mixtures(data: np.ndarray, prior: np.ndarray, names: tuple[str, ...]) -> list[Direction]:
-    """Principal directions of values that each would be known if the others were; the box as long as it is along each."""
+    """Principal directions of values that each would be known if the others were; the box as long as it is along
+    each."""
     vectors = np.linalg.eigh(data + np.diag(prior))[1]
     found = []
     for vector in vectors.T:

@@ -17,9 +17,11 @@ STEP = 0.01  # of the box
 
 @dataclass(frozen=True)
 class FlatCurve:
-    """Points (n, d) from one bound to the other through the answer, at place `at`; `arc` (n,) is the way from it in widths of the box.
+    """Points (n, d) from one bound to the other through the answer, at place `at`; `arc` (n,) is the way from it in
+    widths of the box.
 
-    `moving` are the parameters that change, `deviation` the largest relative change of a determined combination along the curve.
+    `moving` are the parameters that change, `deviation` the largest relative change of a determined combination along
+    the curve.
     """
 
     names: tuple[str, ...]
@@ -31,7 +33,10 @@ class FlatCurve:
 
     @property
     def sentence(self) -> str:
-        first, last = (", ".join(f"{n} = {number(p[self.names.index(n)])}" for n in self.moving) for p in (self.points[0], self.points[-1]))
+        first, last = (
+            ", ".join(f"{n} = {number(p[self.names.index(n)])}" for n in self.moving)
+            for p in (self.points[0], self.points[-1])
+        )
         verb = "can move alone" if len(self.moving) == 1 else "can move together"
         kept = f"what is determined changes by less than {max(self.deviation, 1e-15):.0e} of its size"
         return f"{some(self.moving, most=8)} {verb} unseen, from {first} to {last}: {kept}."
@@ -49,13 +54,15 @@ def flat_curves(found: Combinations, point: np.ndarray) -> tuple[FlatCurve, ...]
     if len(outside):
         i = outside[0]
         raise ModelError(
-            f"{found.names[i]} = {point[i]:g} lies outside its bounds [{found.lower[i]:g}, {found.upper[i]:g}]; give a point inside."
+            f"{found.names[i]} = {point[i]:g} lies outside its bounds [{found.lower[i]:g}, {found.upper[i]:g}]; give a "
+            f"point inside."
         )
     return tuple(_curve(found, point, moving) for moving in smallest_sets(found, point))
 
 
 def smallest_sets(found: Combinations, point: np.ndarray) -> list[np.ndarray]:
-    """Sets of parameters, by number, of which each can move only as a whole: one for each flat direction, the smallest first."""
+    """Sets of parameters, by number, of which each can move only as a whole: one for each flat direction, the
+    smallest first."""
     jacobian = _scaled(found, point)
     d = len(found.names)
     sets: list[np.ndarray] = []
@@ -84,7 +91,8 @@ def _rank(matrix: np.ndarray) -> int:
 
 
 def _tangent(jacobian: np.ndarray, subset: np.ndarray) -> np.ndarray | None:
-    """The direction (d,) in which exactly the parameters `subset` move and no row changes; None where there is none or more than one."""
+    """The direction (d,) in which exactly the parameters `subset` move and no row changes; None where there is none
+    or more than one."""
     columns = jacobian[:, subset]
     if _rank(columns) != len(subset) - 1:
         return None
@@ -104,7 +112,9 @@ def _curve(found: Combinations, point: np.ndarray, subset: np.ndarray) -> FlatCu
     arc = np.concatenate([[0.0], np.cumsum(away)])
     size = np.maximum(np.abs(target), 1e-300)
     deviation = max(float(np.max(np.abs(found.function(p) - target) / size)) for p in points)
-    return FlatCurve(found.names, tuple(found.names[i] for i in subset), points, arc - arc[len(backward)], len(backward), deviation)
+    return FlatCurve(
+        found.names, tuple(found.names[i] for i in subset), points, arc - arc[len(backward)], len(backward), deviation
+    )
 
 
 def _walk(found: Combinations, point: np.ndarray, subset: np.ndarray, target: np.ndarray, sign: float) -> np.ndarray:

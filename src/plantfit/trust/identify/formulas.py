@@ -1,4 +1,5 @@
-"""Numbers and functions written as formulas: products of known constants, sums, polynomials found by evaluating them."""
+"""Numbers and functions written as formulas: products of known constants, sums, polynomials found by evaluating
+them."""
 
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
@@ -15,7 +16,8 @@ Polynomial = dict[tuple[int, ...], float]  # exponents of the variables -> coeff
 
 
 def factor_text(value: float, constants: Mapping[str, float], tolerance: float = 1e-7) -> str:
-    """A positive number as the simplest product of powers of constants, `l1^2`; `1` is "", and what is not recognised a plain number.
+    """A positive number as the simplest product of powers of constants, `l1^2`; `1` is "", and what is not recognised a
+    plain number.
 
     Tried are up to three constants with exponents from -2 to 2 and the factors 1 to 4 and their inverses.
     """
@@ -67,8 +69,11 @@ def sum_text(terms: Sequence[tuple[float, str]], constants: Mapping[str, float])
     return text or "0"
 
 
-def polynomial(function: Callable[[np.ndarray], np.ndarray], lower: np.ndarray, upper: np.ndarray, seed: int = 0) -> Polynomial | None:
-    """The polynomial that a function of points (n, d) is, or None where it is none of degree 4 (3, 2, 1 with many variables).
+def polynomial(
+    function: Callable[[np.ndarray], np.ndarray], lower: np.ndarray, upper: np.ndarray, seed: int = 0
+) -> Polynomial | None:
+    """The polynomial that a function of points (n, d) is, or None where it is none of degree 4 (3, 2, 1 with many
+    variables).
 
     Coefficients by least squares at random points of the cube around zero that holds the box [lower, upper];
     those that are zero to rounding are dropped, and the rest must give the function at fresh points of the box.
@@ -107,4 +112,6 @@ def _exponents(d: int) -> np.ndarray:
 def polynomial_text(terms: Polynomial, names: Sequence[str], constants: Mapping[str, float]) -> str:
     """`m1*lc1^2 + l1^2*m2 + I1`: monomials in the order of the variables, those of lower degree last."""
     order = sorted(terms, key=lambda e: (-sum(e), tuple(-x for x in e)))
-    return sum_text([(terms[e], "*".join(_power(n, k) for n, k in zip(names, e, strict=True) if k)) for e in order], constants)
+    return sum_text(
+        [(terms[e], "*".join(_power(n, k) for n, k in zip(names, e, strict=True) if k)) for e in order], constants
+    )

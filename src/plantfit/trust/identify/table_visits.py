@@ -46,8 +46,8 @@ class Visits:
 def table_visits(problem: Problem, values: Any) -> list[Visits]:
     """Visits of every table with free entries at parameter values (d,), one for each recording with entries of its own.
 
-    The operating point is the simulated one, where the tables were looked up. A tied table counts as use of the one it is
-    tied to.
+    The operating point is the simulated one, where the tables were looked up. A tied table counts as use of the one it
+    is tied to.
     """
     space, tables = problem.space, {t.name: t for t in getattr(problem.model, "tables", ())}
     used = {n: space.root(n) for n in tables if space.parameters[space.root(n)].value is None}
@@ -64,7 +64,9 @@ def table_visits(problem: Problem, values: Any) -> list[Visits]:
 
 
 def _joined(a: Visits | None, b: Visits) -> Visits:
-    return b if a is None else Visits(a.table, a.recording, a.samples + b.samples, a.weight + b.weight, a.total + b.total)
+    return (
+        b if a is None else Visits(a.table, a.recording, a.samples + b.samples, a.weight + b.weight, a.total + b.total)
+    )
 
 
 def unvisited(visits: Sequence[Visits]) -> set[str]:
@@ -73,10 +75,11 @@ def unvisited(visits: Sequence[Visits]) -> set[str]:
 
 
 def agreeing(visits: Sequence[Visits], touched: Mapping[str, bool]) -> tuple[list[Visits], set[str]]:
-    """The visits that hold, and the coordinates that no sample depends on, by name; `touched` tells who has a derivative.
+    """The visits that hold, and the coordinates that no sample depends on, by name; `touched` tells who has a
+    derivative.
 
-    A model that reads a table at something else than the signal it is over (k(2 u), k(|v|)) has derivatives where no sample
-    seems to be; the visits of such a table are left out.
+    A model that reads a table at something else than the signal it is over (k(2 u), k(|v|)) has derivatives where no
+    sample seems to be; the visits of such a table are left out.
     """
     good = [v for v in visits if not any(touched[n] for n in unvisited([v]))]
     return good, {n for n in unvisited(visits) if not touched[n]}

@@ -10,13 +10,17 @@ LEVEL = 0.95
 ALONG = 0.3  # correlation below which another parameter's limit does not matter
 
 
-def limit_factors(spread: np.ndarray, least: np.ndarray, most: np.ndarray, quantile: float, widest: float) -> np.ndarray:
-    """Factors (d,) of the thresholds of a likelihood ratio: 1 where no other parameter is near its limit, up to about 1.4.
+def limit_factors(
+    spread: np.ndarray, least: np.ndarray, most: np.ndarray, quantile: float, widest: float
+) -> np.ndarray:
+    """Factors (d,) of the thresholds of a likelihood ratio: 1 where no other parameter is near its limit, up to about
+    1.4.
 
-    `spread` (d, d) is the covariance of the values without limits, `least` and `most` (d,) how far the limits are. A parameter that is
-    0 in truth and may not be negative is found at 0 in half of all records. The ratio for another one that goes along with it is
-    then no chi-squared variable but a mixture (Self and Liang, J. Am. Statist. Assoc. 82 (1987) 605), whose 95 % quantile is drawn here
-    with the truth at those limits that are within `quantile` standard errors. Errors above `widest` mean no limit is near.
+    `spread` (d, d) is the covariance of the values without limits, `least` and `most` (d,) how far the limits are. A
+    parameter that is 0 in truth and may not be negative is found at 0 in half of all records. The ratio for another one
+    that goes along with it is then no chi-squared variable but a mixture (Self and Liang, J. Am. Statist. Assoc. 82
+    (1987) 605), whose 95 % quantile is drawn here with the truth at those limits that are within `quantile` standard
+    errors. Errors above `widest` mean no limit is near.
     """
     d, error = len(least), np.sqrt(np.maximum(np.diag(spread), 1e-300))
     room = np.minimum(-least, most) / error
@@ -32,7 +36,8 @@ def limit_factors(spread: np.ndarray, least: np.ndarray, most: np.ndarray, quant
 
 
 def _factor(c: np.ndarray) -> float:
-    """The quantile of the ratio for the first of m values with covariance c (m, m), the others at least 0, over that without limits."""
+    """The quantile of the ratio for the first of m values with covariance c (m, m), the others at least 0, over that
+    without limits."""
     values, vectors = np.linalg.eigh(c)
     root = vectors * np.sqrt(np.maximum(values, 1e-12 * values[-1]))
     y = np.random.default_rng(1).standard_normal((DRAWS, len(c))) @ root.T
@@ -42,7 +47,8 @@ def _factor(c: np.ndarray) -> float:
 
 
 def _least(y: np.ndarray, c: np.ndarray, held: tuple[int, ...]) -> np.ndarray:
-    """The least squared distance (n,) from y (n, m) to what has 0 at `held` and at least 0 elsewhere but at the first, face by face."""
+    """The least squared distance (n,) from y (n, m) to what has 0 at `held` and at least 0 elsewhere but at the
+    first, face by face."""
     rest = range(1, c.shape[0])
     best = np.full(len(y), np.inf)
     for face in chain.from_iterable(combinations(rest, k) for k in range(len(rest) + 1)):

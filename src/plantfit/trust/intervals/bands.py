@@ -1,4 +1,5 @@
-"""Bands of predicted outputs: where the plant may be for all parameters that the data allow, and where a sensor will read it."""
+"""Bands of predicted outputs: where the plant may be for all parameters that the data allow, and where a sensor will
+read it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,8 +13,9 @@ HALVINGS = 30  # of the range in which an end of a band is looked for
 
 @dataclass(frozen=True)
 class Band:
-    """Of one output over a recording, in its unit: `value` (n,) of the answer; between `low` and `high` (n,) the plant lies, between
-    `read_low` and `read_high` (n,) a reading of it, each with the probability that was asked for at each sample by itself."""
+    """Of one output over a recording, in its unit: `value` (n,) of the answer; between `low` and `high` (n,) the
+    plant lies, between `read_low` and `read_high` (n,) a reading of it, each with the probability that was asked for
+    at each sample by itself."""
 
     value: np.ndarray
     low: np.ndarray
@@ -29,9 +31,13 @@ class Band:
 
 
 def bands(
-    predict: Callable[[np.ndarray], Mapping[str, np.ndarray]], values: np.ndarray, noise: Mapping[str, float], level: float
+    predict: Callable[[np.ndarray], Mapping[str, np.ndarray]],
+    values: np.ndarray,
+    noise: Mapping[str, float],
+    level: float,
 ) -> dict[str, Band]:
-    """Bands by output at `level` from draws of the parameters (K, d), the answer first; `noise` is the standard deviation of readings."""
+    """Bands by output at `level` from draws of the parameters (K, d), the answer first; `noise` is the standard
+    deviation of readings."""
     courses = [predict(v) for v in values]
     tails = [0.5 - level / 2, 0.5 + level / 2]
     found = {}
@@ -45,7 +51,8 @@ def bands(
 
 
 def _mixed(drawn: np.ndarray, noise: float, share: float) -> np.ndarray:
-    """Quantiles (n,) of readings that scatter normally, by `noise`, about courses (K, n), each as likely as the others."""
+    """Quantiles (n,) of readings that scatter normally, by `noise`, about courses (K, n), each as likely as the
+    others."""
     if noise <= 0:
         return np.quantile(drawn, share, axis=0)
     low, high = drawn.min(axis=0) - 6 * noise, drawn.max(axis=0) + 6 * noise

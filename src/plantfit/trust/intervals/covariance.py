@@ -29,7 +29,8 @@ BOX_PRECISION = 12.0  # 1 / variance of a uniform variable over the unit cube's 
 
 @dataclass(frozen=True)
 class Block:
-    """Residuals of one output in one recording: rows of the Jacobian, and which error of the sensor each has, whole numbers (m,).
+    """Residuals of one output in one recording: rows of the Jacobian, and which error of the sensor each has, whole
+    numbers (m,).
 
     Those of sample numbers where errors belong to times. Neighbours may be correlated, and equal numbers are one error.
     `scaled`: the user gave the scale of the output.
@@ -43,8 +44,8 @@ class Block:
 
 @dataclass(frozen=True)
 class OutputErrors:
-    """`larger`: what squared residuals of an output are multiplied by, for what the fit took from them; `least`: the mean square that its
-    errors have at least; `degrees` of freedom that their size rests on."""
+    """`larger`: what squared residuals of an output are multiplied by, for what the fit took from them; `least`: the
+    mean square that its errors have at least; `degrees` of freedom that their size rests on."""
 
     larger: float
     least: float
@@ -56,23 +57,29 @@ class OutputErrors:
 
 
 def known_variance(blocks: Sequence[Block], samples: int, coordinates: int) -> float:
-    """The least variance of scaled residuals: 1 where all scales are known and `samples` are no more than `coordinates`, for residuals
-    may be nothing then whatever the errors are; else 0."""
+    """The least variance of scaled residuals: 1 where all scales are known and `samples` are no more than
+    `coordinates`, for residuals may be nothing then whatever the errors are; else 0."""
     return 1.0 if samples <= coordinates and blocks and all(b.scaled for b in blocks) else 0.0
 
 
-def output_errors(j: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float) -> dict[str, OutputErrors]:
-    """By output, from the derivatives (m, d) and the inverse (d, d) of J'J / `variance`, the mean square of all residuals.
+def output_errors(
+    j: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float
+) -> dict[str, OutputErrors]:
+    """By output, from the derivatives (m, d) and the inverse (d, d) of J'J / `variance`, the mean square of all
+    residuals.
 
-    An output of n samples whose leverages sum to k has n - k degrees of freedom left, of the m - d of the whole problem (D. A. Belsley and
-    others, Regression Diagnostics, 1980, section 2.1). Few samples with scales that the user gave have errors as large as those of all,
-    each in its scale.
+    An output of n samples whose leverages sum to k has n - k degrees of freedom left, of the m - d of the whole problem
+    (D. A. Belsley and others, Regression Diagnostics, 1980, section 2.1). Few samples with scales that the user gave
+    have errors as large as those of all, each in its scale.
     """
     m, d = j.shape
     left, counts = dict.fromkeys((b.output for b in blocks), 0.0), dict.fromkeys((b.output for b in blocks), 0)
     if len(left) == 1:
         known = known_variance(blocks, m, d)
-        return {o: OutputErrors(m / max(1, m - d), variance * known, np.inf if known else float(max(1, m - d))) for o in left}
+        return {
+            o: OutputErrors(m / max(1, m - d), variance * known, np.inf if known else float(max(1, m - d)))
+            for o in left
+        }
     for block in blocks:
         rows = j[block.rows]
         on = np.flatnonzero(np.any(rows != 0.0, axis=0))
@@ -97,7 +104,8 @@ def errors_at(residuals: np.ndarray, j: np.ndarray, blocks: Sequence[Block]) -> 
 def own_student(
     j: np.ndarray, residuals: np.ndarray, blocks: Sequence[Block], bread: np.ndarray, variance: float, common: float
 ) -> np.ndarray:
-    """How much longer (d,) than by the `common` degrees of freedom intervals are that rest on outputs of few samples, by Satterthwaite.
+    """How much longer (d,) than by the `common` degrees of freedom intervals are that rest on outputs of few samples,
+    by Satterthwaite.
 
     Arguments as of `sandwich`.
     """
@@ -107,7 +115,9 @@ def own_student(
     shares = {o: np.zeros(j.shape[1]) for o in errors}
     for block in blocks:
         own = errors[block.output]
-        shares[block.output] += np.sum((j[block.rows] @ bread / variance) ** 2, axis=0) * own.mean_square(residuals[block.rows])
+        shares[block.output] += np.sum((j[block.rows] @ bread / variance) ** 2, axis=0) * own.mean_square(
+            residuals[block.rows]
+        )
     total, squares = sum(shares.values()), sum(s**2 / errors[o].degrees for o, s in shares.items())
     degrees = np.minimum(np.divide(total**2, squares, out=np.full(j.shape[1], np.inf), where=squares > 0), common)
     return widening(degrees) / widening(np.array([common]))
@@ -128,8 +138,8 @@ def box_prior(hessian: np.ndarray) -> np.ndarray:
     Along a unit vector v the cube is 1 / max|v| long, and a uniform variable on that length has the variance
     1 / (12 max|v|^2). Twelve in every direction would let n parameters that move together hide a factor sqrt(n).
 
-    Equal eigenvalues (those of directions that nothing shows, above all) span a space in which rounding chooses the directions: there
-    max|v|^2 is the largest of any v in it, for each set of coordinates that the space ties together.
+    Equal eigenvalues (those of directions that nothing shows, above all) span a space in which rounding chooses the
+    directions: there max|v|^2 is the largest of any v in it, for each set of coordinates that the space ties together.
     """
     values, vectors = np.linalg.eigh(hessian)
     precision = np.zeros_like(hessian)
@@ -150,7 +160,9 @@ def _nonzero(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return rows[:, columns], columns
 
 
-def effective_parameters(jacobian: np.ndarray, blocks: list[Block], smoothing: np.ndarray, variance: float) -> np.ndarray:
+def effective_parameters(
+    jacobian: np.ndarray, blocks: list[Block], smoothing: np.ndarray, variance: float
+) -> np.ndarray:
     """How far the data and not a prior fix each coordinate (d,), 0 to 1: the diagonal of (J'J + S + v P)^-1 J'J.
 
     `smoothing` S (d, d) is what it adds to J'J, P the precision of the box, v the residuals' `variance`. The sum is the
@@ -160,19 +172,23 @@ def effective_parameters(jacobian: np.ndarray, blocks: list[Block], smoothing: n
         return np.zeros(0)
     data = normal_matrix(jacobian, blocks)
     total = data + smoothing
-    return np.diag(np.linalg.solve(total + max(variance, rounding(data, len(jacobian))) * box_prior(total), data)).copy()
+    return np.diag(
+        np.linalg.solve(total + max(variance, rounding(data, len(jacobian))) * box_prior(total), data)
+    ).copy()
 
 
 def rounding(data: np.ndarray, samples: int) -> float:
-    """A residual variance that is rounding: outputs are exact to 1e-10 of what a parameter does to them; data is J'J (d, d)."""
+    """A residual variance that is rounding: outputs are exact to 1e-10 of what a parameter does to them; data is J'J
+    (d, d)."""
     return max(EXACT**2 * float(np.max(np.diag(data), initial=0.0)) / max(samples, 1), 1e-200)
 
 
 class Begins(NamedTuple):
     """What noise of measured values that states begin at does to the residuals, by standard deviations of that noise.
 
-    `noise` (m, k) of values that the fit takes as they are, `estimated` (m, l) of those whose noise it estimates; `known` (l,) is the
-    information, by one standard deviation, that a value has of itself beside the residuals: 0 where it is one of the fitted samples.
+    `noise` (m, k) of values that the fit takes as they are, `estimated` (m, l) of those whose noise it estimates;
+    `known` (l,) is the information, by one standard deviation, that a value has of itself beside the residuals: 0 where
+    it is one of the fitted samples.
     """
 
     noise: np.ndarray
@@ -196,18 +212,18 @@ def covariance(
     begins: Begins | None = None,
     prior: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior, or one of precision `prior` (d,).
+    """Covariance (d, d) of the cube coordinates by the sandwich estimator, with the box as prior, or one of precision
+    `prior` (d,).
 
     The long-run covariance of the influences (J'J)^-1 J_t r_t with Bartlett weights (Newey and West,
     Econometrica 55 (1987) 703, eq. 5), prewhitened because slow residuals otherwise make intervals
-    too short; no variance is less than residuals of one size and without memory in each block would give, or, where they are plainly of
-    several sizes, less than their own may be (`not_below`). The uniform prior
-    keeps flat directions finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it
-    adds to J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45 (1983) 133,
-    section 2).
-    Not `robust`, residuals are taken to be of one size and without memory (the classical covariance). `begins` tells what noise of
-    measured values that states begin at does to the residuals (`first_values`).
-    Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
+    too short; no variance is less than residuals of one size and without memory in each block would give, or, where
+    they are plainly of several sizes, less than their own may be (`not_below`). The uniform prior keeps flat directions
+    finite (see `box_prior`): a standard error is at most that of the box, 0.29. `smoothing` (d, d) is what it adds to
+    J'J; it is a prior as well, so that intervals allow for the bias that it makes (Wahba, J. R. Statist. Soc. B 45
+    (1983) 133, section 2). Not `robust`, residuals are taken to be of one size and without memory (the classical
+    covariance). `begins` tells what noise of measured values that states begin at does to the residuals
+    (`first_values`). Coordinates not `free` (held at a bound) get zero rows and columns. One block at a time is worked
     on, so that the memory is that of one recording.
     """
     d = jacobian.shape[1]
@@ -224,7 +240,9 @@ def covariance(
     smooth = np.zeros_like(hessian) if smoothing is None else smoothing[np.ix_(active, active)] / variance
     before = smooth + (box_prior(hessian + smooth) if prior is None else np.diag(prior[active]))
     bread = np.linalg.inv(hessian + before)
-    spread = beside_starts(j, residuals, blocks, bread, before, variance, degrees, robust, begins) + begun(j, bread, variance, begins)
+    spread = beside_starts(j, residuals, blocks, bread, before, variance, degrees, robust, begins) + begun(
+        j, bread, variance, begins
+    )
     if prior is not None:
         result[np.ix_(active, active)] = 0.5 * (spread + spread.T)
         return result
@@ -252,7 +270,8 @@ def beside_starts(
     robust: bool,
     begins: Begins | None,
 ) -> np.ndarray:
-    """As `sandwich`, with starts that were estimated beside the parameters, if any: those are part of the estimates, and not told."""
+    """As `sandwich`, with starts that were estimated beside the parameters, if any: those are part of the estimates,
+    and not told."""
     if begins is None or not begins.estimated.shape[1]:
         return sandwich(j, residuals, blocks, bread, prior, variance, degrees, robust)
     d, columns = j.shape[1], begins.estimated
@@ -276,10 +295,11 @@ def sandwich(
     degrees: int,
     robust: bool,
 ) -> np.ndarray:
-    """Covariance (d, d) of the estimates: `bread` (d, d), the inverse of J'J / variance + `prior`, around what the residuals show.
+    """Covariance (d, d) of the estimates: `bread` (d, d), the inverse of J'J / variance + `prior`, around what the
+    residuals show.
 
-    Not `robust`, all residuals of an output are of one size and without memory, which is the classical covariance; where the user gave
-    their scales those of all outputs are.
+    Not `robust`, all residuals of an output are of one size and without memory, which is the classical covariance;
+    where the user gave their scales those of all outputs are.
     """
     spread, errors = bread @ prior @ bread, output_errors(j, blocks, bread, variance)
     if not robust:
@@ -308,40 +328,54 @@ def sandwich(
             found = plain * np.outer(wider, wider)
         spread[np.ix_(touched, touched)] += found
         alike[np.ix_(touched, touched)] += plain
-    least = not_below(np.diag(alike), np.diag(spread), lambda: _degrees(j, residuals, blocks, bread, variance, errors), len(residuals))
+    least = not_below(
+        np.diag(alike), np.diag(spread), lambda: _degrees(j, residuals, blocks, bread, variance, errors), len(residuals)
+    )
     wider = np.sqrt(np.maximum(1.0, least / np.maximum(np.diag(spread), 1e-300)))
     return spread * np.outer(wider, wider)
 
 
 def with_memory(influences: np.ndarray, residuals: np.ndarray, fitted: int) -> np.ndarray:
-    """Covariance (d, d) that influences (m, d) make of errors of variance 1 with the first correlation of the residuals (m,), an AR(1)'s.
+    """Covariance (d, d) that influences (m, d) make of errors of variance 1 with the first correlation of the residuals
+    (m,), an AR(1)'s.
 
-    Where few samples decide, as of a start, their own residuals cannot show by how much neighbours add up. A correlation that chance
-    explains counts as none.
+    Where few samples decide, as of a start, their own residuals cannot show by how much neighbours add up. A
+    correlation that chance explains counts as none.
     """
     n, plain = len(residuals), influences.T @ influences
     r = float(unbiased(first_correlation(residuals[:, None]), n, fitted)[0])
     if n < SHORT or r <= 2.0 / np.sqrt(n):
         return plain
     memory = min(r, most_memory(n, fitted))
-    kept = solve_banded((1, 0), np.vstack([np.ones(n), np.full(n, -memory)]), influences)  # as lfilter, whose room is slow to import
+    kept = solve_banded(
+        (1, 0), np.vstack([np.ones(n), np.full(n, -memory)]), influences
+    )  # as lfilter, whose room is slow to import
     cross = influences.T @ kept
     return cross + cross.T - plain
 
 
 def not_below(alike: np.ndarray, own: np.ndarray, degrees: Callable[[], np.ndarray], samples: int) -> np.ndarray:
-    """The least variances (d,) to count with, from those of residuals of one size (d,) and those that the residuals themselves give (d,).
+    """The least variances (d,) to count with, from those of residuals of one size (d,) and those that the residuals
+    themselves give (d,).
 
-    Few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White, J. Econometrics 29 (1985)
-    305): where they give less than residuals of one size would, chance may be why. Many that do so have less noise than the others, as
-    a motor's speed by pulses has where it is slow: then it is the most that their own variance allows with its `degrees` of freedom.
+    Few samples that fix an estimate follow the noise, and their residuals are too small (MacKinnon and White, J.
+    Econometrics 29 (1985)
+    305): where they give less than residuals of one size would, chance may be why. Many that do so have less noise than
+        the others, as
+    a motor's speed by pulses has where it is slow: then it is the most that their own variance allows with its
+    `degrees` of freedom.
     """
     doubted = alike > at_most(np.array([float(samples)]))[0] * own  # at most so many degrees: else it is `alike` anyway
     return np.where(doubted, np.minimum(alike, at_most(degrees()) * own), alike) if np.any(doubted) else alike
 
 
 def _degrees(
-    j: np.ndarray, residuals: np.ndarray, blocks: list[Block], bread: np.ndarray, variance: float, errors: Mapping[str, OutputErrors]
+    j: np.ndarray,
+    residuals: np.ndarray,
+    blocks: list[Block],
+    bread: np.ndarray,
+    variance: float,
+    errors: Mapping[str, OutputErrors],
 ) -> np.ndarray:
     """Degrees of freedom (d,) of the variances that the residuals give: those of the blocks' sum, by Satterthwaite."""
     totals, squares = np.zeros(j.shape[1]), np.zeros(j.shape[1])

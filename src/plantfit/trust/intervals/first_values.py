@@ -13,28 +13,33 @@ from plantfit.recording.record import Signal
 from plantfit.simulate.simulator import Drive
 from plantfit.trust.intervals.covariance import Begins, Block
 
-STEP = 1e-3  # of the noise: an unstable plant makes radians of 1e-4 rad in a second, and differences are to stay on the tangent
+# of the noise: an unstable plant makes radians of 1e-4 rad in a second, and differences are to stay on the tangent
+STEP = 1e-3
 LOOKED_AT = 3  # recordings that tell whether the model begins at measured values
 
 
 def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> Begins:
     """How one standard deviation of the noise of every such value changes the residuals at the cube point z (d,).
 
-    The noise of a value is taken to be as large as the residuals of its output in its recording. No columns where states do not begin
-    at measured values. The estimates then move by -(J'J)^-1 J' times a column, which the residuals do not show: the simulation begins
-    where the measurement says. Where the fit has estimated this noise (`finish.start_corrections`), it is one more unknown.
+    The noise of a value is taken to be as large as the residuals of its output in its recording. No columns where
+    states do not begin at measured values. The estimates then move by -(J'J)^-1 J' times a column, which the residuals
+    do not show: the simulation begins where the measurement says. Where the fit has estimated this noise
+    (`finish.start_corrections`), it is one more unknown.
     """
     effects, starts = value_effects(problem, z, blocks), problem.start_corrections
     found = [e for e in effects if e.output in starts.get(e.recording, ())]
     columns = [
-        np.stack([e.column for e in own], axis=1) if own else np.zeros((max((b.rows.stop for b in blocks), default=0), 0))
+        np.stack([e.column for e in own], axis=1)
+        if own
+        else np.zeros((max((b.rows.stop for b in blocks), default=0), 0))
         for own in ([e for e in effects if not any(e is f for f in found)], found)
     ]
     return Begins(columns[0], columns[1], np.array([0.0 if is_scored(problem, e) else 1.0 for e in found]))
 
 
 class ValueEffect(NamedTuple):
-    """What one standard deviation of the `noise` of a first measured value, in its unit, does to the residuals: a `column` (m,)."""
+    """What one standard deviation of the `noise` of a first measured value, in its unit, does to the residuals: a
+    `column` (m,)."""
 
     recording: str
     output: str
@@ -75,7 +80,11 @@ def outputs_begun_at(problem: Problem, z: np.ndarray) -> list[str]:
     simulator, values = problem.predictor.stepping(), problem.space.physical(np.asarray(z, dtype=float))
     found = []
     for place, output in enumerate(simulator.vector.outputs):
-        measured = [(n, d) for n, d in problem.data["drive"].items() if isinstance(d, Drive) and np.isfinite(d.first_output[place])]
+        measured = [
+            (n, d)
+            for n, d in problem.data["drive"].items()
+            if isinstance(d, Drive) and np.isfinite(d.first_output[place])
+        ]
         for name, drive in measured[:LOOKED_AT]:
             first = drive.first_output
             p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}

@@ -1,10 +1,10 @@
 """Intervals that allow for the steps in which inputs were read.
 
-A speed made of an encoder's counts, or a voltage of a coarse converter, is the plant's input and an error of less than a step. The model
-is driven by both, so that this error is carried through the plant and moves its parameters; residuals show little of what is slow in it.
-How much it moves them is told by other readings of the same motion: the input as a smooth curve, read in the same steps that lie
-elsewhere, 16 times over a step (`recording/signals/unrounded.py`). The squares of the moves of the least-squares answer, to first order,
-are the variance that steps add.
+A speed made of an encoder's counts, or a voltage of a coarse converter, is the plant's input and an error of less than
+a step. The model is driven by both, so that this error is carried through the plant and moves its parameters; residuals
+show little of what is slow in it. How much it moves them is told by other readings of the same motion: the input as a
+smooth curve, read in the same steps that lie elsewhere, 16 times over a step (`recording/signals/unrounded.py`). The
+squares of the moves of the least-squares answer, to first order, are the variance that steps add.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,18 +27,22 @@ PLACES = 16  # of the steps, at which readings are made
 NOTICED = 1.05  # times a standard error from which on steps are allowed for
 TOLD = 1.25  # times it from which on they are spoken of
 FIRST, NEAR = 4, 0.3  # readings that are made first, and the share of a noticed move from which on all are made
-REFUTED = 0.2  # of the correlation that steps leave, two standard errors above what residuals show: the plant got what was read
+# of the correlation that steps leave, two standard errors above what residuals show: the plant got what was read
+REFUTED = 0.2
 LAGS = 50  # samples over which the correlation of residuals is looked at
 RCOND = 1e-12  # of the largest singular value: directions below are open
 
 Row = dict[str, Any]
 
 
-def allowing_for_steps(problem: Problem, z: np.ndarray, local: Local, rows: Sequence[Row]) -> tuple[list[Row], list[Look]]:
-    """The rows of the parameters at the answer z (d,), wider where steps of inputs move them, and a look at every such input.
+def allowing_for_steps(
+    problem: Problem, z: np.ndarray, local: Local, rows: Sequence[Row]
+) -> tuple[list[Row], list[Look]]:
+    """The rows of the parameters at the answer z (d,), wider where steps of inputs move them, and a look at every such
+    input.
 
-    "by_steps" of a row is the standard uncertainty by the steps alone. Where they widen no interval by a twentieth, nothing changes and no
-    row has one; where none by a quarter, there are no looks.
+    "by_steps" of a row is the standard uncertainty by the steps alone. Where they widen no interval by a twentieth,
+    nothing changes and no row has one; where none by a quarter, there are no looks.
     """
     plain = [{**row, "by_steps": None} for row in rows]
     steps = input_steps(problem)
@@ -50,13 +54,19 @@ def allowing_for_steps(problem: Problem, z: np.ndarray, local: Local, rows: Sequ
     moved = moves(problem, z, local, steps)
     if moved.shown + 2.0 * moved.error < REFUTED and not any(s.told for s in steps):
         return plain, []
-    wider = [_wider(row, problem, local, places[row["name"]], moved.values) if row["name"] in places else row for row in plain]
-    times = max(w["standard_error"] / row["standard_error"] for w, row in zip(wider, rows, strict=True) if _bounded(row))
+    wider = [
+        _wider(row, problem, local, places[row["name"]], moved.values) if row["name"] in places else row
+        for row in plain
+    ]
+    times = max(
+        w["standard_error"] / row["standard_error"] for w, row in zip(wider, rows, strict=True) if _bounded(row)
+    )
     return wider if times > NOTICED else plain, step_looks(problem, steps, moved.left) if times > TOLD else []
 
 
 def claimed(determined: Determined | None, rows: Sequence[Row]) -> Determined | None:
-    """The section "determined" without what it says, by the noise alone, of parameters that steps move more than the noise does."""
+    """The section "determined" without what it says, by the noise alone, of parameters that steps move more than the
+    noise does."""
     moved = {row["name"] for row in rows if row["by_steps"] and 2.0 * row["by_steps"] ** 2 > row["standard_error"] ** 2}
     if determined is None or not moved:
         return determined
@@ -67,9 +77,10 @@ def claimed(determined: Determined | None, rows: Sequence[Row]) -> Determined | 
 
 
 class Moves(NamedTuple):
-    """What steps do, root mean square over other readings: to the `values` (d,) in their units, and to the residuals, where `left` is
-    the mean square that the parameters do not take in, over that of the residuals. Which share of the correlation that it has from sample
-    to sample the residuals have, is `shown`, with the standard `error` of that where the plant got what was read."""
+    """What steps do, root mean square over other readings: to the `values` (d,) in their units, and to the
+    residuals, where `left` is the mean square that the parameters do not take in, over that of the residuals. Which
+    share of the correlation that it has from sample to sample the residuals have, is `shown`, with the standard
+    `error` of that where the plant got what was read."""
 
     values: np.ndarray
     left: float
@@ -80,11 +91,15 @@ class Moves(NamedTuple):
 def _may_matter(rows: Sequence[Row], places: Mapping[str, int], moved: np.ndarray) -> bool:
     """Whether moves (d,) of few readings come near what would be noticed."""
     least = NEAR * np.sqrt(NOTICED**2 - 1.0)
-    return any(_bounded(row) and row["name"] in places and moved[places[row["name"]]] > least * row["standard_error"] for row in rows)
+    return any(
+        _bounded(row) and row["name"] in places and moved[places[row["name"]]] > least * row["standard_error"]
+        for row in rows
+    )
 
 
 def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSteps], count: int = PLACES) -> Moves:
-    """By how much steps move the values and the residuals, of so many other readings; parameters that a bound holds do not move."""
+    """By how much steps move the values and the residuals, of so many other readings; parameters that a bound holds
+    do not move."""
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
     j = np.where([b is None for b in local.at_bound], jacobian / norms, 0.0)
@@ -98,10 +113,14 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
     squares, left, expected = np.zeros(len(z)), 0.0, np.zeros(LAGS + 1)
     for signal in dict.fromkeys(s.signal for s in steps):
         read = {
-            s.recording: reread(recordings[s.recording], signal, s.size, count, s.kind == "counted") for s in steps if s.signal == signal
+            s.recording: reread(recordings[s.recording], signal, s.size, count, s.kind == "counted")
+            for s in steps
+            if s.signal == signal
         }
         for k in range(count):
-            there = np.asarray(problem.with_recordings(recordings | {n: r[k] for n, r in read.items()}).unsmoothed.residuals(z))
+            there = np.asarray(
+                problem.with_recordings(recordings | {n: r[k] for n, r in read.items()}).unsmoothed.residuals(z)
+            )
             for own in rows.values():  # each recording errs by itself
                 squares += sum(solve[:, at] @ (there[at] - residuals[at]) for at in own) ** 2 / count
             change = there - residuals
@@ -109,7 +128,9 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
             left += float(np.sum(rest**2)) / count
             expected += _products(rest, blocks) / count
     shown, error = _share(_products(residuals, blocks), expected, len(residuals))
-    return Moves(np.sqrt(squares) * problem.space.slopes(z), left / max(float(np.sum(residuals**2)), 1e-300), shown, error)
+    return Moves(
+        np.sqrt(squares) * problem.space.slopes(z), left / max(float(np.sum(residuals**2)), 1e-300), shown, error
+    )
 
 
 def _products(series: np.ndarray, blocks: Sequence[slice]) -> np.ndarray:
@@ -122,7 +143,8 @@ def _products(series: np.ndarray, blocks: Sequence[slice]) -> np.ndarray:
 
 
 def _share(seen: np.ndarray, expected: np.ndarray, count: int) -> tuple[float, float]:
-    """Which share of the correlation that steps leave in residuals is seen there, and its standard error where they leave none."""
+    """Which share of the correlation that steps leave in residuals is seen there, and its standard error where they
+    leave none."""
     weight = max(float(expected[1:] @ expected[1:]), 1e-300)
     return float(expected[1:] @ seen[1:]) / weight, seen[0] / np.sqrt(weight * max(count, 1))
 

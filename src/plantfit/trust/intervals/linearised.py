@@ -13,27 +13,36 @@ from plantfit.problem.problem import Problem
 from plantfit.space import Space
 from plantfit.trust.finish.unknown_noise import as_known, unknown_noise
 from plantfit.trust.identify.directions import Direction, flat_directions
-from plantfit.trust.intervals.covariance import Begins, Block, covariance, effective_parameters, known_variance, normal_matrix
+from plantfit.trust.intervals.covariance import (
+    Begins,
+    Block,
+    covariance,
+    effective_parameters,
+    known_variance,
+    normal_matrix,
+)
 from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_space
 from plantfit.trust.intervals.robust_or_classical import robust_errors
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
-OPEN = 0.2  # of the cube: a value that may move so far unnoticed is not determined (see `trust.intervals.parameter_rows`)
+OPEN = (
+    0.2  # of the cube: a value that may move so far unnoticed is not determined (see `trust.intervals.parameter_rows`)
+)
 
 
 @dataclass(frozen=True)
 class Local:
     """The linearised problem at an answer: values and covariance (d,), (d, d) in the parameters' units.
 
-    `linear` is the problem that ranges are read from (`trust/intervals/ranges.py`): every parameter is free there within its physical
-    limits, also one that a bound holds, and no box makes errors smaller. Problems with tables or with more than 60 coordinates have none;
-    their covariance takes the box as prior.
-    `effective` (d,) tells how far the data and not the box or a smoothing fix each value, 0 to 1; `touched` (d,) whether any
-    residual depends on it at all. `unboxed` (d,), where there is no `linear`: standard errors with no other prior than a smoothing,
-    so that statuses do not depend on where was searched; 0 where a physical limit holds a value. `robust`: whether the covariance
-    allows for residuals that are correlated in time.
+    `linear` is the problem that ranges are read from (`trust/intervals/ranges.py`): every parameter is free there
+    within its physical limits, also one that a bound holds, and no box makes errors smaller. Problems with tables or
+    with more than 60 coordinates have none; their covariance takes the box as prior. `effective` (d,) tells how far the
+    data and not the box or a smoothing fix each value, 0 to 1; `touched` (d,) whether any residual depends on it at
+    all. `unboxed` (d,), where there is no `linear`: standard errors with no other prior than a smoothing, so that
+    statuses do not depend on where was searched; 0 where a physical limit holds a value. `robust`: whether the
+    covariance allows for residuals that are correlated in time.
     """
 
     values: np.ndarray
@@ -49,7 +58,8 @@ class Local:
 
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
-    """Covariance and flat directions at the cube point z (d,); outputs whose errors nobody knows fix nothing (`unknown_noise`)."""
+    """Covariance and flat directions at the cube point z (d,); outputs whose errors nobody knows fix nothing
+    (`unknown_noise`)."""
     problem = as_known(problem)
     space, blocks = problem.space, residual_blocks(problem)
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
@@ -69,7 +79,9 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
         unboxed = _unboxed(space, values, slope, jacobian, residuals, blocks, free, smoothing, robust, begins)
     variance = float(residuals @ residuals) / max(1, len(residuals) - int(free.sum()))
     variance = max(variance, known_variance(blocks, len(residuals), int(free.sum())))
-    information = (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
+    information = (
+        (normal_matrix(jacobian, blocks) + smoothing) / max(variance, 1e-300) / slope[:, None] / slope[None, :]
+    )
     on = np.flatnonzero(free)
     directions = flat_directions(
         information[np.ix_(on, on)], values[on], (space.upper - space.lower)[on], tuple(space.names[i] for i in on)
@@ -79,13 +91,15 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     known = np.zeros(space.dimension)
     known[on] = effective
     return Local(
-        values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known, np.any(jacobian != 0.0, axis=0),
+        values, physical, np.sqrt(np.maximum(np.diag(physical), 0.0)), bound, tuple(directions), known,
+        np.any(jacobian != 0.0, axis=0),
         linear, robust, unboxed,
     )  # fmt: skip
 
 
 def natural_sizes(space: Space, values: np.ndarray) -> np.ndarray:
-    """What a change of each of the `values` (d,) is large against: the value, the size that matters, half of the median of its table."""
+    """What a change of each of the `values` (d,) is large against: the value, the size that matters, half of the
+    median of its table."""
     groups: dict[tuple[str, str | None], list[int]] = {}
     for i, c in enumerate(space.coordinates):
         groups.setdefault((c.parameter, c.recording), []).append(i)
@@ -115,7 +129,14 @@ def _unboxed(
     size = np.where(size > 0.0, size, space.upper - space.lower)  # of a table of zeros nothing is known
     by = size / slope
     found = covariance(
-        jacobian * by, residuals, blocks, free, smoothing * np.outer(by, by), robust, begins, np.full(len(values), FAR**-2.0)
+        jacobian * by,
+        residuals,
+        blocks,
+        free,
+        smoothing * np.outer(by, by),
+        robust,
+        begins,
+        np.full(len(values), FAR**-2.0),
     )
     return np.sqrt(np.maximum(np.diag(found), 0.0)) * size
 
@@ -130,9 +151,9 @@ def _physical(space: Space, side: int) -> np.ndarray:
 def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Coordinates (d,) that the data press onto their lower and upper bound.
 
-    A coordinate is open, and only happens to stand on its bound, where it could move inside by a fifth of the box and chi-squared
-    would grow by less than 1 after the others have moved inside their bounds to make up for it: of two parameters known only as a
-    sum, the one on its bound is not pressed.
+    A coordinate is open, and only happens to stand on its bound, where it could move inside by a fifth of the box and
+    chi-squared would grow by less than 1 after the others have moved inside their bounds to make up for it: of two
+    parameters known only as a sum, the one on its bound is not pressed.
     """
     gradient, curvature = jacobian.T @ residuals, np.sum(jacobian**2, axis=0)
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(z)), 1e-300)
@@ -147,7 +168,8 @@ def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[n
 
 
 def _growth(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray, i: int, step: float) -> float:
-    """How much the linearised sum of squares grows when coordinate i moves by `step` and the others follow as they best can."""
+    """How much the linearised sum of squares grows when coordinate i moves by `step` and the others follow as they
+    best can."""
     others = np.arange(len(z)) != i
     if len(z) > MOST_BOUNDED:  # those inside the box follow; whether they stay there is not looked at
         others &= (z > EDGE) & (z < 1 - EDGE)

@@ -22,11 +22,14 @@ FREE = 1e3  # natural sizes, from which on an error may be what is assumed besid
 CUT = 3.0  # times that of the range: a linearised standard error above it means nothing
 
 
-def parameter_rows(space: Space, local: Local, unseen: Collection[str] = (), ranges: Mapping[int, Range] | None = None) -> list[Row]:
-    """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample depends on.
+def parameter_rows(
+    space: Space, local: Local, unseen: Collection[str] = (), ranges: Mapping[int, Range] | None = None
+) -> list[Row]:
+    """Free coordinates in the order of the space, then every fixed entry; `unseen` are coordinates that no sample
+    depends on.
 
-    `ranges` by place are those of `trust/intervals/follow/following.py`; by default those of the linearised problem. Problems without one,
-    which have tables or many coordinates, are judged by standard errors that know no box.
+    `ranges` by place are those of `trust/intervals/follow/following.py`; by default those of the linearised problem.
+    Problems without one, which have tables or many coordinates, are judged by standard errors that know no box.
     """
     rows, sizes = [], natural_sizes(space, local.values)
     for i, c in enumerate(space.coordinates):
@@ -62,7 +65,9 @@ def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] =
                 unit=entries[0]["unit"],
                 over=over,
                 over_units=[units.get(signal) for signal in over],
-                nodes=[list(map(float, n)) for n in table.nodes] if table else [list(map(float, range(n))) for n in shape],
+                nodes=[list(map(float, n)) for n in table.nodes]
+                if table
+                else [list(map(float, range(n))) for n in shape],
                 recording=recording,
                 samples=seen.get((name, recording)),
                 values=[e["value"] for e in entries],
@@ -77,8 +82,8 @@ def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] =
 def _free(c: Coordinate, local: Local, i: int, size: float) -> Row:
     """A row of an entry of a table or one of many coordinates, by its standard error without the box.
 
-    It is open where that is above its natural `size`; `low` and `high` are bounds of the search then. Not a number whose interval lies
-    inside of the bounds: an offset near zero is known, however large its error is against it.
+    It is open where that is above its natural `size`; `low` and `high` are bounds of the search then. Not a number
+    whose interval lies inside of the bounds: an offset near zero is known, however large its error is against it.
     """
     assert local.unboxed is not None
     value, error, bound = float(local.values[i]), float(local.unboxed[i]), local.at_bound[i]
@@ -86,7 +91,9 @@ def _free(c: Coordinate, local: Local, i: int, size: float) -> Row:
     inside = c.lower < value - 1.96 * error and value + 1.96 * error < c.upper and error < FREE * size
     if status == "flat" and not c.index and inside:
         status = "weak"
-    end = (min(c.lower, value), max(c.upper, value)) if status == "flat" else (value - 1.96 * error, value + 1.96 * error)
+    end = (
+        (min(c.lower, value), max(c.upper, value)) if status == "flat" else (value - 1.96 * error, value + 1.96 * error)
+    )
     return {
         **_row(c, local, i),
         "standard_error": None if bound or status == "flat" else error,
@@ -121,13 +128,16 @@ def _row(c: Coordinate, local: Local, i: int) -> Row:
 
 
 def _ranged(c: Coordinate, local: Local, i: int, found: Range) -> Row:
-    """A row from a range. Where the data set no end to it, `low` and `high` are bounds of the search and `open` says which."""
+    """A row from a range. Where the data set no end to it, `low` and `high` are bounds of the search and `open` says
+    which."""
     assert local.linear is not None
     value, bound = float(local.values[i]), local.at_bound[i]
     ends = [e for e, at in (("lower", found.low), ("upper", found.high)) if not np.isfinite(at)]
     low = found.low if np.isfinite(found.low) else min(c.lower, value)
     high = found.high if np.isfinite(found.high) else max(c.upper, value)
-    error = None if ends or bound else _error(found, value, c, float(local.linear.standard_error[i]), local.linear.quantile)
+    error = (
+        None if ends or bound else _error(found, value, c, float(local.linear.standard_error[i]), local.linear.quantile)
+    )
     return {
         **_row(c, local, i),
         "standard_error": error,
@@ -163,7 +173,8 @@ def _unseen(c: Coordinate, local: Local, i: int) -> Row:
 
 
 def _status(c: Coordinate, value: float, error: float, size: float) -> str:
-    """How well the data fix an entry of a table or one of many coordinates, by the value as where ranges are; the box has no part in it."""
+    """How well the data fix an entry of a table or one of many coordinates, by the value as where ranges are; the
+    box has no part in it."""
     if not error <= size:
         return "flat"
     return "weak" if error > ROUGH * max(abs(value), c.typical) else "determined"
@@ -192,5 +203,7 @@ def _signal_units(model: Any) -> Mapping[str, str | None]:
     """Units of what tables may be over: signals, their delayed copies, time."""
     if not isinstance(model, Model):
         return {}
-    late = {d.channel: model.inputs[d.input] for d in model.delays} | {d.channel: model.states[d.state] for d in model.state_delays}
+    late = {d.channel: model.inputs[d.input] for d in model.delays} | {
+        d.channel: model.states[d.state] for d in model.state_delays
+    }
     return {"t": "s", **late, **model.outputs, **model.states, **model.inputs}

@@ -1,4 +1,5 @@
-"""Parameter values that the data allow: draws from the covariance of an answer, by the likelihood where they leave something open."""
+"""Parameter values that the data allow: draws from the covariance of an answer, by the likelihood where they leave
+something open."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,17 +21,22 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED
 from plantfit.trust.intervals.ranges import LEVEL
 
 ROUNDS = 60  # of draws until enough of them are within limits
-MORE_ROUNDS, MANY, FEW_KEPT = 40, 4096, 0.02  # further rounds of so many draws, where at least such a share has a cost that the data allow
+MORE_ROUNDS, MANY, FEW_KEPT = (
+    40,
+    4096,
+    0.02,
+)  # further rounds of so many draws, where at least such a share has a cost that the data allow
 WIDE = 0.5  # of a value: a standard error above it is no bell's
-LIKE = 0.99  # quantile of the costs of draws of what is determined, up to which draws of what is open are kept where no walk begins
+# quantile of the costs of draws of what is determined, up to which draws of what is open are kept where no walk begins
+LIKE = 0.99
 POOL = 1000  # candidates of both kinds that walkers begin at
 
 
 @dataclass(frozen=True)
 class Plausible:
-    """`values` (n, d) in the parameters' units, the answer itself first; `open` names what the data leave open, `accepted` is the
-    share of the linearised draws whose cost the data allow (1 where nothing is open); `scatters` what also differs between recordings,
-    `by_likelihood` whether the likelihood was followed, not the covariance."""
+    """`values` (n, d) in the parameters' units, the answer itself first; `open` names what the data leave open,
+    `accepted` is the share of the linearised draws whose cost the data allow (1 where nothing is open); `scatters`
+    what also differs between recordings, `by_likelihood` whether the likelihood was followed, not the covariance."""
 
     names: tuple[str, ...]
     values: np.ndarray
@@ -45,14 +51,15 @@ def plausible(
 ) -> Plausible:
     """`count` draws around the cube point z (d,) and z itself; `rows` are the parameters of the findings at z.
 
-    What has a standard error is drawn from a normal distribution with the correlations of the linearised problem, in logarithms where the
-    search is in logarithms; stated errors of instruments widen it. Where recordings of the plant scatter, the draws are of the plant in
-    another recording: the scatter is added, with its own correlations, and the tails are those of Student's t of so few recordings; with
-    `within` they are cut where 95 % of each parameter lie. Where one is known roughly or not at all (status "weak", no standard error, or
-    one above half of its value), all are drawn by the likelihood between the bounds of the search (`kinds/likelihood_draws.py`); what
-    stated errors and scatter add comes on top. Tables, more than 60 coordinates and residuals worth too few independent samples give no
-    likelihood: what is open is drawn evenly over the range of the findings then, all others moved with it as the linearised problem says,
-    and a draw is kept where its cost is one that draws of the determined parts have too.
+    What has a standard error is drawn from a normal distribution with the correlations of the linearised problem, in
+    logarithms where the search is in logarithms; stated errors of instruments widen it. Where recordings of the plant
+    scatter, the draws are of the plant in another recording: the scatter is added, with its own correlations, and the
+    tails are those of Student's t of so few recordings; with `within` they are cut where 95 % of each parameter lie.
+    Where one is known roughly or not at all (status "weak", no standard error, or one above half of its value), all are
+    drawn by the likelihood between the bounds of the search (`kinds/likelihood_draws.py`); what stated errors and
+    scatter add comes on top. Tables, more than 60 coordinates and residuals worth too few independent samples give no
+    likelihood: what is open is drawn evenly over the range of the findings then, all others moved with it as the
+    linearised problem says, and a draw is kept where its cost is one that draws of the determined parts have too.
     Physical limits cut both. Raises SearchError where hardly a draw is left.
     """
     problem = as_known(problem)
@@ -94,13 +101,20 @@ class _Known:
         return np.isfinite(self.degrees)
 
     @classmethod
-    def of(cls, problem: Problem, rows: Sequence[Mapping[str, Any]], local: Local, values: np.ndarray, log: np.ndarray) -> "_Known":
+    def of(
+        cls, problem: Problem, rows: Sequence[Mapping[str, Any]], local: Local, values: np.ndarray, log: np.ndarray
+    ) -> "_Known":
         own = {r["name"]: r for r in rows}
-        told = [cls._one(c, own.get(c.name, {}), local, i, values[i], log[i]) for i, c in enumerate(problem.space.coordinates)]
+        told = [
+            cls._one(c, own.get(c.name, {}), local, i, values[i], log[i])
+            for i, c in enumerate(problem.space.coordinates)
+        ]
         return cls(*(np.array(column) for column in zip(*told, strict=True)))
 
     @staticmethod
-    def _one(c: Coordinate, row: Mapping[str, Any], local: Local, i: int, value: float, log: bool) -> tuple[float | bool, ...]:
+    def _one(
+        c: Coordinate, row: Mapping[str, Any], local: Local, i: int, value: float, log: bool
+    ) -> tuple[float | bool, ...]:
         """The fields of one parameter, in their order."""
         stated, scatter = (row.get("uncertainty") or {}).get("combined"), row.get("scatter")
         sd = stated or row.get("standard_error")
@@ -109,7 +123,9 @@ class _Known:
             sd = min(sd or np.inf, float(local.standard_error[i]))
         bent = log and sd is not None and sd > WIDE * abs(value) and not scatter
         wide = sd is None or not np.isfinite(sd) or (row.get("open") is not None and not boxed) or bent
-        low, high = (bound if row.get(end) is None else row[end] for end, bound in (("low", c.lower), ("high", c.upper)))
+        low, high = (
+            bound if row.get(end) is None else row[end] for end, bound in (("low", c.lower), ("high", c.upper))
+        )
         loose = local.linear is not None and row.get("status") == "weak"
         between, degrees = (scatter["between"], scatter["degrees"]) if scatter and not wide else (0.0, np.inf)
         return 0.0 if wide or sd is None else float(sd), low, high, bool(wide), loose, between, degrees, bool(stated)
@@ -117,7 +133,8 @@ class _Known:
 
 @dataclass(frozen=True)
 class _Around:
-    """Draws around the answer by its covariance; a move of 1 is a unit, or a factor of e where the search is in logarithms (`log`)."""
+    """Draws around the answer by its covariance; a move of 1 is a unit, or a factor of e where the search is in
+    logarithms (`log`)."""
 
     problem: Problem
     local: Local
@@ -134,7 +151,9 @@ class _Around:
     farthest: np.ndarray  # of a move
 
     @classmethod
-    def of(cls, problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]], rng: np.random.Generator, within: bool) -> "_Around":
+    def of(
+        cls, problem: Problem, z: np.ndarray, rows: Sequence[Mapping[str, Any]], rng: np.random.Generator, within: bool
+    ) -> "_Around":
         space, local = problem.space, linearise(problem, z)
         values = np.asarray(space.physical(z), dtype=float)
         log = space.log & (values > 0)
@@ -144,18 +163,25 @@ class _Around:
         if np.any(known.scatters):
             covariance = covariance + scatter_covariance(problem, z, local)
             error = np.hypot(error, known.between / size)
-        hard = np.array([[max(c.limits[0], 0.0) if k else c.limits[0], c.limits[1]] for c, k in zip(space.coordinates, log, strict=True)])
+        hard = np.array(
+            [
+                [max(c.limits[0], 0.0) if k else c.limits[0], c.limits[1]]
+                for c, k in zip(space.coordinates, log, strict=True)
+            ]
+        )
         ranged = np.stack([np.maximum(known.low, hard[:, 0]), np.minimum(known.high, hard[:, 1])], axis=1)
         least = np.where(log & (known.low <= 0), 1e-3 * values, known.low)
         here, low, high = (np.where(log, np.log(np.maximum(v, 1e-300)), v) for v in (values, least, known.high))
         return cls(
-            problem, local, rng, known, values, log, error, covariance, hard, np.where(known.wide[:, None], ranged, hard),
+            problem, local, rng, known, values, log, error, covariance, hard,
+            np.where(known.wide[:, None], ranged, hard),
             (low - here, high - here), _followers(problem, z, size, known.wide),
             np.where(known.scatters & within, stdtrit(known.degrees, 0.5 + LEVEL / 2) * error, np.inf),
         )  # fmt: skip
 
     def drawn(self, n: int, with_open: bool) -> np.ndarray:
-        """Values of n draws that are within the limits; what is wide moves over its range, all others along, or stays."""
+        """Values of n draws that are within the limits; what is wide moves over its range, all others along, or
+        stays."""
         move = self._moves((n, len(self.values)), self.error)
         wide = self.known.wide
         if with_open and np.any(wide):
@@ -167,7 +193,8 @@ class _Around:
         return found[self._inside(found, move, self.limits)]
 
     def even(self) -> np.ndarray:
-        """Draws with what is open over all of the box: the straight line of the linearised problem leaves a bent valley."""
+        """Draws with what is open over all of the box: the straight line of the linearised problem leaves a bent
+        valley."""
         found = self.drawn(POOL, False)
         for i in np.flatnonzero(self.known.wide | self.known.loose):
             c, place = self.problem.space.coordinates[i], self.rng.uniform(size=len(found))
@@ -186,14 +213,17 @@ class _Around:
         return np.where(self._inside(far, move, self.hard)[:, None], far, values)
 
     def _moves(self, shape: tuple[int, ...], error: np.ndarray) -> np.ndarray:
-        """Moves (n, d) with these standard deviations and the correlations of the covariance, tails of Student's t where few scatter."""
+        """Moves (n, d) with these standard deviations and the correlations of the covariance, tails of Student's t
+        where few scatter."""
         size = np.where(self.log, self.values, 1.0)
         move = self.rng.standard_normal(shape) @ _spread(self.covariance / size[:, None] / size[None, :], error).T
         scatters = self.known.scatters
         if not np.any(scatters):
             return move
         few = np.where(scatters, self.known.degrees, 1.0)
-        tails = np.sqrt(few / chdtri(few, self.rng.uniform(size=(len(move), 1))))  # of several variables, each with its own degrees
+        tails = np.sqrt(
+            few / chdtri(few, self.rng.uniform(size=(len(move), 1)))
+        )  # of several variables, each with its own degrees
         return np.where(scatters, move * tails, move)
 
     def _moved(self, values: np.ndarray, move: np.ndarray) -> np.ndarray:
@@ -211,7 +241,8 @@ def _by_covariance(problem: Problem, around: _Around, z: np.ndarray, count: int)
     for k in range(ROUNDS + MORE_ROUNDS):
         if len(kept) >= count or (k >= ROUNDS and len(kept) < FEW_KEPT * tried):
             break
-        # of many coordinates most draws leave some limit: these cost nothing, so that many are made before it is given up
+        # of many coordinates most draws leave some limit: these cost nothing, so that many are made before it is given
+        # up
         new = around.drawn(max(count, 64) if k < ROUNDS else MANY, True)
         tried += len(new)
         if filtered and len(new):
@@ -219,8 +250,10 @@ def _by_covariance(problem: Problem, around: _Around, z: np.ndarray, count: int)
         kept = np.concatenate([kept, new])
     if len(kept) < count:
         raise SearchError(
-            f"Of {tried} draws of the parameters within their limits {len(kept)} have a cost that the data allow; the ranges of "
-            f"{_few(space.names, wide)} are too wide and too bent to draw from. Hold one of them at a known value, or record again."
+            f"Of {tried} draws of the parameters within their limits {len(kept)} have a cost that the data allow; the "
+            f"ranges of "
+            f"{_few(space.names, wide)} are too wide and too bent to draw from. Hold one of them at a known value, or "
+            f"record again."
         )
     return kept, min(1.0, len(kept) / tried) if filtered else 1.0
 
@@ -249,7 +282,8 @@ def _spread(covariance: np.ndarray, error: np.ndarray) -> np.ndarray:
 
 
 def _followers(problem: Problem, z: np.ndarray, size: np.ndarray, wide: np.ndarray) -> np.ndarray:
-    """How all others (d, d) move for the least cost when one that is open moves by 1: -(J_k'J_k)^+ J_k'J_o, in columns."""
+    """How all others (d, d) move for the least cost when one that is open moves by 1: -(J_k'J_k)^+ J_k'J_o, in
+    columns."""
     found = np.zeros((len(wide), len(wide)))
     if not np.any(wide):
         return found
@@ -269,7 +303,8 @@ def _costs(problem: Problem, space: Any, values: np.ndarray) -> np.ndarray:
 
 
 def _allowed(problem: Problem, space: Any, z: np.ndarray, determined: np.ndarray) -> float:
-    """The cost up to which draws count: what errors of the determined parameters alone cost, at least that of a parameter's 95 %."""
+    """The cost up to which draws count: what errors of the determined parameters alone cost, at least that of a
+    parameter's 95 %."""
     here = float(problem.cost(np.asarray(z)))
     samples = sum(len(e.recording) for e in problem.experiments.values())
     least = here * (1.0 + 4.0 / max(samples, 1))

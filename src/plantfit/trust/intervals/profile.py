@@ -1,4 +1,5 @@
-"""How far one parameter can move while all others follow: an interval by likelihood ratio, sound for correlated residuals."""
+"""How far one parameter can move while all others follow: an interval by likelihood ratio, sound for correlated
+residuals."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -12,7 +13,14 @@ from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_lo
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
 from plantfit.trust.finish.unknown_noise import as_known
-from plantfit.trust.intervals.covariance import box_prior, known_variance, normal_matrix, not_below, output_errors, own_student
+from plantfit.trust.intervals.covariance import (
+    box_prior,
+    known_variance,
+    normal_matrix,
+    not_below,
+    output_errors,
+    own_student,
+)
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
 
 STEPS = 12  # points to either side at most
@@ -22,11 +30,12 @@ BETTER = 1e-3  # of the threshold: a profile that falls so much has found a bett
 
 @dataclass(frozen=True)
 class Profile:
-    """A parameter in its unit: its best `value`, the interval from `low` to `high`, and whether the box cut an end of it.
+    """A parameter in its unit: its best `value`, the interval from `low` to `high`, and whether the box cut an end of
+    it.
 
-    `points` (n,) and `excess` (n,): values tried, in order, and by how much chi-squared grew there, all others refitted;
-    `threshold`: that of the level, times `inflation`, the robust variance of the value over that of white residuals.
-    `answer` (d,): the cube point with the lowest cost met.
+    `points` (n,) and `excess` (n,): values tried, in order, and by how much chi-squared grew there, all others
+    refitted; `threshold`: that of the level, times `inflation`, the robust variance of the value over that of white
+    residuals. `answer` (d,): the cube point with the lowest cost met.
     """
 
     name: str
@@ -46,10 +55,11 @@ class Profile:
 def profile(problem: Problem, answer: Any, name: str, level: float = 0.95) -> Profile:
     """The interval of the coordinate `name` that the recordings leave at `level`.
 
-    `answer` is a cube point (d,) or what `fit` returns. The coordinate is moved to either side and the others are fitted anew,
-    by bounded least squares. An end is where the sum of squares has grown by the residual variance times chi-squared(1) times
-    the ratio of the sandwich to the plain variance (Kent, Biometrika 69 (1982) 19, sec. 3: what the likelihood ratio of one
-    parameter is distributed as when the residuals are not white). Raises SpaceError for an unknown name.
+    `answer` is a cube point (d,) or what `fit` returns. The coordinate is moved to either side and the others are
+    fitted anew, by bounded least squares. An end is where the sum of squares has grown by the residual variance times
+    chi-squared(1) times the ratio of the sandwich to the plain variance (Kent, Biometrika 69 (1982) 19, sec. 3: what
+    the likelihood ratio of one parameter is distributed as when the residuals are not white). Raises SpaceError for an
+    unknown name.
     """
     names = problem.space.names
     if name not in names:
@@ -108,12 +118,15 @@ class _Walk:
                 outside = here
             else:
                 inside, step = here, 2.0 * step
-            if (outside is None and inside == edge) or (outside is not None and abs(outside - inside) <= CLOSE * abs(outside - at)):
+            if (outside is None and inside == edge) or (
+                outside is not None and abs(outside - inside) <= CLOSE * abs(outside - at)
+            ):
                 break
         return True
 
     def end(self, z: np.ndarray, excess: np.ndarray, sign: float) -> float:
-        """Where the excess passes the threshold on one side, its root linear between points as it is for a parabola; else the bound."""
+        """Where the excess passes the threshold on one side, its root linear between points as it is for a parabola;
+        else the bound."""
         at = float(self.best[self.place])
         order = np.argsort(sign * z)
         z, root = z[order], np.sqrt(np.maximum(excess[order], 0.0))
@@ -144,7 +157,9 @@ class _Walk:
         free[self.place] = False
         # from the neighbour and from the answer: a flat valley has many shallow ends
         tried = []
-        for start in {id(v): v for v in (self.solved[min(self.solved, key=lambda v: abs(v - here))], self.best)}.values():
+        for start in {
+            id(v): v for v in (self.solved[min(self.solved, key=lambda v: abs(v - here))], self.best)
+        }.values():
             moved = start.copy()
             moved[self.place] = here
             tried.append(refit(self.problem, moved, free))
@@ -156,7 +171,8 @@ class _Walk:
 
 
 def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
-    """Variance of the residuals, and the sandwich variance of one coordinate over the plain one (`not_below`, `own_student`)."""
+    """Variance of the residuals, and the sandwich variance of one coordinate over the plain one (`not_below`,
+    `own_student`)."""
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     free = (z > EDGE) & (z < 1 - EDGE)
     free[place] = True
@@ -178,6 +194,10 @@ def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
         found = float(prewhitened_long_run(influence, block.index)[0, 0]) * errors.larger
         robust += max(found, own) if errors.least else found
         total, square = total + own, square + own**2 / float(degrees_of_freedom(influence, shares, block.index)[0])
-    least = not_below(np.array([plain]), np.array([robust]), lambda: np.array([total**2 / max(square, 1e-300)]), len(residuals))[0]
-    longer = own_student(jacobian, residuals, blocks, whole, variance, float(max(1, len(residuals) - len(whole))))[place_in]
+    least = not_below(
+        np.array([plain]), np.array([robust]), lambda: np.array([total**2 / max(square, 1e-300)]), len(residuals)
+    )[0]
+    longer = own_student(jacobian, residuals, blocks, whole, variance, float(max(1, len(residuals) - len(whole))))[
+        place_in
+    ]
     return variance, longer**2 * max(robust, least) / max(plain, np.finfo(float).tiny)

@@ -13,7 +13,15 @@ from plantfit.problem.measure.long_run import first_correlation, most_memory, un
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
 from plantfit.trust.intervals.at_limits import limit_factors
-from plantfit.trust.intervals.covariance import Begins, Block, begun, beside_starts, known_variance, own_student, rounding
+from plantfit.trust.intervals.covariance import (
+    Begins,
+    Block,
+    begun,
+    beside_starts,
+    known_variance,
+    own_student,
+    rounding,
+)
 
 FAR = 1e4  # sizes of a value that nothing moves further than
 OPEN = 1e3  # sizes from which on a linearised end means nothing
@@ -30,11 +38,12 @@ LOOSE = 0.25  # sizes, the standard error of a direction from which on what canc
 class Linear:
     """The linearised problem in units of `size` (d,): parameters x = (p - values) / size, limits included.
 
-    `rows` (k, d) and `rest` (k,): sum of squares |rows x + rest|^2 over the residual variance; `spread` (d, d) the covariance of x by
-    the sandwich with no prior but that nothing moves further than `FAR`; `threshold` (d,) what the sum may grow by.
-    `samples`: how many independent ones the residuals are worth; not `sound` where these are too few for intervals that hold.
-    `begun` (d,): how many times as large standard errors are because states begin at measured values whose noise is not estimated.
-    Where some direction is open, rows of `turn` (d, d) are principal directions, and `turned` (d, d) is the covariance along them.
+    `rows` (k, d) and `rest` (k,): sum of squares |rows x + rest|^2 over the residual variance; `spread` (d, d) the
+    covariance of x by the sandwich with no prior but that nothing moves further than `FAR`; `threshold` (d,) what the
+    sum may grow by. `samples`: how many independent ones the residuals are worth; not `sound` where these are too few
+    for intervals that hold. `begun` (d,): how many times as large standard errors are because states begin at measured
+    values whose noise is not estimated. Where some direction is open, rows of `turn` (d, d) are principal directions,
+    and `turned` (d, d) is the covariance along them.
     """
 
     values: np.ndarray
@@ -56,7 +65,8 @@ class Linear:
     def variance_of(self, weights: np.ndarray) -> float:
         """Of the sum of x with these weights (d,).
 
-        Along an open direction entries of `spread` are a hundred million; what is known to a ten-thousandth would be rounding in them.
+        Along an open direction entries of `spread` are a hundred million; what is known to a ten-thousandth would be
+        rounding in them.
         """
         if self.turn is None or self.turned is None:
             return max(float(weights @ self.spread @ weights), 0.0)
@@ -122,7 +132,9 @@ def linear_problem(
     by_value = jacobian[:, at] / space.slopes(z)[at]
     norms, free = np.linalg.norm(by_value, axis=0), max(1, len(residuals) - len(at))
     known = known_variance(blocks, len(residuals), len(at))
-    alone = np.sqrt(max(float(residuals @ residuals) / free, known)) / np.maximum(norms, 1e-300)  # how far it is known if all others are
+    alone = np.sqrt(max(float(residuals @ residuals) / free, known)) / np.maximum(
+        norms, 1e-300
+    )  # how far it is known if all others are
     size = np.maximum(np.maximum(np.abs(values), typical), np.maximum(np.minimum(alone, width), 1e-12 * width))
     j = by_value * size
     variance = max(float(residuals @ residuals) / free, rounding(np.diag(np.sum(j**2, axis=0)), len(residuals)), known)
@@ -144,7 +156,8 @@ def linear_problem(
     sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= LEAST_FREE))
     degrees = samples - len(at)
     if degrees > 0 and memory > 2.0 / np.sqrt(len(residuals)):
-        # an estimated correlation r makes sums of an AR(1) uncertain as 4 (1 + r) / (n (1 - r)) of their variance, by its own (1 - r^2) / n
+        # an estimated correlation r makes sums of an AR(1) uncertain as 4 (1 + r) / (n (1 - r)) of their variance, by
+        # its own (1 - r^2) / n
         degrees = 1.0 / (1.0 / degrees + 2.0 / samples)
     quantile = float(stdtrit(MANY if known else max(1.0, degrees), 0.5 + LEVEL / 2))
     inflation = np.maximum(1e-6, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
@@ -155,21 +168,26 @@ def linear_problem(
     threshold = (quantile * longer) ** 2 * inflation * limit_factors(spread, least, most, quantile, OPEN)
     return Linear(
         values, size, least, most, rows, rest, spread, threshold, quantile, variance,
-        samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)), right if loose else None, turned if loose else None,
+        samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)), right if loose else None,
+        turned if loose else None,
     )  # fmt: skip
 
 
 def linear_end(linear: Linear, i: int, sign: float, held: Sequence[int] = ()) -> tuple[float, np.ndarray]:
     """How far x_i can go to one side by the linearised problem, all inside their limits, and the point x (d,) there.
 
-    Infinite where the sum of squares does not grow to the threshold; parameters `held` stay at the answer. The growth is convex along
-    x_i with the others at their best, so that its last crossing is the end.
+    Infinite where the sum of squares does not grow to the threshold; parameters `held` stay at the answer. The growth
+    is convex along x_i with the others at their best, so that its last crossing is the end.
     """
     limit = linear.most[i] if sign > 0 else -linear.least[i]
     others = np.array([k for k in range(len(linear.values)) if k != i and k not in held], dtype=int)
     columns = linear.rows[:, others]
     base = float(linear.rest @ linear.rest)
-    shadow = linear.rows[:, i] - columns @ np.linalg.lstsq(columns, linear.rows[:, i])[0] if len(others) else linear.rows[:, i]
+    shadow = (
+        linear.rows[:, i] - columns @ np.linalg.lstsq(columns, linear.rows[:, i])[0]
+        if len(others)
+        else linear.rows[:, i]
+    )
     curvature = max(float(shadow @ shadow), 1e-300)
     norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     low, high = linear.least[others] * norms - 1e-12, linear.most[others] * norms + 1e-12
@@ -202,14 +220,18 @@ def linear_end(linear: Linear, i: int, sign: float, held: Sequence[int] = ()) ->
                     return limit, at
                 if step > OPEN:
                     return np.inf if not np.isfinite(limit) else limit, at
-                step = min(4.0 * step, limit) if growth < 0.25 * top else min(step * np.sqrt(1.05 * top / growth), limit)
+                step = (
+                    min(4.0 * step, limit) if growth < 0.25 * top else min(step * np.sqrt(1.05 * top / growth), limit)
+                )
                 continue
         else:
             beyond = step
         if beyond is not None:
             if beyond - inside <= 1e-3 * beyond:
                 break
-            guess = step * np.sqrt(top / growth) if growth > 0 and k % 2 else 0.5 * (inside + beyond)  # halved where it is no parabola
+            guess = (
+                step * np.sqrt(top / growth) if growth > 0 and k % 2 else 0.5 * (inside + beyond)
+            )  # halved where it is no parabola
             step = float(np.clip(guess, inside + 0.05 * (beyond - inside), beyond - 0.05 * (beyond - inside)))
     return inside, at
 

@@ -1,4 +1,5 @@
-"""Covariance of plain least squares with several targets and recordings, sound when errors are correlated in time and between targets."""
+"""Covariance of plain least squares with several targets and recordings, sound when errors are correlated in time
+and between targets."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_lo
 
 @dataclass(frozen=True)
 class RegressionPart:
-    """One target in one recording: columns (n, k), residuals (n,), sample numbers `index` (n,) by time, 0, 1, .. if None.
+    """One target in one recording: columns (n, k), residuals (n,), sample numbers `index` (n,) by time, 0, 1, .. if
+    None.
 
     `weight` multiplies the squared residuals of this target in the fit.
     """
@@ -27,10 +29,10 @@ class RegressionPart:
 def regression_covariance(parts: Sequence[RegressionPart]) -> np.ndarray:
     """Covariance (k, k) of the coefficients that minimise the weighted sum of squares over all parts.
 
-    What each sample does to the estimate, (X'WX)^-1 x w r, is added up over the targets of a recording, whose errors may move
-    together, and its prewhitened long-run covariance taken (see `covariance`); recordings are independent. It is widened to Student's t
-    where a few samples decide a coefficient (`degrees_of_freedom`).
-    Raises RecordingError for shapes that do not fit, and for columns that determine fewer than k numbers (see `base_parameters`).
+    What each sample does to the estimate, (X'WX)^-1 x w r, is added up over the targets of a recording, whose errors
+    may move together, and its prewhitened long-run covariance taken (see `covariance`); recordings are independent. It
+    is widened to Student's t where a few samples decide a coefficient (`degrees_of_freedom`). Raises RecordingError for
+    shapes that do not fit, and for columns that determine fewer than k numbers (see `base_parameters`).
     """
     read = [_read(p) for p in parts]
     columns = np.vstack([np.sqrt(p.weight) * c for p, (c, _, _) in zip(parts, read, strict=True)])
@@ -39,7 +41,8 @@ def regression_covariance(parts: Sequence[RegressionPart]) -> np.ndarray:
     triangle = np.asarray(np.linalg.qr(columns / np.maximum(norms, 1e-300), mode="r"))
     if n < k or np.linalg.cond(triangle) > 1e12:
         raise RecordingError(
-            f"The columns of the regression do not determine its {k} coefficients; regroup them with base_parameters first."
+            f"The columns of the regression do not determine its {k} coefficients; regroup them with base_parameters "
+            f"first."
         )
     inverse = np.linalg.inv(triangle)
     bread = (inverse @ inverse.T) / np.outer(norms, norms)
@@ -60,9 +63,16 @@ def _read(p: RegressionPart) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     columns, residuals = np.asarray(p.columns, dtype=float), np.asarray(p.residuals, dtype=float)
     index = np.arange(len(residuals)) if p.index is None else np.asarray(p.index, dtype=int)
     where = f" of recording {p.record!r}" if p.record else ""
-    if columns.ndim != 2 or len(residuals) == 0 or residuals.shape != columns.shape[:1] or index.shape != residuals.shape:
+    if (
+        columns.ndim != 2
+        or len(residuals) == 0
+        or residuals.shape != columns.shape[:1]
+        or index.shape != residuals.shape
+    ):
         shapes = f"{columns.shape}, {residuals.shape} and {index.shape}"
-        raise RecordingError(f"Columns, residuals and sample numbers{where} have shapes {shapes}; give (n, k), (n,) and (n,).")
+        raise RecordingError(
+            f"Columns, residuals and sample numbers{where} have shapes {shapes}; give (n, k), (n,) and (n,)."
+        )
     if not (np.all(np.isfinite(columns)) and np.all(np.isfinite(residuals))):
         raise RecordingError(f"The regression{where} has a missing value; leave that row out and give sample numbers.")
     return columns, residuals, index

@@ -11,15 +11,18 @@ from plantfit.trust.intervals.covariance import Block
 from plantfit.trust.validate.residual_tests import whiteness
 
 TESTED = 20  # samples of an output in one recording from which on its residuals are tested
-CHANCE, ONE_SIDED = 0.01, 2.326  # how often white residuals are taken for correlated by either test, and the normal quantile of that
+CHANCE, ONE_SIDED = (
+    0.01,
+    2.326,
+)  # how often white residuals are taken for correlated by either test, and the normal quantile of that
 
 
 def robust_errors(problem: Problem, residuals: np.ndarray, blocks: Sequence[Block]) -> bool:
     """Whether standard errors are robust, from the residuals (m,) at an answer.
 
-    They are as the user asked, and for models in time. A model without time has classical ones, for its rows may stand in any order. But
-    where its rows have times, and their residuals are correlated beyond chance, the rows are samples one after another and count for
-    fewer than they are.
+    They are as the user asked, and for models in time. A model without time has classical ones, for its rows may stand
+    in any order. But where its rows have times, and their residuals are correlated beyond chance, the rows are samples
+    one after another and count for fewer than they are.
     """
     if problem.standard_errors is not None or problem.in_time:
         return problem.robust
@@ -29,11 +32,14 @@ def robust_errors(problem: Problem, residuals: np.ndarray, blocks: Sequence[Bloc
 def _timed(problem: Problem) -> bool:
     """Whether rows of any recording have times, and not only numbers from 0 or 1 that no column of time gave."""
     own = [e.recording for e in problem.experiments.values()]
-    return any(r.clocked or r.t[0] not in (0.0, 1.0) or not np.array_equal(r.t - r.t[0], np.arange(len(r))) for r in own)
+    return any(
+        r.clocked or r.t[0] not in (0.0, 1.0) or not np.array_equal(r.t - r.t[0], np.arange(len(r))) for r in own
+    )
 
 
 def _correlated(residuals: np.ndarray, blocks: Sequence[Block]) -> bool:
-    """Whether neighbours are alike (the mean first correlation of all blocks), or any block fails the test of Ljung and Box."""
+    """Whether neighbours are alike (the mean first correlation of all blocks), or any block fails the test of Ljung
+    and Box."""
     own = [residuals[b.rows] for b in blocks]
     tested = [r - np.mean(r) for r in own if len(r) >= TESTED and np.std(r) > 0.0]
     if not tested:

@@ -1,4 +1,5 @@
-"""All looks at the recordings of a problem: `problem_looks` runs those at clock and signals (`recording/looks/`) and those of packages.
+"""All looks at the recordings of a problem: `problem_looks` runs those at clock and signals (`recording/looks/`) and
+those of packages.
 
 Those against the model are made here: length and period against the bounds of its times, and rest at the start.
 """
@@ -28,9 +29,11 @@ STILL = 1e-3  # of a state: a model that moves less during the samples at rest i
 
 
 def problem_looks(problem: Problem) -> list[Look]:
-    """All looks at the recordings of a problem that is simulated over time; none for regressions, static models and steady records.
+    """All looks at the recordings of a problem that is simulated over time; none for regressions, static models and
+    steady records.
 
-    Only inputs of the model and outputs that are fitted are looked at. A function that makes another kind of look is called here.
+    Only inputs of the model and outputs that are fitted are looked at. A function that makes another kind of look is
+    called here.
     """
     model = problem.model
     if not isinstance(model, Model) or not problem.in_time:
@@ -44,7 +47,11 @@ def problem_looks(problem: Problem) -> list[Look]:
         found += clock_looks(recording)
         settles = any(_moves(recording[y]) for y in problem.outputs)
         for u in model.inputs:
-            found += [look for look in signal_looks(recording, u, measured=False, settles=settles) if not _stepped(e, model, look)]
+            found += [
+                look
+                for look in signal_looks(recording, u, measured=False, settles=settles)
+                if not _stepped(e, model, look)
+            ]
         for y in problem.outputs:
             found += signal_looks(recording, y, measured=True)
         for signal, measured in (*((u, False) for u in model.inputs), *((y, True) for y in problem.outputs)):
@@ -105,12 +112,16 @@ def _times(problem: Problem, recording: Recording) -> Iterator[Look]:
             text += f" Is the time in {other}? It would fit the bounds of all times then."
             write = f'time_unit = "{other}"'
             kind = "time unit"
-        yield Look(kind, "warning", recording.name, None, text, *ends, write, {"seconds": figure, "low": low, "high": high})
+        yield Look(
+            kind, "warning", recording.name, None, text, *ends, write, {"seconds": figure, "low": low, "high": high}
+        )
         return
 
 
 def _plausible(problem: Problem, length: float, period: float, factor: float) -> bool:
-    return all(high > period * factor and (late or low < length * factor) for _, low, high, late in _time_bounds(problem))
+    return all(
+        high > period * factor and (late or low < length * factor) for _, low, high, late in _time_bounds(problem)
+    )
 
 
 def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Look]:
@@ -137,14 +148,17 @@ def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Loo
             own = y if y in fixed else fixed[0]
             yield Look(
                 "not at rest", "info", recording.name, y,
-                f"{y} moves by {moved:.3g}{unit} in the first {np.ptp(t):.3g} s of {recording.name}, before any input does: the plant was "
+                f"{y} moves by {moved:.3g}{unit} in the first {np.ptp(t):.3g} s of {recording.name}, before any input "
+                f"does: the plant was "
                 f"not at rest, and the model begins at fixed values of {', '.join(fixed)}.",
-                float(t[0]), float(t[-1]), f'initial = "{own}_start", with bounds under [parameters.{own}_start]', {"moved": moved},
+                float(t[0]), float(t[-1]), f'initial = "{own}_start", with bounds under [parameters.{own}_start]',
+                {"moved": moved},
             )  # fmt: skip
 
 
 def _begins_at_rest(problem: Problem, model: Model, e: Experiment) -> bool:
-    """Whether the model itself rests at its initial values under the first sample's inputs; one that moves foretells that outputs do."""
+    """Whether the model itself rests at its initial values under the first sample's inputs; one that moves foretells
+    that outputs do."""
     recording = e.recording
     if model.derivative is None:
         return False
@@ -164,8 +178,11 @@ def _first_inputs(model: Model, recording: Recording) -> dict[str, float]:
     return {u: recording[u][0] for u in model.inputs} | {"t": recording.t[0]}
 
 
-def _beginnings(problem: Problem, model: Model, recording: Recording) -> Iterator[tuple[dict[str, Any], dict[str, float]]]:
-    """Parameters and initial values of the states at two places of the box, where outputs are measured as differently."""
+def _beginnings(
+    problem: Problem, model: Model, recording: Recording
+) -> Iterator[tuple[dict[str, Any], dict[str, float]]]:
+    """Parameters and initial values of the states at two places of the box, where outputs are measured as
+    differently."""
     space = problem.space
     for share in SHARES:
         p = space.tree(np.asarray(space.physical(np.full(space.dimension, share))), recording.name)

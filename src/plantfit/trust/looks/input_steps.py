@@ -1,4 +1,5 @@
-"""Inputs that were read in steps: those of which the recordings say so, those that look rounded, and what is to be said of them."""
+"""Inputs that were read in steps: those of which the recordings say so, those that look rounded, and what is to be
+said of them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ HEARD = 0.3  # times the noise of an output, from which on steps are spoken of b
 
 @dataclass(frozen=True)
 class InputSteps:
-    """Steps of an input in one recording. `size` is in the model's unit, times seconds where the input is a speed made of counts."""
+    """Steps of an input in one recording. `size` is in the model's unit, times seconds where the input is a speed
+    made of counts."""
 
     recording: str
     signal: str
@@ -37,7 +39,9 @@ def input_steps(problem: Problem) -> list[InputSteps]:
         for u in model.inputs if not e.steady else ():
             size = e.counted.get(u, e.rounded.get(u))
             if size is not None:
-                found += [InputSteps(name, u, "counted" if u in e.counted else "rounded", size, True)] if size > 0 else []
+                found += (
+                    [InputSteps(name, u, "counted" if u in e.counted else "rounded", size, True)] if size > 0 else []
+                )
             elif (seen := rounded_step(e.recording[u])) is not None:
                 found.append(InputSteps(name, u, "rounded", seen, False))
     return found
@@ -45,19 +49,26 @@ def input_steps(problem: Problem) -> list[InputSteps]:
 
 def misread(e: Experiment, s: InputSteps) -> float:
     """The error (rms) of single readings of an input that is even within its steps."""
-    return s.size / np.sqrt(12.0) if s.kind == "rounded" else s.size / float(np.median(np.diff(e.recording.t))) / np.sqrt(6.0)
+    return (
+        s.size / np.sqrt(12.0)
+        if s.kind == "rounded"
+        else s.size / float(np.median(np.diff(e.recording.t))) / np.sqrt(6.0)
+    )
 
 
 def telling(problem: Problem, steps: Sequence[InputSteps]) -> list[InputSteps]:
-    """Those steps that may move parameters beside the noise of the outputs, as far as it can be told before a fit; all that were told.
+    """Those steps that may move parameters beside the noise of the outputs, as far as it can be told before a fit; all
+    that were told.
 
-    A step is an error that stays for as long as a reading does; the plant is taken to follow its input over the range of both.
+    A step is an error that stays for as long as a reading does; the plant is taken to follow its input over the range
+    of both.
     """
     return [s for s in steps if s.told or s.kind == "counted" or _beside_noise(problem, s) > HEARD]
 
 
 def _beside_noise(problem: Problem, s: InputSteps) -> float:
-    """The error of readings at an output, averaged as long as one reading stays, over the noise that is averaged as long."""
+    """The error of readings at an output, averaged as long as one reading stays, over the noise that is averaged as
+    long."""
     e = problem.experiments[s.recording]
     u = e.recording[s.signal]
     u = u[np.isfinite(u)]
@@ -74,8 +85,8 @@ def _beside_noise(problem: Problem, s: InputSteps) -> float:
 def step_looks(problem: Problem, steps: Sequence[InputSteps], left: float | None = None) -> list[Look]:
     """What is to be said of inputs in steps: how many steps there are in their movement, and in a sample.
 
-    `left` is the share of the residuals' mean square that the steps may be, None where there are no residuals yet. What readings in
-    steps mean is said once.
+    `left` is the share of the residuals' mean square that the steps may be, None where there are no residuals yet. What
+    readings in steps mean is said once.
     """
     first = next((s for s in steps if s.kind == "rounded"), None)
     return [_look(problem, s, left, s is first) for s in steps]
@@ -87,15 +98,26 @@ def _look(problem: Problem, s: InputSteps, left: float | None, first: bool) -> L
     own = recording.signals[s.signal].unit
     unit = f" {own}" if own not in (None, "", "1") else ""
     values = values[np.isfinite(values)]
-    each = np.abs(values) * float(np.median(np.diff(t))) / s.size if s.kind == "counted" else np.abs(np.diff(values)) / s.size
+    each = (
+        np.abs(values) * float(np.median(np.diff(t))) / s.size
+        if s.kind == "counted"
+        else np.abs(np.diff(values)) / s.size
+    )
     whole = float(np.sum(each)) if s.kind == "counted" else float(np.ptp(values)) / s.size
     usual = float(np.median(each[each > 0])) if np.any(each > 0) else 0.0
-    figures: dict[str, int | float | None] = {"step": s.size, "steps": whole, "steps_a_sample": usual, "told": int(s.told), "left": left}
+    figures: dict[str, int | float | None] = {
+        "step": s.size,
+        "steps": whole,
+        "steps_a_sample": usual,
+        "told": int(s.told),
+        "left": left,
+    }
     place = s.recording, s.signal
     ends = float(t[0]), float(t[-1])
     if s.kind == "counted":
         text = (
-            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves; where they lie "
+            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves; "
+            f"where they lie "
             f"moves what hangs on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %."
         )
         return Look("counted", "info", *place, text, *ends, "", figures)

@@ -1,4 +1,5 @@
-"""A proven lower bound on the cost of a rigid-body regression over a box of physical parameters, by branch and bound."""
+"""A proven lower bound on the cost of a rigid-body regression over a box of physical parameters, by branch and
+bound."""
 
 import heapq
 from collections.abc import Sequence
@@ -24,7 +25,8 @@ Box = tuple[np.ndarray, np.ndarray]  # lower and upper bounds of the parameters
 
 @dataclass(frozen=True)
 class Floor:
-    """No point of the box has a mean square below `cost`; `gap` is how far the known point lies above it, relative to its cost."""
+    """No point of the box has a mean square below `cost`; `gap` is how far the known point lies above it, relative
+    to its cost."""
 
     cost: float
     gap: float
@@ -50,10 +52,10 @@ def certified_floor(
 ) -> Floor:
     """Lower bound on the mean square of `constrained_optimum`'s problem, to prove that its cost `known` is global.
 
-    In mass m, first moment h = m lc and inertia about the joint J = I + m lc^2 of every link the coefficients of a rigid body
-    are linear, and all bounds are convex but the upper one of I, for which h^2/m is replaced by its chord over the box;
-    boxes are halved in lc until chord and curve agree to `tolerance` of the cost. Each bound is that of Lagrange's dual, so
-    that an inexact solution makes it lower, never wrong. `inside_links` adds `link_constraints`.
+    In mass m, first moment h = m lc and inertia about the joint J = I + m lc^2 of every link the coefficients of a
+    rigid body are linear, and all bounds are convex but the upper one of I, for which h^2/m is replaced by its chord
+    over the box; boxes are halved in lc until chord and curve agree to `tolerance` of the cost. Each bound is that of
+    Lagrange's dual, so that an inexact solution makes it lower, never wrong. `inside_links` adds `link_constraints`.
     Raises ModelError when `base` is not linear in m, h and J (or in another parameter), or a mass may be 0.
     """
     whole: Box = (np.asarray(lower, dtype=float), np.asarray(upper, dtype=float))
@@ -80,11 +82,15 @@ Places = list[tuple[int, int, int]]  # of m, lc and I of each link; in the lifte
 def _places(names: tuple[str, ...], links: Sequence[LinkNames], box: Box) -> Places:
     missing = [n for k in links for n in (k.mass, k.centre, k.inertia) if n not in names]
     if missing:
-        raise ModelError(f"The links name a parameter {missing[0]!r}, but the parameters are {list(names)}; use one of these.")
+        raise ModelError(
+            f"The links name a parameter {missing[0]!r}, but the parameters are {list(names)}; use one of these."
+        )
     found = [(names.index(k.mass), names.index(k.centre), names.index(k.inertia)) for k in links]
     for link, (m, _, _) in zip(links, found, strict=True):
         if not box[0][m] > 0:
-            raise ModelError(f"{link.mass} may be {box[0][m]:g}; give a lower bound above 0, or there is no centre of mass.")
+            raise ModelError(
+                f"{link.mass} may be {box[0][m]:g}; give a lower bound above 0, or there is no centre of mass."
+            )
     return found
 
 
@@ -98,7 +104,8 @@ def _variables(places: Places, low: np.ndarray, high: np.ndarray) -> Box:
 
 
 def _affine(vector: Any, places: Places, ends: Box) -> tuple[np.ndarray, np.ndarray]:
-    """Slope (k, d) and constant (k,) of the coefficients by the lifted variables; ModelError where they are not linear."""
+    """Slope (k, d) and constant (k,) of the coefficients by the lifted variables; ModelError where they are not
+    linear."""
 
     def coefficients(v: Any) -> Any:
         p = v
@@ -112,13 +119,16 @@ def _affine(vector: Any, places: Places, ends: Box) -> tuple[np.ndarray, np.ndar
     constant = np.asarray(values)[0] - slope @ points[0]
     size = np.abs(slope) @ ends[1] + np.abs(constant)
     if np.max(np.abs(np.asarray(values) - points @ slope.T - constant) / np.maximum(size, 1e-300)) > 1e-9:
-        raise ModelError("The coefficients are not linear in m, m*lc and I + m*lc^2 of the links; use constrained_optimum alone.")
+        raise ModelError(
+            "The coefficients are not linear in m, m*lc and I + m*lc^2 of the links; use constrained_optimum alone."
+        )
     return slope, constant
 
 
 @dataclass(frozen=True)
 class _Lifted:
-    """The regression |rows v - target|^2 + rest in variables (m, h, J) of the links and the other parameters, 1 being the known cost."""
+    """The regression |rows v - target|^2 + rest in variables (m, h, J) of the links and the other parameters, 1
+    being the known cost."""
 
     rows: np.ndarray
     target: np.ndarray
@@ -143,7 +153,11 @@ class _Lifted:
                 linear.append(row)
                 offset.append(shift)
             cones.append((m, c, i, low[i]))
-        return lower_bound(ConvexProblem(self.rows, self.target, self.rest, np.array(linear), np.array(offset), tuple(cones), least, most))
+        return lower_bound(
+            ConvexProblem(
+                self.rows, self.target, self.rest, np.array(linear), np.array(offset), tuple(cones), least, most
+            )
+        )
 
     def halves(self, box: Box) -> list[Box]:
         """The box cut in the middle of the lc whose chord leaves h^2/m furthest."""

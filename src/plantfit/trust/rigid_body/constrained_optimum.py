@@ -25,9 +25,9 @@ POSSIBLE = 1e-8  # of a constraint's scale: violated by less is kept
 class Optimum:
     """The lowest mean square inside box and constraints.
 
-    `values` by name, `coefficients` (k,); `cost` the mean square, `rmse` its root; `free_cost` that of plain least squares on the
-    coefficients; `active` what holds it there, in words; `kkt` the gradient that no active constraint holds, as relative change of
-    the cost per width of the box; `agreeing` of `starts` that ended at this cost.
+    `values` by name, `coefficients` (k,); `cost` the mean square, `rmse` its root; `free_cost` that of plain least
+    squares on the coefficients; `active` what holds it there, in words; `kkt` the gradient that no active constraint
+    holds, as relative change of the cost per width of the box; `agreeing` of `starts` that ended at this cost.
     """
 
     values: dict[str, float]
@@ -50,9 +50,14 @@ class Optimum:
 
     @property
     def sentence(self) -> str:
-        found = f"{self.agreeing} of {self.starts} starts end there, first-order conditions to {max(self.kkt, 1e-16):.0e}"
+        found = (
+            f"{self.agreeing} of {self.starts} starts end there, first-order conditions to {max(self.kkt, 1e-16):.0e}"
+        )
         if self.inside:
-            return f"The least-squares optimum, RMSE {self.rmse:.6g}, is physically possible: no bound or constraint presses ({found})."
+            return (
+                f"The least-squares optimum, RMSE {self.rmse:.6g}, is physically possible: no bound or constraint "
+                f"presses ({found})."
+            )
         more = number(100.0 * (self.rmse / np.sqrt(self.free_cost) - 1.0)) if self.free_cost > 0 else "infinitely many"
         above = f"The constrained optimum has RMSE {self.rmse:.6g}, {more} % above plain least squares"
         return f"{above}; what holds it there: {some(self.active, most=8)} ({found})."
@@ -70,9 +75,10 @@ def constrained_optimum(
 ) -> Optimum:
     """Minimum of |y - W base(p)|^2 / n over lower <= p <= upper (d,) with every constraint(p) >= 0, by many starts.
 
-    `compressed` is `compress(W, y)` (`problem/evaluate/compress.py`), `base` maps named parameters to the k coefficients (jax-traceable).
-    Starts are drawn uniformly from the box. To know that a minimum is global see `certified_floor`.
-    Raises ModelError for a box without width, or when no start reaches a point that satisfies the constraints.
+    `compressed` is `compress(W, y)` (`problem/evaluate/compress.py`), `base` maps named parameters to the k
+    coefficients (jax-traceable). Starts are drawn uniformly from the box. To know that a minimum is global see
+    `certified_floor`. Raises ModelError for a box without width, or when no start reaches a point that satisfies the
+    constraints.
     """
     low, high = _box(names, lower, upper)
     task = RegressionTask(compressed, base, tuple(names), low, high, constraints or {})
@@ -81,7 +87,8 @@ def constrained_optimum(
     ends = [s for s in (solver.solve(z) for z in points) if s.violation <= POSSIBLE and np.isfinite(s.value)]
     if not ends:
         raise ModelError(
-            f"No point of the box satisfies {some(list(task.constraints), most=8)}: none of {starts} starts reached one; widen the bounds."
+            f"No point of the box satisfies {some(list(task.constraints), most=8)}: none of {starts} starts reached "
+            f"one; widen the bounds."
         )
     # once more with what is left above plain least squares as the unit, so that rounding is judged against it
     reached = min(task.cost(e.z) for e in ends)
@@ -119,7 +126,9 @@ class RegressionTask:
 
     def cost(self, z: np.ndarray) -> float:
         """Mean square at a cube point."""
-        miss = np.asarray(self.compressed.R) @ np.asarray(self.coefficients(jnp.asarray(z))) - np.asarray(self.compressed.projected)
+        miss = np.asarray(self.compressed.R) @ np.asarray(self.coefficients(jnp.asarray(z))) - np.asarray(
+            self.compressed.projected
+        )
         return float((miss @ miss + self.compressed.rest) / self.compressed.n)
 
     def program(self) -> Program:
@@ -137,7 +146,11 @@ class RegressionTask:
 
     def _levels(self, point: Any) -> Any:
         named = {n: point[i] for i, n in enumerate(self.names)}
-        return jnp.stack([jnp.asarray(f(named), dtype=float) for f in self.constraints.values()]) if self.constraints else jnp.zeros(0)
+        return (
+            jnp.stack([jnp.asarray(f(named), dtype=float) for f in self.constraints.values()])
+            if self.constraints
+            else jnp.zeros(0)
+        )
 
     def _scales(self) -> np.ndarray:
         points = np.random.default_rng(0).uniform(self.low, self.high, (64, len(self.low)))
@@ -152,11 +165,16 @@ def _told(task: RegressionTask, best: Stationary, unit: float, starts: int, agre
     left = np.asarray(c.R) @ free - np.asarray(c.projected)
     cost, free_cost = task.cost(best.z), float((left @ left + c.rest) / c.n)
     inside = cost <= free_cost * (1 + SAME)
-    words = [*(f"{n} at its lower bound" for n in task.names), *(f"{n} at its upper bound" for n in task.names), *task.constraints]
+    words = [
+        *(f"{n} at its lower bound" for n in task.names),
+        *(f"{n} at its upper bound" for n in task.names),
+        *task.constraints,
+    ]
     point = task.point(best.z)
     kkt = best.residual * unit * task.unit / max(cost, 1e-300)
     return Optimum(
-        {n: float(v) for n, v in zip(task.names, point, strict=True)}, np.asarray(task.coefficients(jnp.asarray(best.z))),
+        {n: float(v) for n, v in zip(task.names, point, strict=True)},
+        np.asarray(task.coefficients(jnp.asarray(best.z))),
         cost, free_cost, () if inside else tuple(words[i] for i in pressed), kkt, starts, agreeing,
     )  # fmt: skip
 
@@ -165,6 +183,7 @@ def _box(names: Sequence[str], lower: Any, upper: Any) -> tuple[np.ndarray, np.n
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     if low.shape != (len(names),) or high.shape != low.shape or not np.all(low < high):
         raise ModelError(
-            f"The box has shapes {low.shape} and {high.shape} for {len(names)} parameters; give a lower below an upper bound for each."
+            f"The box has shapes {low.shape} and {high.shape} for {len(names)} parameters; give a lower below an upper "
+            f"bound for each."
         )
     return low, high

@@ -1,4 +1,5 @@
-"""A smooth function minimised in the unit cube under inequalities, with the first-order conditions checked at the answer."""
+"""A smooth function minimised in the unit cube under inequalities, with the first-order conditions checked at the
+answer."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ NEWTON = 12  # steps of the last refinement
 
 @dataclass(frozen=True)
 class Program:
-    """min objective(z, unit) over z (d,) in [0, 1] with inequalities(z) (q,) >= 0; both jax-traceable, scaled to about 1.
+    """min objective(z, unit) over z (d,) in [0, 1] with inequalities(z) (q,) >= 0; both jax-traceable, scaled to about
+    1.
 
     `unit` is what counts as 1 in the objective: the tolerances of all that follows are relative to it.
     """
@@ -32,7 +34,8 @@ class Program:
 class Stationary:
     """A point with its multipliers: of z >= 0 (d,), of z <= 1 (d,), of the inequalities (q,).
 
-    `residual` is the length of the gradient that multipliers >= 0 of active constraints leave; `violation` the largest of a constraint.
+    `residual` is the length of the gradient that multipliers >= 0 of active constraints leave; `violation` the largest
+    of a constraint.
     """
 
     z: np.ndarray
@@ -65,7 +68,8 @@ class Solver:
             "jac": lambda z: np.asarray(self.constraints(z)[1]),
         }
         done = minimize(
-            lambda z: tuple(np.asarray(v) for v in self.value(z, unit)), start, jac=True, method="SLSQP", bounds=[(0.0, 1.0)] * len(start),
+            lambda z: tuple(np.asarray(v) for v in self.value(z, unit)), start, jac=True, method="SLSQP",
+            bounds=[(0.0, 1.0)] * len(start),
             constraints=[inner], options={"maxiter": 300, "ftol": 1e-15},
         )  # fmt: skip
         return self.refined(np.clip(done.x, 0.0, 1.0), unit)
@@ -89,7 +93,9 @@ class Solver:
         found, left = nnls(slope[on].T, gradient) if len(on) else (np.zeros(0), float(np.linalg.norm(gradient)))
         multipliers = np.zeros(len(level))
         multipliers[on] = found
-        return Stationary(z, float(value), multipliers, gradient - slope.T @ multipliers, float(left), max(0.0, float(-np.min(level))))
+        return Stationary(
+            z, float(value), multipliers, gradient - slope.T @ multipliers, float(left), max(0.0, float(-np.min(level)))
+        )
 
     def _all(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Bounds and inequalities: values (2 d + q,) and derivatives (2 d + q, d)."""
@@ -98,7 +104,8 @@ class Solver:
         return np.concatenate([z, 1.0 - z, inner]), np.vstack([eye, -eye, slope])
 
     def _newton(self, at: Stationary, unit: float) -> np.ndarray:
-        """Step (d,) to a zero of the gradient of the Lagrangian with the pressed constraints kept at zero; the shortest where flat."""
+        """Step (d,) to a zero of the gradient of the Lagrangian with the pressed constraints kept at zero; the
+        shortest where flat."""
         d = len(at.z)
         level, slope = self._all(at.z)
         on = np.flatnonzero((at.multipliers > 0) | (level < 0))

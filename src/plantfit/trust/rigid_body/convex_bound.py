@@ -10,7 +10,8 @@ NEAR = 1e-6  # constraints closer than this may carry a multiplier
 
 @dataclass(frozen=True)
 class ConvexProblem:
-    """min |rows v - target|^2 + rest over least <= v <= most with linear v + offset >= 0 and J - h^2/m >= least inertia.
+    """min |rows v - target|^2 + rest over least <= v <= most with linear v + offset >= 0 and J - h^2/m >= least
+    inertia.
 
     `cones` holds (place of m, of h, of J, least inertia); m > 0 in the box.
     """
@@ -29,7 +30,9 @@ class ConvexProblem:
         return float(miss @ miss) + self.rest, 2.0 * self.rows.T @ miss
 
     def levels(self, v: np.ndarray) -> np.ndarray:
-        return np.concatenate([self.linear @ v + self.offset, [v[j] - v[h] ** 2 / v[m] - low for m, h, j, low in self.cones]])
+        return np.concatenate(
+            [self.linear @ v + self.offset, [v[j] - v[h] ** 2 / v[m] - low for m, h, j, low in self.cones]]
+        )
 
     def slopes(self, v: np.ndarray) -> np.ndarray:
         rows = np.zeros((len(self.cones), len(v)))
@@ -41,8 +44,9 @@ class ConvexProblem:
 def lower_bound(problem: ConvexProblem) -> float:
     """A number that no point of the set has a value below.
 
-    For multipliers l >= 0 of concave constraints g >= 0 the Lagrangian f - l g is convex: over the box it is at least its tangent
-    at any point (Boyd, Vandenberghe, Convex Optimization, 2004, sections 3.1.3 and 5.1.3). The point is scipy's SLSQP's.
+    For multipliers l >= 0 of concave constraints g >= 0 the Lagrangian f - l g is convex: over the box it is at least
+    its tangent at any point (Boyd, Vandenberghe, Convex Optimization, 2004, sections 3.1.3 and 5.1.3). The point is
+    scipy's SLSQP's.
     """
     width = problem.most - problem.least
     sizes = np.maximum(np.linalg.norm(problem.slopes(0.5 * (problem.least + problem.most)) * width, axis=1), 1e-300)
@@ -56,7 +60,8 @@ def lower_bound(problem: ConvexProblem) -> float:
         "jac": lambda z: problem.slopes(at(z)) * width / sizes[:, None],
     }
     done = minimize(
-        lambda z: (problem.value(at(z))[0], problem.value(at(z))[1] * width), np.full(len(width), 0.5), jac=True, method="SLSQP",
+        lambda z: (problem.value(at(z))[0], problem.value(at(z))[1] * width), np.full(len(width), 0.5), jac=True,
+        method="SLSQP",
         bounds=[(0.0, 1.0)] * len(width), constraints=[inner], options={"maxiter": 300, "ftol": 1e-14},
     )  # fmt: skip
     return max(_dual(problem, at(np.clip(z, 0.0, 1.0)), width, sizes) for z in (done.x, np.full(len(width), 0.5)))

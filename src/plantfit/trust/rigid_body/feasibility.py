@@ -6,13 +6,15 @@ from typing import Any
 
 from plantfit.errors import ModelError
 
-Constraints = Mapping[str, Callable[[Mapping[str, Any]], Any]]  # what holds, in words -> a function that is >= 0 where it holds
+Constraints = Mapping[
+    str, Callable[[Mapping[str, Any]], Any]
+]  # what holds, in words -> a function that is >= 0 where it holds
 
 
 @dataclass(frozen=True)
 class LinkNames:
-    """Names of a link's parameters, mass (kg), distance of its centre of mass from its joint (m), inertia about that centre
-    (kg m^2), and its `length` (m): a number, or None where the body may reach beyond."""
+    """Names of a link's parameters, mass (kg), distance of its centre of mass from its joint (m), inertia about that
+    centre (kg m^2), and its `length` (m): a number, or None where the body may reach beyond."""
 
     mass: str
     centre: str

@@ -43,7 +43,12 @@ class Box:
     def design(self, names: Sequence[str]) -> dict[str, Any]:
         """SALib's description of the box; a group that it does not know is a parameter alone."""
         bounds = list(zip(self.low.tolist(), self.high.tolist(), strict=True))
-        return {"num_vars": len(self.moving), "names": [names[i] for i in self.moving], "groups": list(self.groups), "bounds": bounds}
+        return {
+            "num_vars": len(self.moving),
+            "names": [names[i] for i in self.moving],
+            "groups": list(self.groups),
+            "bounds": bounds,
+        }
 
     def points(self, rows: np.ndarray) -> np.ndarray:
         """Cube points (n, d) of moving coordinates (n, q)."""
@@ -55,17 +60,24 @@ class Box:
 def box_around(space: Space, at: Any, radius: float | None, groups: Groups | None) -> Box:
     """The neighbourhood of `at` (d,) within `radius` of the cube's edge, inside the cube; the whole cube for None.
 
-    `groups` name parameters or coordinates that move together, others rest; None makes a group of every parameter, its table
-    entries and copies for each recording together. Raises SpaceError for names, SearchError for numbers that do not fit.
+    `groups` name parameters or coordinates that move together, others rest; None makes a group of every parameter, its
+    table entries and copies for each recording together. Raises SpaceError for names, SearchError for numbers that do
+    not fit.
     """
     at = np.full(space.dimension, 0.5) if at is None else np.asarray(at, dtype=float)
     if at.shape != (space.dimension,) or not np.all((at >= 0) & (at <= 1)):
-        raise SearchError(f"at has shape {at.shape} or leaves the unit cube; give a point ({space.dimension},) such as answer.best.x.")
+        raise SearchError(
+            f"at has shape {at.shape} or leaves the unit cube; give a point ({space.dimension},) such as answer.best.x."
+        )
     if radius is not None and not 0 < radius <= 1:
         raise SearchError(f"radius = {radius}; give a share of the bounds above 0 and at most 1, such as 0.01.")
     member = _members(space, groups)
     moving = np.array(sorted(member), dtype=int)
-    low, high = (np.zeros(len(at)), np.ones(len(at))) if radius is None else (np.maximum(at - radius, 0.0), np.minimum(at + radius, 1.0))
+    low, high = (
+        (np.zeros(len(at)), np.ones(len(at)))
+        if radius is None
+        else (np.maximum(at - radius, 0.0), np.minimum(at + radius, 1.0))
+    )
     return Box(at, moving, tuple(member[i] for i in moving), low[moving], high[moving])
 
 
@@ -74,23 +86,32 @@ def _members(space: Space, groups: Groups | None) -> dict[int, str]:
     if groups is None:
         return {i: c.parameter for i, c in enumerate(space.coordinates)}
     if not groups:
-        raise SpaceError("groups is empty; name at least one group of parameters, or leave groups out for one for each parameter.")
+        raise SpaceError(
+            "groups is empty; name at least one group of parameters, or leave groups out for one for each parameter."
+        )
     found: dict[int, str] = {}
     for group, wanted in groups.items():
         for name in [wanted] if isinstance(wanted, str) else wanted:
             places = [i for i, c in enumerate(space.coordinates) if name in (c.parameter, c.name)]
             if not places:
                 known = list(dict.fromkeys(c.parameter for c in space.coordinates))
-                raise SpaceError(f"Group {group!r} names {name!r}, which is no free parameter; the free ones are {known}.")
+                raise SpaceError(
+                    f"Group {group!r} names {name!r}, which is no free parameter; the free ones are {known}."
+                )
             for i in places:
                 if i in found:
-                    raise SpaceError(f"{space.names[i]!r} is in the groups {found[i]!r} and {group!r}; put it into one.")
+                    raise SpaceError(
+                        f"{space.names[i]!r} is in the groups {found[i]!r} and {group!r}; put it into one."
+                    )
                 found[i] = group
     return found
 
 
 def costs_at(
-    problem: Costed, points: np.ndarray, progress: Callable[[Any], None] | None = None, stop: Callable[[], bool] | None = None
+    problem: Costed,
+    points: np.ndarray,
+    progress: Callable[[Any], None] | None = None,
+    stop: Callable[[], bool] | None = None,
 ) -> np.ndarray:
     """Costs (n,) of cube points (n, d); inf or nan where a run failed. Raises Interrupted once `stop()` is true."""
     n, began, found = len(points), time.monotonic(), np.empty(len(points))

@@ -1,4 +1,5 @@
-"""Morris screening: which groups of parameters the cost reacts to, from few evaluations, around a point or in the whole box."""
+"""Morris screening: which groups of parameters the cost reacts to, from few evaluations, around a point or in the
+whole box."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,15 +11,23 @@ import numpy as np
 from plantfit.errors import SearchError
 from plantfit.findings.results.sensitivity import ElementaryEffect, Sensitivities
 from plantfit.trust.sensitivity.salib_extra import need_salib
-from plantfit.trust.sensitivity.sampled_costs import Costed, Groups, box_around, check_confidence, costs_at, whole_number
+from plantfit.trust.sensitivity.sampled_costs import (
+    Costed,
+    Groups,
+    box_around,
+    check_confidence,
+    costs_at,
+    whole_number,
+)
 
 
 @dataclass(frozen=True)
 class Screening:
     """Elementary effects by group, in units of the cost over the whole width of the box that was looked at.
 
-    `mu_star` (g,): mean of their absolute values, `half_width` of its bootstrap interval; `mu` their mean and `sigma` their standard
-    deviation, which groups of several coordinates do not have (nan, as in SALib). `dropped` of `trajectories` held a run that failed.
+    `mu_star` (g,): mean of their absolute values, `half_width` of its bootstrap interval; `mu` their mean and `sigma`
+    their standard deviation, which groups of several coordinates do not have (nan, as in SALib). `dropped` of
+    `trajectories` held a run that failed.
     """
 
     groups: tuple[str, ...]
@@ -41,7 +50,8 @@ class Screening:
             method="morris", radius=self.radius, confidence=self.confidence, evaluations=self.evaluations,
             trajectories=self.trajectories, dropped=self.dropped,
             groups=[
-                ElementaryEffect(group=g, coordinates=n, mu_star=float(star), half_width=float(half), mu=float(mu), sigma=float(sigma))
+                ElementaryEffect(group=g, coordinates=n, mu_star=float(star), half_width=float(half), mu=float(mu),
+                                 sigma=float(sigma))
                 for g, n, star, half, mu, sigma in rows
             ],
         )  # fmt: skip
@@ -62,14 +72,17 @@ def morris(
     progress: Callable[[Any], None] | None = None,
     stop: Callable[[], bool] | None = None,
 ) -> Screening:
-    """Elementary effects of groups of coordinates on the cost, `at` +- `radius` of the cube's edge, clipped to it (None: the whole cube).
+    """Elementary effects of groups of coordinates on the cost, `at` +- `radius` of the cube's edge, clipped to it
+    (None: the whole cube).
 
-    Of `pool` random trajectories on a grid of `levels` the `trajectories` that lie farthest apart are walked; each changes one group
-    after the other. A trajectory with a run that failed is left out whole. `at` (d,) is the middle where it is left out.
+    Of `pool` random trajectories on a grid of `levels` the `trajectories` that lie farthest apart are walked; each
+    changes one group after the other. A trajectory with a run that failed is left out whole. `at` (d,) is the middle
+    where it is left out.
 
-    Sampling and analysis are SALib's (T. Iwanaga, W. Usher, J. Herman, SESMO 4 (2022) 18155): M. Morris, Technometrics 33 (1991) 161;
-    groups and mu*: F. Campolongo, J. Cariboni, A. Saltelli, Env. Modelling & Software 22 (2007) 1509; choice of trajectories:
-    M. Ruano et al., Env. Modelling & Software 37 (2012) 103. Raises SpaceError, SearchError, MissingExtra, Interrupted.
+    Sampling and analysis are SALib's (T. Iwanaga, W. Usher, J. Herman, SESMO 4 (2022) 18155): M. Morris, Technometrics
+    33 (1991) 161; groups and mu*: F. Campolongo, J. Cariboni, A. Saltelli, Env. Modelling & Software 22 (2007) 1509;
+    choice of trajectories: M. Ruano et al., Env. Modelling & Software 37 (2012) 103. Raises SpaceError, SearchError,
+    MissingExtra, Interrupted.
     """
     need_salib()
     from SALib.analyze import morris as analyze
@@ -90,24 +103,37 @@ def morris(
     kept = np.all(np.isfinite(costs.reshape(-1, walk)), axis=1)
     if np.sum(kept) < 2:
         raise SearchError(
-            f"Only {np.sum(kept)} of {trajectories} trajectories ran without a failure; narrow radius, or look at it where the model runs."
+            f"Only {np.sum(kept)} of {trajectories} trajectories ran without a failure; narrow radius, or look at it "
+            f"where the model runs."
         )
     rows, costs = rows[np.repeat(kept, walk)], costs[np.repeat(kept, walk)]
-    found = analyze.analyze(design, rows, costs, num_levels=levels, num_resamples=resamples, conf_level=confidence, seed=resampling)
-    mu_star, half, mu, sigma = (np.asarray(np.ma.filled(found[k], np.nan), dtype=float) for k in ("mu_star", "mu_star_conf", "mu", "sigma"))
+    found = analyze.analyze(
+        design, rows, costs, num_levels=levels, num_resamples=resamples, conf_level=confidence, seed=resampling
+    )
+    mu_star, half, mu, sigma = (
+        np.asarray(np.ma.filled(found[k], np.nan), dtype=float) for k in ("mu_star", "mu_star_conf", "mu", "sigma")
+    )
     sizes = tuple(box.groups.count(name) for name in box.names)
     names = tuple(str(n) for n in found["names"])
     dropped = int(trajectories - np.sum(kept))
-    return Screening(names, sizes, mu_star, half, mu, sigma, trajectories, dropped, trajectories * walk, radius, confidence)
+    return Screening(
+        names, sizes, mu_star, half, mu, sigma, trajectories, dropped, trajectories * walk, radius, confidence
+    )
 
 
 @lru_cache(maxsize=4)
 def _walks(groups: tuple[str, ...], trajectories: int, pool: int, levels: int, seed: int) -> np.ndarray:
-    """Rows of the chosen trajectories in a box from 0 to 1, one coordinate for each of `groups`; they are the same around every point."""
+    """Rows of the chosen trajectories in a box from 0 to 1, one coordinate for each of `groups`; they are the same
+    around every point."""
     from SALib.sample import morris as sample
 
     count = len(groups)
-    unit = {"num_vars": count, "names": [f"x{i}" for i in range(count)], "groups": list(groups), "bounds": [(0.0, 1.0)] * count}
+    unit = {
+        "num_vars": count,
+        "names": [f"x{i}" for i in range(count)],
+        "groups": list(groups),
+        "bounds": [(0.0, 1.0)] * count,
+    }
     draws, _ = np.random.default_rng(seed).spawn(2)
     rows = sample.sample(unit, pool, num_levels=levels, optimal_trajectories=trajectories, seed=draws)
     rows.flags.writeable = False

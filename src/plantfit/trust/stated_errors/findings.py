@@ -1,4 +1,5 @@
-"""The part of the findings record on stated errors: budgets of readings, and what they add to the interval of every parameter."""
+"""The part of the findings record on stated errors: budgets of readings, and what they add to the interval of every
+parameter."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,7 +10,12 @@ import plantfit.runtime  # noqa: F401
 from plantfit.findings.uncertainty import StatedUncertainty, Uncertainty
 from plantfit.problem.measure.long_run import NORMAL
 from plantfit.problem.problem import Problem
-from plantfit.trust.stated_errors.parameter_uncertainty import ParameterUncertainty, coverage_factors, propagate, propagate_by_monte_carlo
+from plantfit.trust.stated_errors.parameter_uncertainty import (
+    ParameterUncertainty,
+    coverage_factors,
+    propagate,
+    propagate_by_monte_carlo,
+)
 from plantfit.trust.stated_errors.reading_budgets import reading_budgets
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import MANY
@@ -38,8 +44,11 @@ def uncertainty_findings(
     return [{**row, "uncertainty": s and s.plain()} for row, s in zip(rows, stated, strict=True)], section
 
 
-def _of_row(row: Row, found: ParameterUncertainty, at: int | None, errors: Sequence[SharedError]) -> StatedUncertainty | None:
-    """What is uncertain of one parameter; None where it has no standard error, and for held ones of which nothing is stated."""
+def _of_row(
+    row: Row, found: ParameterUncertainty, at: int | None, errors: Sequence[SharedError]
+) -> StatedUncertainty | None:
+    """What is uncertain of one parameter; None where it has no standard error, and for held ones of which nothing is
+    stated."""
     if at is None:
         return _of_constant(row, [e for e in errors if e.constant == row["name"]])
     if row["standard_error"] is None or not found.combined[at] > 0:

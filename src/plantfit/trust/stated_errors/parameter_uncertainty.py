@@ -31,10 +31,11 @@ REACH = 6.0  # standard uncertainties that a held constant is freed by on either
 @dataclass(frozen=True)
 class ParameterUncertainty:
     """Parameters (d,) in their units: `values`, `random` standard errors from the residuals, `systematic` (d,) standard
-    uncertainties by source, `combined`, its `degrees_of_freedom` (inf: many), `low` and `high`; held parameters have zeros. One that is
-    pressed on a bound is not known to first order: its parts and its interval are NaN.
+    uncertainties by source, `combined`, its `degrees_of_freedom` (inf: many), `low` and `high`; held parameters have
+    zeros. One that is pressed on a bound is not known to first order: its parts and its interval are NaN.
 
-    `draws` (n, d): parameters of the refits of the Monte Carlo, else None; they carry the systematic and the random part.
+    `draws` (n, d): parameters of the refits of the Monte Carlo, else None; they carry the systematic and the random
+    part.
     """
 
     names: tuple[str, ...]
@@ -63,24 +64,29 @@ class ParameterUncertainty:
         )  # fmt: skip
 
 
-def propagate(problem: Problem, answer: Any, errors: Sequence[SharedError], k: float | None = None) -> ParameterUncertainty:
+def propagate(
+    problem: Problem, answer: Any, errors: Sequence[SharedError], k: float | None = None
+) -> ParameterUncertainty:
     """Standard uncertainties to first order, with intervals of `k` combined ones around the values, inside the bounds.
 
     `answer` is a cube point (d,) or what `fit` returns. An error e moves the least-squares answer by
 
         dp/de = -(J'J)^-1 J' dr/de                                                                   (1)
 
-    (the implicit function theorem at the minimum, without second derivatives of the residuals), J by the exact derivatives, dr/de
-    by central differences over one standard uncertainty. Variances of independent errors and of the noise add (JCGM 100, eq. 10).
-    Without `k` the intervals hold 95 %, by Student's t where sources have few degrees of freedom (JCGM 100, G.4.1).
-    Raises SpaceError for a "constant" that is no single number of the problem, and RecordingError for an unknown signal.
+    (the implicit function theorem at the minimum, without second derivatives of the residuals), J by the exact
+    derivatives, dr/de by central differences over one standard uncertainty. Variances of independent errors and of the
+    noise add (JCGM 100, eq. 10). Without `k` the intervals hold 95 %, by Student's t where sources have few degrees of
+    freedom (JCGM 100, G.4.1). Raises SpaceError for a "constant" that is no single number of the problem, and
+    RecordingError for an unknown signal.
     """
     work, z = _with_constants(problem, answer, errors)
     found = _propagate(work, z, errors, k)
     return found._of([work.space.names.index(n) for n in problem.space.names])
 
 
-def _propagate(problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k: float | None = None) -> ParameterUncertainty:
+def _propagate(
+    problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k: float | None = None
+) -> ParameterUncertainty:
     free = _free(problem, errors)
     local = linearise(problem, z)
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
@@ -105,21 +111,28 @@ def _propagate(problem: Problem, z: np.ndarray, errors: Sequence[SharedError], k
     degrees = np.divide(combined**4, few, out=np.full(len(z), np.inf), where=few > 0)
     names, units, values = _named(problem, z)
     factor = coverage_factors(degrees) if k is None else k
-    low, high = np.maximum(values - factor * combined, problem.space.lower), np.minimum(values + factor * combined, problem.space.upper)
+    low, high = (
+        np.maximum(values - factor * combined, problem.space.lower),
+        np.minimum(values + factor * combined, problem.space.upper),
+    )
     return ParameterUncertainty(names, units, values, random, systematic, combined, low, high, degrees)
 
 
 def coverage_factors(degrees: np.ndarray) -> np.ndarray:
     """Of 95 % for effective degrees of freedom, cut to whole numbers (JCGM 100, G.4.1); 1.96 for many."""
-    return np.where(degrees > MANY, 1.96, scipy.special.stdtrit(np.maximum(1.0, np.floor(np.minimum(degrees, MANY))), 0.975))
+    return np.where(
+        degrees > MANY, 1.96, scipy.special.stdtrit(np.maximum(1.0, np.floor(np.minimum(degrees, MANY))), 0.975)
+    )
 
 
 def propagate_by_monte_carlo(
     problem: Problem, answer: Any, errors: Sequence[SharedError], draws: int = 200, seed: int = 0, level: float = 0.95
 ) -> ParameterUncertainty:
-    """As `propagate`, but each of `draws` takes errors from their distributions, corrects the recordings and fits them anew.
+    """As `propagate`, but each of `draws` takes errors from their distributions, corrects the recordings and fits them
+    anew.
 
-    The spread that the noise leaves is added to each refit by a normal draw with the covariance of the answer (JCGM 101, 5.9 and
+    The spread that the noise leaves is added to each refit by a normal draw with the covariance of the answer (JCGM
+    101, 5.9 and
     6.4); `low` and `high` are percentiles, the systematic parts those of `propagate`. Refits begin at the answer.
     """
     work, z = _with_constants(problem, answer, errors)
@@ -151,12 +164,22 @@ def propagate_by_monte_carlo(
     spread = np.where(held, 0.0, np.std(found, axis=0, ddof=1))
     low, high, spread = (np.where(np.isnan(linear.combined), np.nan, v) for v in (low, high, spread))
     return ParameterUncertainty(
-        linear.names, linear.units, linear.values, linear.random, linear.systematic, spread, low, high, linear.degrees_of_freedom, found
+        linear.names,
+        linear.units,
+        linear.values,
+        linear.random,
+        linear.systematic,
+        spread,
+        low,
+        high,
+        linear.degrees_of_freedom,
+        found,
     )._of(keep)
 
 
 def check_errors(problem: Problem, errors: Sequence[SharedError]) -> None:
-    """Raises SpaceError for a "constant" that is no single number of the problem, RecordingError for unknown signals and recordings."""
+    """Raises SpaceError for a "constant" that is no single number of the problem, RecordingError for unknown signals
+    and recordings."""
     known = problem.space.parameters
     for error in errors:
         name, touched = error.constant, error.touches(tuple(problem.experiments))
@@ -168,22 +191,29 @@ def check_errors(problem: Problem, errors: Sequence[SharedError]) -> None:
             name not in known or known[name].value is None or known[name].shape or known[name].tied is not None
         ):
             raise SpaceError(
-                f"The constant {name!r} is no single number of the problem that is held at a value or free; give a parameter of that "
+                f"The constant {name!r} is no single number of the problem that is held at a value or free; give a "
+                f"parameter of that "
                 f"name a value, or bounds around it. Single numbers are {[n for n, p in known.items() if not p.shape]}."
             )
 
 
 def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]) -> tuple[Problem, np.ndarray]:
-    """The problem with a coordinate for every uncertain constant that it holds, and the cube point (d,) of the answer there."""
+    """The problem with a coordinate for every uncertain constant that it holds, and the cube point (d,) of the
+    answer there."""
     check_errors(problem, errors)
     problem = as_known(problem)
     z = np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float)
     bounds, held, known = {}, {}, problem.space.parameters
-    for name in dict.fromkeys(e.constant for e in errors if e.constant is not None and e.constant not in problem.space.names):
+    for name in dict.fromkeys(
+        e.constant for e in errors if e.constant is not None and e.constant not in problem.space.names
+    ):
         held[name] = value = float(known[name].value or 0.0)
         stated = sum(e.source.standard for e in errors if e.constant == name)
         reach = max(REACH * stated, 1e-9 * abs(value), 1e-12)
-        bounds[name] = (max(value - reach, 0.0) if value > 0 else value - reach, value + reach)  # a mass or a delay stays one
+        bounds[name] = (
+            max(value - reach, 0.0) if value > 0 else value - reach,
+            value + reach,
+        )  # a mass or a delay stays one
     if not bounds:
         return problem, z
     work = problem.freed(bounds)
@@ -202,8 +232,11 @@ def _slope(problem: Problem, z: np.ndarray) -> np.ndarray:
     return np.asarray(jax.jvp(problem.space.physical, (jnp.asarray(z),), (jnp.ones(len(z)),))[1])
 
 
-def _solver(problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What takes residuals to moves of the coordinates `at` (q, m), and the covariance (q, q) that the noise gives them."""
+def _solver(
+    problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, at: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """What takes residuals to moves of the coordinates `at` (q, m), and the covariance (q, q) that the noise gives
+    them."""
     blocks, j = residual_blocks(problem), jacobian[:, at]
     least = max(known_variance(blocks, len(residuals), len(at)), np.finfo(float).tiny)
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - len(at)), least)
@@ -220,7 +253,9 @@ def _solver(problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np
     return plain @ j.T / variance, covariance(j, residuals, blocks, np.ones(len(at), bool), smoothing, robust, begins)
 
 
-def _by_error(problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError) -> np.ndarray:
+def _by_error(
+    problem: Problem, z: np.ndarray, jacobian: np.ndarray, slope: np.ndarray, error: SharedError
+) -> np.ndarray:
     """Derivatives (m, r) of the residuals by the numbers of a shared error, the parameters held."""
     if error.constant is not None:
         place = problem.space.names.index(error.constant)

@@ -47,10 +47,14 @@ def _groups(problem: Problem, errors: Sequence[SharedError]) -> list[list[str]]:
     return [names for mine, names in groups.items() if mine]
 
 
-def _budget(problem: Problem, kind: Kind, of: str, errors: Sequence[SharedError], names: Sequence[str], all_of_them: bool) -> ReadingBudget:
+def _budget(
+    problem: Problem, kind: Kind, of: str, errors: Sequence[SharedError], names: Sequence[str], all_of_them: bool
+) -> ReadingBudget:
     at, unit = _place(problem, errors, kind, of, names)
     reading = 0.0 if at is None else at
-    sources = [dataclasses.replace(e.source, sensitivity=e.sensitivity(reading) if kind == "signal" else 1.0) for e in errors]
+    sources = [
+        dataclasses.replace(e.source, sensitivity=e.sensitivity(reading) if kind == "signal" else 1.0) for e in errors
+    ]
     budget = uncertainty_budget(sources, unit)
     rows = zip(budget.rows(K), errors, strict=True)
     degrees = budget.degrees_of_freedom
@@ -68,7 +72,9 @@ def _budget(problem: Problem, kind: Kind, of: str, errors: Sequence[SharedError]
     )
 
 
-def _place(problem: Problem, errors: Sequence[SharedError], kind: str, of: str, names: Sequence[str]) -> tuple[float | None, str | None]:
+def _place(
+    problem: Problem, errors: Sequence[SharedError], kind: str, of: str, names: Sequence[str]
+) -> tuple[float | None, str | None]:
     """Where the budget is made, and its unit."""
     if kind == "clock":
         return None, "1"

@@ -15,13 +15,13 @@ Kind = Literal["offset", "gain", "zero", "full scale", "clock", "constant"]
 
 @dataclass(frozen=True)
 class SharedError:
-    """An error that is one number e for all samples: of all recordings, of some `recordings`, or a number of its own for each
-    (`per_recording`, as where a zero is set before every run).
+    """An error that is one number e for all samples: of all recordings, of some `recordings`, or a number of its own
+    for each (`per_recording`, as where a zero is set before every run).
 
-    `kind` tells what it does: "offset" adds e to the signal `of`; "gain" multiplies the signal by 1 + e; "full scale" adds
-    e y/span; "zero" adds e (1 - y/span); "clock" makes times 1 + e as long; "constant" adds e to the parameter `of`, one number for
-    all recordings that the problem holds at a value, or that is free in the problem but was held in the fit. Several signals `of`
-    move together, as channels of one card with its reference do.
+    `kind` tells what it does: "offset" adds e to the signal `of`; "gain" multiplies the signal by 1 + e; "full scale"
+    adds e y/span; "zero" adds e (1 - y/span); "clock" makes times 1 + e as long; "constant" adds e to the parameter
+    `of`, one number for all recordings that the problem holds at a value, or that is free in the problem but was held
+    in the fit. Several signals `of` move together, as channels of one card with its reference do.
     """
 
     source: Source
@@ -45,7 +45,9 @@ class SharedError:
         """Those of the recordings that have it; raises RecordingError where one is named that is not there."""
         missing = [n for n in self.recordings or () if n not in recordings]
         if missing:
-            raise RecordingError(f"The error {self.source.name!r} names recording {missing[0]!r}; there are {list(recordings)}.")
+            raise RecordingError(
+                f"The error {self.source.name!r} names recording {missing[0]!r}; there are {list(recordings)}."
+            )
         return tuple(n for n in recordings if self.recordings is None or n in self.recordings)
 
     def sensitivity(self, reading: float) -> float:
@@ -59,7 +61,9 @@ class SharedError:
             return recording
         if self.kind == "clock":
             first = recording.t[0]
-            return Recording(first + (recording.t - first) / (1.0 + error), recording.signals, recording.name, recording.log)
+            return Recording(
+                first + (recording.t - first) / (1.0 + error), recording.signals, recording.name, recording.log
+            )
         moved = {n: Signal(self._without(recording[n], error), recording.signals[n].unit) for n in self.names}
         return Recording(recording.t, {**recording.signals, **moved}, recording.name, recording.log)
 

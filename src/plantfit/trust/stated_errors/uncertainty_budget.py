@@ -1,4 +1,5 @@
-"""Uncertainty of a measured value from its sources: the budget table of the GUM (JCGM 100:2008), and by Monte Carlo (JCGM 101:2008)."""
+"""Uncertainty of a measured value from its sources: the budget table of the GUM (JCGM 100:2008), and by Monte Carlo
+(JCGM 101:2008)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,7 +12,11 @@ from plantfit.errors import RecordingError
 
 Shape = Literal["rectangular", "triangular", "normal", "u-shaped"]
 
-_DIVISORS = {"rectangular": np.sqrt(3.0), "triangular": np.sqrt(6.0), "u-shaped": np.sqrt(2.0)}  # JCGM 100, 4.3.7 and 4.3.9; M3003
+_DIVISORS = {
+    "rectangular": np.sqrt(3.0),
+    "triangular": np.sqrt(6.0),
+    "u-shaped": np.sqrt(2.0),
+}  # JCGM 100, 4.3.7 and 4.3.9; M3003
 MANY = 1e9  # degrees of freedom that count as infinite
 
 
@@ -19,8 +24,8 @@ MANY = 1e9  # degrees of freedom that count as infinite
 class Source:
     """One thing that makes a value uncertain.
 
-    `limit` (in `unit`): half width of the shape, for "normal" the standard uncertainty times `divisor`. `sensitivity`: by how much
-    the result moves for a unit of it. `degrees_of_freedom` inf: the limit is certain.
+    `limit` (in `unit`): half width of the shape, for "normal" the standard uncertainty times `divisor`. `sensitivity`:
+    by how much the result moves for a unit of it. `degrees_of_freedom` inf: the limit is certain.
     """
 
     name: str
@@ -55,15 +60,20 @@ class Source:
 
 
 def type_a(name: str, readings: Any, unit: str | None = None, sensitivity: float = 1.0) -> Source:
-    """From repeats (n,) of one quantity: the standard deviation of their mean, n - 1 degrees of freedom (JCGM 100, eq. 5).
+    """From repeats (n,) of one quantity: the standard deviation of their mean, n - 1 degrees of freedom (JCGM 100, eq.
+    5).
 
     Raises RecordingError for fewer than two repeats.
     """
     x = np.asarray(readings, dtype=float).ravel()
     x = x[np.isfinite(x)]
     if len(x) < 2:
-        raise RecordingError(f"Source {name!r} has {len(x)} repeats; type A needs two at least: repeat the reading, or use type B.")
-    return Source(name, "A", float(np.std(x, ddof=1) / np.sqrt(len(x))), 1.0, "normal", unit, sensitivity, float(len(x) - 1))
+        raise RecordingError(
+            f"Source {name!r} has {len(x)} repeats; type A needs two at least: repeat the reading, or use type B."
+        )
+    return Source(
+        name, "A", float(np.std(x, ddof=1) / np.sqrt(len(x))), 1.0, "normal", unit, sensitivity, float(len(x) - 1)
+    )
 
 
 def type_b(
@@ -76,7 +86,8 @@ def type_b(
     sensitivity: float = 1.0,
     degrees_of_freedom: float = np.inf,
 ) -> Source:
-    """From a data sheet, a certificate or judgement: `limit` is the half width, for "normal" the expanded uncertainty with factor `k`.
+    """From a data sheet, a certificate or judgement: `limit` is the half width, for "normal" the expanded uncertainty
+    with factor `k`.
 
     Raises RecordingError for a limit below 0 or an unknown shape.
     """
@@ -88,7 +99,10 @@ def type_b(
         ("degrees_of_freedom", degrees_of_freedom, degrees_of_freedom > 0),
     ):
         if not (good and not np.isnan(value)):
-            raise RecordingError(f"Source {name!r} has {what} = {value}; give a number {'of at least' if what == 'limit' else 'above'} 0.")
+            raise RecordingError(
+                f"Source {name!r} has {what} = {value}; give a number {'of at least' if what == 'limit' else 'above'} "
+                f"0."
+            )
     divisor = k if shape == "normal" else float(_DIVISORS[shape])
     return Source(name, "B", float(limit), divisor, shape, unit, sensitivity, degrees_of_freedom)
 
@@ -114,14 +128,19 @@ class Budget:
     def coverage_factor(self, level: float = 0.95) -> float:
         """Student's t for the effective degrees of freedom, cut to a whole number (JCGM 100, G.4.1)."""
         nu = self.degrees_of_freedom
-        return float(scipy.special.ndtri(0.5 + level / 2) if nu > MANY else scipy.special.stdtrit(max(1.0, np.floor(nu)), 0.5 + level / 2))
+        return float(
+            scipy.special.ndtri(0.5 + level / 2)
+            if nu > MANY
+            else scipy.special.stdtrit(max(1.0, np.floor(nu)), 0.5 + level / 2)
+        )
 
     def expanded(self, k: float = 2.0) -> float:
         """Expanded uncertainty k times the combined one."""
         return k * self.combined
 
     def monte_carlo(self, draws: int = 200_000, seed: int = 0, level: float = 0.95) -> tuple[float, float]:
-        """Half width of the symmetric interval that holds `level` of the drawn errors, and its own standard error (JCGM 101, 7.7)."""
+        """Half width of the symmetric interval that holds `level` of the drawn errors, and its own standard error
+        (JCGM 101, 7.7)."""
         rng = np.random.default_rng(seed)
         errors = np.sort(np.abs(sum((s.sensitivity * s.draw(rng, draws) for s in self.sources), np.zeros(draws))))
         half, around = level * draws, np.sqrt(draws * level * (1.0 - level))
@@ -129,12 +148,13 @@ class Budget:
         return float(errors[int(half)]), float(0.5 * (high - low))
 
     def rows(self, k: float = 2.0) -> list[dict[str, Any]]:
-        """One row for each source, JSON types: name, kind, shape, limit, unit, divisor, standard, sensitivity, contribution, expanded
-        (k times it), share of the variance, degrees_of_freedom (None: infinite)."""
+        """One row for each source, JSON types: name, kind, shape, limit, unit, divisor, standard, sensitivity,
+        contribution, expanded (k times it), share of the variance, degrees_of_freedom (None: infinite)."""
         total = max(self.combined**2, np.finfo(float).tiny)
         return [
             {
-                "name": s.name, "kind": s.kind, "shape": s.shape, "limit": s.limit, "unit": s.unit, "divisor": s.divisor,
+                "name": s.name, "kind": s.kind, "shape": s.shape, "limit": s.limit, "unit": s.unit,
+                "divisor": s.divisor,
                 "standard": s.standard, "sensitivity": s.sensitivity, "contribution": s.contribution,
                 "expanded": k * s.contribution, "share": s.contribution**2 / total,
                 "degrees_of_freedom": None if s.degrees_of_freedom > MANY else s.degrees_of_freedom,

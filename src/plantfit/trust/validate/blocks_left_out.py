@@ -1,4 +1,5 @@
-"""One record cut into blocks, each left out of a fit in turn and predicted: how a structure, such as an order, is chosen."""
+"""One record cut into blocks, each left out of a fit in turn and predicted: how a structure, such as an order, is
+chosen."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -29,21 +30,23 @@ class Structure:
 
 @dataclass(frozen=True)
 class StructureChoice:
-    """`choice` by the mean RMSE over the blocks left out, `scores` (blocks,) of each candidate; `simplest`: the first candidate in the
-    order given whose mean lies at most one standard error of its difference above the best's (Breiman, Friedman, Olshen and Stone,
-    Classification and Regression Trees, 1984, section 3.4.3)."""
+    """`choice` by the mean RMSE over the blocks left out, `scores` (blocks,) of each candidate; `simplest`: the
+    first candidate in the order given whose mean lies at most one standard error of its difference above the best's
+    (Breiman, Friedman, Olshen and Stone, Classification and Regression Trees, 1984, section 3.4.3)."""
 
     choice: Choice
     scores: Mapping[str, np.ndarray]
     simplest: str
 
 
-def blocks_left_out(structure: Structure, recording: Recording, blocks: int = 5, substeps: int | None = None, seed: int = 0) -> np.ndarray:
+def blocks_left_out(
+    structure: Structure, recording: Recording, blocks: int = 5, substeps: int | None = None, seed: int = 0
+) -> np.ndarray:
     """RMSE (blocks,) of the model's one output on each block, fitted to all the others, in the output's unit.
 
-    The model runs through the whole record every time; a block left out is only not compared, so that no state is lost. All fits
-    share one compiled program, least squares from several starts. Raises RecordingError for fewer than two blocks, several outputs,
-    and a block or a rest without a measured sample.
+    The model runs through the whole record every time; a block left out is only not compared, so that no state is lost.
+    All fits share one compiled program, least squares from several starts. Raises RecordingError for fewer than two
+    blocks, several outputs, and a block or a rest without a measured sample.
     """
     output = _one_output(structure.model)
     places = np.array_split(np.arange(len(recording)), blocks) if blocks > 1 else []
@@ -56,7 +59,8 @@ def blocks_left_out(structure: Structure, recording: Recording, blocks: int = 5,
         kept[place] = np.nan
         if not (np.any(np.isfinite(kept)) and np.any(np.isfinite(measured[place]))):
             raise RecordingError(
-                f"blocks_left_out: block {k + 1} of {blocks} or the rest has no measured sample of {output!r}; use fewer blocks."
+                f"blocks_left_out: block {k + 1} of {blocks} or the rest has no measured sample of {output!r}; use "
+                f"fewer blocks."
             )
         name = f"without_{k + 1}"
         unit = recording.signals[output].unit
@@ -70,7 +74,11 @@ def blocks_left_out(structure: Structure, recording: Recording, blocks: int = 5,
 
 
 def choose_structure(
-    candidates: Mapping[str, Structure], recording: Recording, blocks: int = 5, substeps: int | None = None, seed: int = 0
+    candidates: Mapping[str, Structure],
+    recording: Recording,
+    blocks: int = 5,
+    substeps: int | None = None,
+    seed: int = 0,
 ) -> StructureChoice:
     """The structure that predicts blocks left out of its fit best; give `candidates` from simple to rich.
 
@@ -84,7 +92,9 @@ def choose_structure(
 
 def _one_output(model: Model) -> str:
     if len(model.outputs) != 1:
-        raise RecordingError(f"blocks_left_out: model {model.name!r} has the outputs {list(model.outputs)}; give a model with one.")
+        raise RecordingError(
+            f"blocks_left_out: model {model.name!r} has the outputs {list(model.outputs)}; give a model with one."
+        )
     return next(iter(model.outputs))
 
 

@@ -21,16 +21,20 @@ class LeftOut(Generic[Fitted]):
 
 
 def leave_one_out(
-    recordings: Mapping[str, Data], fit: Callable[[dict[str, Data]], Fitted], score: Callable[[Fitted, Data], Mapping[str, float]]
+    recordings: Mapping[str, Data],
+    fit: Callable[[dict[str, Data]], Fitted],
+    score: Callable[[Fitted, Data], Mapping[str, float]],
 ) -> dict[str, LeftOut[Fitted]]:
     """By recording: `fit` to all the others, `score` on it.
 
-    Everything learned from data belongs into `fit`, the choice of a filter or of a shape as well, or the score is no longer of unseen
-    data. Samples of one recording are never split, because neighbours in time are nearly the same. Raises RecordingError for fewer
-    than two recordings.
+    Everything learned from data belongs into `fit`, the choice of a filter or of a shape as well, or the score is no
+    longer of unseen data. Samples of one recording are never split, because neighbours in time are nearly the same.
+    Raises RecordingError for fewer than two recordings.
     """
     if len(recordings) < 2:
-        raise RecordingError(f"leave_one_out: there are {len(recordings)} recordings; give at least two, or cut one into parts.")
+        raise RecordingError(
+            f"leave_one_out: there are {len(recordings)} recordings; give at least two, or cut one into parts."
+        )
     made = {}
     for name, held in recordings.items():
         fitted = fit({n: r for n, r in recordings.items() if n != name})
@@ -40,7 +44,8 @@ def leave_one_out(
 
 @dataclass(frozen=True)
 class Choice:
-    """The candidate of the least mean score; `gains`: by how much its mean is below each other's, with that gain's standard error."""
+    """The candidate of the least mean score; `gains`: by how much its mean is below each other's, with that gain's
+    standard error."""
 
     best: str
     means: Mapping[str, float]
@@ -50,12 +55,14 @@ class Choice:
 def choose(scores: Mapping[str, Sequence[float]]) -> Choice:
     """The best of candidates scored on the same recordings, each (recordings,), the less the better.
 
-    Gains are paired by recording, so that recordings which are hard for all do not hide them; with few recordings their standard
-    errors are rough. Raises RecordingError for lists of different lengths.
+    Gains are paired by recording, so that recordings which are hard for all do not hide them; with few recordings their
+    standard errors are rough. Raises RecordingError for lists of different lengths.
     """
     sizes = {len(s) for s in scores.values()}
     if len(sizes) != 1 or sizes == {0}:
-        raise RecordingError(f"choose: the candidates have {sorted(sizes)} scores; score all of them on the same recordings.")
+        raise RecordingError(
+            f"choose: the candidates have {sorted(sizes)} scores; score all of them on the same recordings."
+        )
     means = {n: float(np.mean(s)) for n, s in scores.items()}
     best = min(means, key=lambda n: means[n])
     gains = {}

@@ -1,4 +1,5 @@
-"""How large an error on unseen samples the uncertainty of the parameters and the noise foretell, for a model that is right."""
+"""How large an error on unseen samples the uncertainty of the parameters and the noise foretell, for a model that is
+right."""
 
 from collections.abc import Mapping, Sequence
 
@@ -18,9 +19,11 @@ MOST = 60  # parameters: beyond, so many simulations take too long
 FAR = 0.5  # of the size of a parameter: no step of a derivative is longer
 
 
-def with_foretold(problem: Problem, local: Local, scores: Sequence[Score], tests: Sequence[ResidualTest]) -> list[Score]:
-    """The scores, with `foretold` where an unseen output is followed worse than the fitted samples and its residuals do not speak
-    against the model: they are white in all recordings, as far as they were tested."""
+def with_foretold(
+    problem: Problem, local: Local, scores: Sequence[Score], tests: Sequence[ResidualTest]
+) -> list[Score]:
+    """The scores, with `foretold` where an unseen output is followed worse than the fitted samples and its residuals
+    do not speak against the model: they are white in all recordings, as far as they were tested."""
     fitted = [s for s in scores if s.part == "fit" and s.rmse and not (s.spare is not None and s.spare < SPARE)]
     samples, d = sum(s.n for s in fitted), len(local.values)
     sound = local.linear is None or local.linear.sound
@@ -31,8 +34,16 @@ def with_foretold(problem: Problem, local: Local, scores: Sequence[Score], tests
     moved: dict[str, Mapping[str, np.ndarray] | None] = {}
     found = []
     for s in scores:
-        own = [f for f in fitted if f.output == s.output and f.recording == s.recording] or [f for f in fitted if f.output == s.output]
-        if s.part == "fit" or s.output in coloured or not own or not s.rmse or s.rmse < HOLDS * min(f.rmse or 0.0 for f in own):
+        own = [f for f in fitted if f.output == s.output and f.recording == s.recording] or [
+            f for f in fitted if f.output == s.output
+        ]
+        if (
+            s.part == "fit"
+            or s.output in coloured
+            or not own
+            or not s.rmse
+            or s.rmse < HOLDS * min(f.rmse or 0.0 for f in own)
+        ):
             found.append(s)
             continue
         noise = sum(f.n * (f.rmse or 0.0) ** 2 for f in own) / sum(f.n for f in own) * samples / (samples - d)
@@ -43,8 +54,9 @@ def with_foretold(problem: Problem, local: Local, scores: Sequence[Score], tests
 
 
 def deviations(problem: Problem, local: Local, name: str) -> dict[str, np.ndarray] | None:
-    """What a standard deviation along each principal direction of the parameters' covariance does to every output (d, n) of a recording,
-    linearised at the answer by differences of up to a standard deviation; None where it cannot be simulated nearby."""
+    """What a standard deviation along each principal direction of the parameters' covariance does to every output
+    (d, n) of a recording, linearised at the answer by differences of up to a standard deviation; None where it
+    cannot be simulated nearby."""
     size = natural_sizes(problem.space, local.values)
     size = np.where(size > 0.0, size, problem.space.upper - problem.space.lower)
     least, most = np.array([c.limits for c in problem.space.coordinates]).reshape(-1, 2).T
@@ -55,7 +67,10 @@ def deviations(problem: Problem, local: Local, name: str) -> dict[str, np.ndarra
         if not (longest := float(np.max(np.abs(step)))):
             continue
         part = min(1.0, FAR / longest)
-        ends = [problem.predict(np.clip(local.values + sign * part * step * size, least, most), name) for sign in (-1.0, 1.0)]
+        ends = [
+            problem.predict(np.clip(local.values + sign * part * step * size, least, most), name)
+            for sign in (-1.0, 1.0)
+        ]
         for output, courses in found.items():
             change = (ends[1][output] - ends[0][output]) / (2.0 * part)
             if not np.all(np.isfinite(change)):
@@ -64,9 +79,12 @@ def deviations(problem: Problem, local: Local, name: str) -> dict[str, np.ndarra
     return {o: np.array(courses).reshape(len(courses), -1) for o, courses in found.items()}
 
 
-def _most(problem: Problem, score: Score, moved: Mapping[str, np.ndarray] | None, noise: float, left: float) -> float | None:
-    """The RMSE that is exceeded by `CHANCE`: a sum of weighted squares of normal numbers, noise and directions, over its variance's own
-    estimate, of `left` degrees of freedom; the weights' sum as one chi-square (Satterthwaite, Biometrics Bull. 2 (1946) 110)."""
+def _most(
+    problem: Problem, score: Score, moved: Mapping[str, np.ndarray] | None, noise: float, left: float
+) -> float | None:
+    """The RMSE that is exceeded by `CHANCE`: a sum of weighted squares of normal numbers, noise and directions, over
+    its variance's own estimate, of `left` degrees of freedom; the weights' sum as one chi-square (Satterthwaite,
+    Biometrics Bull. 2 (1946) 110)."""
     if moved is None:
         return None
     experiment = problem.experiments[score.recording]

@@ -9,14 +9,17 @@ from plantfit.recording.record import Recording
 from plantfit.trust.verdict.words import with_unit
 
 SETTLED = 0.5  # share at the end of a level over which it counts as settled
-MARGIN = 2.0  # either of two settled means may be off by half of the drift, so that a response this large is known to a half
+MARGIN = (
+    2.0  # either of two settled means may be off by half of the drift, so that a response this large is known to a half
+)
 SMOOTHED = 20  # pieces of the settled part whose means show how the output wanders
 
 
 @dataclass(frozen=True)
 class LevelResponse:
-    """A step of an input from `before` to `level` at `start` (s): by how much the settled output moved, and its `drift`,
-    the range over which it wanders while the input stays (both in its unit). `told`: the response is over twice that range."""
+    """A step of an input from `before` to `level` at `start` (s): by how much the settled output moved, and its
+    `drift`, the range over which it wanders while the input stays (both in its unit). `told`: the response is over
+    twice that range."""
 
     start: float
     before: float
@@ -42,9 +45,18 @@ def level_responses(recording: Recording, input: str, output: str) -> list[Level
         before, level = float(old[input][-1]), float(new[input][0])
         response, drift = float(now.mean() - was.mean()), float(max(np.ptp(was), np.ptp(now)))
         told = abs(response) > MARGIN * drift
-        step = f"The step of {input} from {before:.3g} to {with_unit(level, unit_in)} moved {output} by {with_unit(response, unit)}, and it"
-        tail = "wanders by {} at rest: " + ("the step shows." if told else "neither its gain nor its dead time can be told.")
-        judged.append(LevelResponse(float(new.t[0]), before, level, response, drift, told, f"{step} {tail.format(with_unit(drift, unit))}"))
+        step = (
+            f"The step of {input} from {before:.3g} to {with_unit(level, unit_in)} moved {output} by "
+            f"{with_unit(response, unit)}, and it"
+        )
+        tail = "wanders by {} at rest: " + (
+            "the step shows." if told else "neither its gain nor its dead time can be told."
+        )
+        judged.append(
+            LevelResponse(
+                float(new.t[0]), before, level, response, drift, told, f"{step} {tail.format(with_unit(drift, unit))}"
+            )
+        )
     return judged
 
 

@@ -1,4 +1,5 @@
-"""A residual that lies in one short stretch of a record where inputs and simulation do what they do elsewhere: the record is odd there."""
+"""A residual that lies in one short stretch of a record where inputs and simulation do what they do elsewhere: the
+record is odd there."""
 
 from collections.abc import Sequence
 
@@ -13,12 +14,15 @@ MOVES = 1.0 / 3.0  # of all that an input moves, in the stretch and before it at
 GAP = 1.5  # median periods, from which on a step of the clock is a gap
 
 
-def one_stretch(t: np.ndarray, residual: np.ndarray, simulated: np.ndarray, inputs: Sequence[np.ndarray]) -> Stretch | None:
-    """The shortest stretch that holds most of the squares of a residual (n,) at the times t (n,), all finite; None where no short one does,
-    and where a model that lacks something would leave the same.
+def one_stretch(
+    t: np.ndarray, residual: np.ndarray, simulated: np.ndarray, inputs: Sequence[np.ndarray]
+) -> Stretch | None:
+    """The shortest stretch that holds most of the squares of a residual (n,) at the times t (n,), all finite; None
+    where no short one does, and where a model that lacks something would leave the same.
 
-    That is so at both ends of a record (initial values, what grows), and where the stretch or as many samples before it hold a good part of
-    what an input moves in all, or levels of an input or of the simulated output that hardly are elsewhere (but after a gap of the clock).
+    That is so at both ends of a record (initial values, what grows), and where the stretch or as many samples before it
+    hold a good part of what an input moves in all, or levels of an input or of the simulated output that hardly are
+    elsewhere (but after a gap of the clock).
     """
     n, squares = len(residual), np.concatenate([[0.0], np.cumsum(residual**2)])
     if n < FEWEST or not squares[-1] > 0.0:
@@ -38,11 +42,14 @@ def one_stretch(t: np.ndarray, residual: np.ndarray, simulated: np.ndarray, inpu
     gap = longest if longest > GAP * float(np.median(steps)) else None
     if gap is None and not all(_as_elsewhere(x, begin, end) for x in (simulated, *inputs)):
         return None
-    return Stretch(begin=float(t[begin]), end=float(t[end - 1]), share=float(held[begin] / squares[-1]), samples=width / n, gap=gap)
+    return Stretch(
+        begin=float(t[begin]), end=float(t[end - 1]), share=float(held[begin] / squares[-1]), samples=width / n, gap=gap
+    )
 
 
 def _as_elsewhere(x: np.ndarray, begin: int, end: int) -> bool:
-    """Whether a signal is for as long elsewhere at or beyond both its ends here: what grows with its level would not lie here alone."""
+    """Whether a signal is for as long elsewhere at or beyond both its ends here: what grows with its level would not
+    lie here alone."""
     other = np.concatenate([x[:begin], x[end:]])
     long = end - begin
     return bool(np.sum(other >= np.max(x[begin:end])) >= long and np.sum(other <= np.min(x[begin:end])) >= long)

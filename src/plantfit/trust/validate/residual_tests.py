@@ -31,7 +31,8 @@ def autocorrelation(residuals: np.ndarray, lags: int) -> np.ndarray:
 
 
 def whiteness(residuals: np.ndarray, lags: int | None = None, order: int = 0) -> tuple[Correlation, float]:
-    """Autocorrelation and the p-value of Ljung and Box, Biometrika 65 (1978) 297, for what an autoregression of `order` left."""
+    """Autocorrelation and the p-value of Ljung and Box, Biometrika 65 (1978) 297, for what an autoregression of
+    `order` left."""
     n = int(np.isfinite(residuals).sum())
     lags = lags or max(1, min(40, n // 5))
     r = autocorrelation(residuals, lags)
@@ -68,11 +69,13 @@ def independent(correlation: Correlation) -> bool:
 
 
 def explained_by_past(residuals: np.ndarray, signal: np.ndarray) -> float:
-    """Share of the residuals' (n,) mean square, NaN where missing, that the past of a signal (n,) foretells in stretches left out.
+    """Share of the residuals' (n,) mean square, NaN where missing, that the past of a signal (n,) foretells in
+    stretches left out.
 
-    A linear combination of up to `MOST_LAGS` past values by ridge regression, on at most `POINTS` means of neighbouring samples, fifths
-    of the record left out in turn; the best of some weights of the ridge. A lightly damped answer may correlate with its input at no single
-    lag. About zero or below where the residual does not follow the signal; NaN for records too short.
+    A linear combination of up to `MOST_LAGS` past values by ridge regression, on at most `POINTS` means of neighbouring
+    samples, fifths of the record left out in turn; the best of some weights of the ridge. A lightly damped answer may
+    correlate with its input at no single lag. About zero or below where the residual does not follow the signal; NaN
+    for records too short.
     """
     width = max(1, -(-len(residuals) // POINTS))
     n = len(residuals) // width
@@ -80,7 +83,9 @@ def explained_by_past(residuals: np.ndarray, signal: np.ndarray) -> float:
         return float("nan")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # means of nothing are missing
-        r, u = (np.nanmean(np.asarray(v, dtype=float)[: n * width].reshape(n, width), axis=1) for v in (residuals, signal))
+        r, u = (
+            np.nanmean(np.asarray(v, dtype=float)[: n * width].reshape(n, width), axis=1) for v in (residuals, signal)
+        )
     lags = min(MOST_LAGS, n // 4)
     u = np.where(np.isfinite(u), u, np.nanmean(u))
     past = np.lib.stride_tricks.sliding_window_view(u, lags + 1)[:, ::-1]
@@ -101,8 +106,8 @@ def explained_by_past(residuals: np.ndarray, signal: np.ndarray) -> float:
 
 
 def measured_rows(residuals: np.ndarray) -> np.ndarray:
-    """Places (k,) of the residuals (n,) that follow each other: all of them, or the finite ones where most stand between missing ones,
-    as those of a signal with times of its own do."""
+    """Places (k,) of the residuals (n,) that follow each other: all of them, or the finite ones where most stand
+    between missing ones, as those of a signal with times of its own do."""
     there = np.isfinite(residuals)
     beside = np.sum(there[1:] & there[:-1])
     return np.flatnonzero(there) if beside < 0.5 * there.sum() else np.arange(len(residuals))

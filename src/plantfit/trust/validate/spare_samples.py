@@ -20,20 +20,27 @@ def with_spare(problem: Problem, z: np.ndarray, local: Local, scores: Sequence[S
     if not few:
         return list(scores)
     left = spare_samples(problem, z, np.array([b is None for b in local.at_bound]))
-    return [s.model_copy(update={"spare": left[key]}) if s.part == "fit" and (key := (s.recording, s.output)) in few else s for s in scores]
+    return [
+        s.model_copy(update={"spare": left[key]}) if s.part == "fit" and (key := (s.recording, s.output)) in few else s
+        for s in scores
+    ]
 
 
 def spare_samples(problem: Problem, z: np.ndarray, free: np.ndarray) -> dict[tuple[str, str], float]:
-    """As `spare_of`, at the cube point z (d,) with the problem's weights; coordinates not `free` (d,), on their bounds, follow nothing."""
+    """As `spare_of`, at the cube point z (d,) with the problem's weights; coordinates not `free` (d,), on their
+    bounds, follow nothing."""
     j = residuals_and_jacobian(problem.unsmoothed, z)[1][:, free]
     return spare_of(j, named_blocks(problem), problem.smoothing.weighted(z)[1][:, free] if problem.smoothing else None)
 
 
-def spare_of(j: np.ndarray, named: Sequence[tuple[str, str, Block]], bends: np.ndarray | None = None) -> dict[tuple[str, str], float]:
-    """By recording and output, how many fitted samples there are beyond the parameters that follow them: n less the leverages' sum.
+def spare_of(
+    j: np.ndarray, named: Sequence[tuple[str, str, Block]], bends: np.ndarray | None = None
+) -> dict[tuple[str, str], float]:
+    """By recording and output, how many fitted samples there are beyond the parameters that follow them: n less the
+    leverages' sum.
 
-    By the derivatives (m, d) of the residuals, and of what smoothing adds (k, d) (D. A. Belsley and others, Regression Diagnostics, 1980,
-    section 2.1).
+    By the derivatives (m, d) of the residuals, and of what smoothing adds (k, d) (D. A. Belsley and others, Regression
+    Diagnostics, 1980, section 2.1).
     """
     rows = j if bends is None else np.vstack([j, bends])
     size = np.sqrt(np.sum(rows**2, axis=0))

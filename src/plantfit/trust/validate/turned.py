@@ -13,15 +13,17 @@ MOVES = 4  # times that the simulation passes its mean in the part, and elsewher
 STIRS = 0.2  # of its spread elsewhere: a simulation that moves less in the part tells no sign
 BESIDE = 0.5  # of the samples in the part, at levels that the simulation has elsewhere, too
 ROUNDS = 3  # of fitting the rest and placing the part anew
-MISSED = 0.25  # of the variance in the part, which the mirrored rest may miss where the simulation passes its mean less often
+# of the variance in the part, which the mirrored rest may miss where the simulation passes its mean less often
+MISSED = 0.25
 SHORT = 0.1  # of the record: no part is shorter
 
 
 def turned(t: np.ndarray, measured: np.ndarray, simulated: np.ndarray) -> Turned | None:
-    """The part of a record at the times t (n,) in which measured samples (n,) move against simulated ones and elsewhere with them.
+    """The part of a record at the times t (n,) in which measured samples (n,) move against simulated ones and elsewhere
+    with them.
 
-    One stretch, by the correlation in it and in all the rest; None where that is not plain in both, or the simulation moves up and down too
-    seldom for chance to be excluded.
+    One stretch, by the correlation in it and in all the rest; None where that is not plain in both, or the simulation
+    moves up and down too seldom for chance to be excluded.
     """
     n = len(t)
     if n < FEWEST:
@@ -59,7 +61,8 @@ def turned(t: np.ndarray, measured: np.ndarray, simulated: np.ndarray) -> Turned
 
 
 def _mirrored(y: np.ndarray, x: np.ndarray, part: np.ndarray) -> tuple[int, int] | None:
-    """The samples (begin, end) where the rest of the record foretells y (n,) with the sign of y, or of what moves it, turned round.
+    """The samples (begin, end) where the rest of the record foretells y (n,) with the sign of y, or of what moves it,
+    turned round.
 
     They are looked for near a `part` (n,) bool; None where the rest does not foretell it so.
     """
@@ -68,7 +71,10 @@ def _mirrored(y: np.ndarray, x: np.ndarray, part: np.ndarray) -> tuple[int, int]
         if slope <= 0.0:
             return None
         with_it = (y - slope * x - level) ** 2
-        against = min(((y + slope * x + sign * level) ** 2 for sign in (1.0, -1.0)), key=lambda squares: float(np.sum(squares[part])))
+        against = min(
+            ((y + slope * x + sign * level) ** 2 for sign in (1.0, -1.0)),
+            key=lambda squares: float(np.sum(squares[part])),
+        )
         begin, end = _largest(with_it - against)
         part = np.zeros(len(y), dtype=bool)
         part[begin:end] = True

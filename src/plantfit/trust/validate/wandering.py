@@ -22,8 +22,8 @@ ALONE = 0.01  # chance that innovations follow an input by chance, and that they
 
 @dataclass(frozen=True)
 class Wandering:
-    """A residual as a random walk with independent `steps` a sample (standard deviation) beside white `noise`; it `explains` this share
-    of the mean square of the residual."""
+    """A residual as a random walk with independent `steps` a sample (standard deviation) beside white `noise`; it
+    `explains` this share of the mean square of the residual."""
 
     steps: float
     noise: float
@@ -44,8 +44,8 @@ class Wandering:
 
 @dataclass(frozen=True)
 class Left:
-    """What a fit leaves of a recording: `residuals` (n,), evenly sampled, NaN where missing, their derivatives by the parameters (n, k) at
-    the fit, and the `inputs`, each (n,)."""
+    """What a fit leaves of a recording: `residuals` (n,), evenly sampled, NaN where missing, their derivatives by
+    the parameters (n, k) at the fit, and the `inputs`, each (n,)."""
 
     residuals: np.ndarray
     derivatives: np.ndarray
@@ -54,9 +54,10 @@ class Left:
 
 @dataclass(frozen=True)
 class Whitened:
-    """`innovations` (m,) once the parameters have `moved` (k,) to what suits them best: their values less this. `known` (m, r) is an
-    orthonormal base of the derivatives of innovations by the parameters and the levels at the begin; `spread` (k,) are the standard errors
-    of the parameters where innovations have variance 1, infinite for those that an unseen direction changes."""
+    """`innovations` (m,) once the parameters have `moved` (k,) to what suits them best: their values less this.
+    `known` (m, r) is an orthonormal base of the derivatives of innovations by the parameters and the levels at the
+    begin; `spread` (k,) are the standard errors of the parameters where innovations have variance 1, infinite for
+    those that an unseen direction changes."""
 
     gain: float
     innovations: np.ndarray
@@ -86,10 +87,12 @@ def usable(left: Sequence[Left]) -> list[Left]:
 
 
 def whitened(left: Sequence[Left], gain: float | None = None) -> Whitened:
-    """Innovations of a walk in what a fit leaves of `usable` recordings, with the parameters of the plant moved along their derivatives.
+    """Innovations of a walk in what a fit leaves of `usable` recordings, with the parameters of the plant moved along
+    their derivatives.
 
-    A local level model (random walk and white noise, in its innovations form an ARIMA(0, 1, 1); Harvey, Forecasting, Structural Time Series
-    Models and the Kalman Filter, 1989, section 4.1.2) by least squares of the innovations; the `gain` is found unless it is given.
+    A local level model (random walk and white noise, in its innovations form an ARIMA(0, 1, 1); Harvey, Forecasting,
+    Structural Time Series Models and the Kalman Filter, 1989, section 4.1.2) by least squares of the innovations; the
+    `gain` is found unless it is given.
     """
     if gain is None:
         gain = float(minimize_scalar(lambda g: whitened(left, g).square, bounds=(1e-3, 1.0), method="bounded").x)
@@ -108,9 +111,9 @@ def whitened(left: Sequence[Left], gain: float | None = None) -> Whitened:
 def wandering(left: Sequence[Left], best: Whitened) -> Wandering | None:
     """The walk that `whitened` found; None where what is left is no such thing.
 
-    It has to account for half of the mean square, and the means of tenths of a record for 0.6 of the variance (noise with a short memory
-    does not wander); its innovations have to be white, and must not follow the changes of an input or of its square, as an error of the
-    model would, with a memory of up to 100 samples.
+    It has to account for half of the mean square, and the means of tenths of a record for 0.6 of the variance (noise
+    with a short memory does not wander); its innovations have to be white, and must not follow the changes of an input
+    or of its square, as an error of the model would, with a memory of up to 100 samples.
     """
     apart = [one.residuals - one.derivatives @ best.moved for one in left]
     if max(float(np.max(np.abs(r))) for r in apart) > HUGE:
@@ -142,7 +145,9 @@ def _filled(one: Left) -> Left:
     r = one.residuals
     at, good = np.arange(len(r)), np.isfinite(r)
     columns = (
-        np.column_stack([np.interp(at, at[good], c[good]) for c in one.derivatives.T]) if one.derivatives.shape[1] else one.derivatives
+        np.column_stack([np.interp(at, at[good], c[good]) for c in one.derivatives.T])
+        if one.derivatives.shape[1]
+        else one.derivatives
     )
     return Left(np.interp(at, at[good], r[good]), columns, one.inputs)
 
@@ -161,8 +166,8 @@ def _follows(best: Whitened, inputs: Sequence[Mapping[str, np.ndarray]]) -> bool
 
 
 def followed(left: np.ndarray, known: np.ndarray, told: np.ndarray) -> float:
-    """The chance (F test) with which residuals (n,) follow columns `told` (n, q) as they do, beside an orthonormal base `known` (n, k) that
-    they do not have any more."""
+    """The chance (F test) with which residuals (n,) follow columns `told` (n, q) as they do, beside an orthonormal
+    base `known` (n, k) that they do not have any more."""
     a = told - known @ (known.T @ told)
     size = np.linalg.norm(a, axis=0)
     a = a[:, size > 1e-9 * np.max(np.linalg.norm(told, axis=0), initial=0.0)]
@@ -175,7 +180,8 @@ def followed(left: np.ndarray, known: np.ndarray, told: np.ndarray) -> float:
 
 
 def answers(u: np.ndarray) -> list[np.ndarray]:
-    """How an output that the model lacks may answer to an input (n,): its changes and those of its square, dying out over some memories."""
+    """How an output that the model lacks may answer to an input (n,): its changes and those of its square, dying out
+    over some memories."""
     found = []
     for w in (u, (u - np.mean(u)) ** 2):
         step = np.r_[0.0, np.diff(w)]

@@ -44,10 +44,10 @@ def simulate_windows(
 ) -> dict[str, Windows]:
     """Simulate a model from the recorded inputs over windows of `length` seconds that follow each other, by recording.
 
-    Each starts from the outputs measured at its first sample, as the model's initial state takes them up: a model whose states
-    are all outputs restarts from the measured state. `values` are the parameters by name, for all recordings or by recording.
-    All windows have the same number of samples, so that the last may stop short of the end. Raises RecordingError for windows
-    longer than a record or under 2 samples.
+    Each starts from the outputs measured at its first sample, as the model's initial state takes them up: a model whose
+    states are all outputs restarts from the measured state. `values` are the parameters by name, for all recordings or
+    by recording. All windows have the same number of samples, so that the last may stop short of the end. Raises
+    RecordingError for windows longer than a record or under 2 samples.
     """
     predictor = predictor_of(model, stepper, substeps, dict(hold or {}))
     given = {name: in_units(r, predictor.needs) for name, r in recordings.items()}
@@ -57,7 +57,9 @@ def simulate_windows(
     stacked = jax.tree.map(lambda *leaves: jnp.stack([jnp.asarray(leaf) for leaf in leaves]), *drives)
     apart = all(name in recordings and isinstance(v, Mapping) for name, v in values.items())
     own: Any = {n: values[n] if apart else values for n in given}
-    named = {p.name: jnp.asarray([float(own[n][p.name]) for n, many in rows.items() for _ in many]) for p in model.parameters}
+    named = {
+        p.name: jnp.asarray([float(own[n][p.name]) for n, many in rows.items() for _ in many]) for p in model.parameters
+    }
     made = {o: np.asarray(v) for o, v in jax.jit(jax.vmap(predictor.outputs))(named, stacked).items()}
     result, start = {}, 0
     for name, many in rows.items():

@@ -11,7 +11,8 @@ APART = 1e-3  # relative difference from which a parameter of distinct answers i
 
 
 def agreement_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """How many runs reach the reported answer on the final problem, what was cut, and whether answers of one cost are one model."""
+    """How many runs reach the reported answer on the final problem, what was cut, and whether answers of one cost
+    are one model."""
     told = findings.get("agreement")
     if not told:
         return
@@ -28,7 +29,8 @@ def agreement_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
 
 
 def _count(told: Mapping[str, Any]) -> Sentence:
-    """Of the runs that were searched on; those left where they stood are told apart, and those cut on the way are no agreement."""
+    """Of the runs that were searched on; those left where they stood are told apart, and those cut on the way are no
+    agreement."""
     runs, left, cut = told["runs"], told["left"], told["cut"]
     which = f"the {runs - left} runs that were searched on" if left else f"{runs} runs"
     text = f"{told['agree']} of {which} agree on the best cost, {number(told['cost'])}."
@@ -44,18 +46,29 @@ def _cut(told: Mapping[str, Any], more: str) -> Iterator[Sentence]:
     if told["ended"] == "cut":
         yield say(
             "warning",
-            f"The reported answer is not the end of a search: the local search on the final problem was cut after 200 derivatives{more}.",
+            f"The reported answer is not the end of a search: the local search on the final problem was cut after 200 "
+            f"derivatives{more}.",
         )
     if not spent:
         return
     if runs == 1:
         text = "The run was cut by its budget"
-        text += "; a local search from where it stood came to its end at the reported answer." if told["ended"] == "searched" else "."
+        text += (
+            "; a local search from where it stood came to its end at the reported answer."
+            if told["ended"] == "searched"
+            else "."
+        )
     else:
-        text = f"{spent} of {runs} runs {'was' if spent == 1 else 'were'} cut by {'its' if spent == 1 else 'their'} budget"
+        text = (
+            f"{spent} of {runs} runs {'was' if spent == 1 else 'were'} cut by {'its' if spent == 1 else 'their'} budget"
+        )
         searched = told["spent_and_searched"]
         which = "each" if searched == spent else f"{searched} of them"
-        text += f"; a local search from where {which} stood reached the best cost in {reached} of {searched}." if told["ended"] else "."
+        text += (
+            f"; a local search from where {which} stood reached the best cost in {reached} of {searched}."
+            if told["ended"]
+            else "."
+        )
     yield say("info", text, cut=spent)
 
 
@@ -66,7 +79,10 @@ def _answers(told: Mapping[str, Any]) -> Iterator[Sentence]:
     if len(answers) > 1:
         shown = [f"{_values(a, answers)}{_of_runs(a['runs'], told['runs'])}" for a in answers[:TOLD]]
         more = f", and {len(answers) - TOLD} more" if len(answers) > TOLD else ""
-        text = f"{len(answers)} different answers fit equally well: {'; '.join(shown)}{more}. The data do not tell them apart."
+        text = (
+            f"{len(answers)} different answers fit equally well: {'; '.join(shown)}{more}. The data do not tell "
+            f"them apart."
+        )
         yield say("warning", text, answers=len(answers))
 
 
@@ -85,4 +101,7 @@ def _values(answer: Mapping[str, Any], answers: Sequence[Mapping[str, Any]]) -> 
         return (max(values) - min(values)) / (max(map(abs, values)) or 1.0)
 
     names = [n for n in sorted(answer["parameters"], key=differs, reverse=True) if differs(n) > APART][:TOLD]
-    return some([f"{n} = {number(answer['parameters'][n])}" for n in answer["parameters"] if n in names] or ["no parameter differs"])
+    return some(
+        [f"{n} = {number(answer['parameters'][n])}" for n in answer["parameters"] if n in names]
+        or ["no parameter differs"]
+    )

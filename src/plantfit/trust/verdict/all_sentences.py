@@ -54,7 +54,9 @@ def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     flat = any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"])
     several = len((findings.get("agreement") or {}).get("answers", ())) > 1
     lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))
-    yield from search_sentences(best.extra, flat, several, lost, best.status is Status.converged, bool(forgotten(findings)))
+    yield from search_sentences(
+        best.extra, flat, several, lost, best.status is Status.converged, bool(forgotten(findings))
+    )
     yield from agreement_sentences(findings)
 
 
@@ -66,8 +68,10 @@ def _combinations(findings: Findings) -> Iterator[Sentence]:
     names = {n for c in together for n in c["weights"]}
     loosest = max(c["relative_sd"] for c in together)
     text = (
-        f"Along {len(together)} directions {len(names)} parameters can move together and the simulated outputs hardly change, along the "
-        f"loosest by {extent(loosest)} (standard deviation): only combinations of these parameters are known. The report lists the "
+        f"Along {len(together)} directions {len(names)} parameters can move together and the simulated outputs hardly "
+        f"change, along the "
+        f"loosest by {extent(loosest)} (standard deviation): only combinations of these parameters are known. The "
+        f"report lists the "
         "directions in one table."
     )
     yield say("warning", text, relative_sd=loosest, directions=len(together))
@@ -100,8 +104,14 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
             f"The simulation of {name} is exact to {with_unit(o['max_error'], o['unit'])} at worst{part}{where} "
             f"({findings['simulation']['checked_with']}); in the rms it is off by "
         )
-        if o["rms_residual"] < NOTHING * spread:  # as of data without noise, or followed exactly: a share of it says nothing
-            share, most, of = o["rms_error"] / spread, ALONE, "spread of the samples, beside which the residual is nothing"
+        if (
+            o["rms_residual"] < NOTHING * spread
+        ):  # as of data without noise, or followed exactly: a share of it says nothing
+            share, most, of = (
+                o["rms_error"] / spread,
+                ALONE,
+                "spread of the samples, beside which the residual is nothing",
+            )
         else:
             share, most, of = o["rms_error"] / o["rms_residual"], ENOUGH, "residual"
         level = "good" if share < most else "warning"
@@ -120,4 +130,6 @@ def _failures(findings: Findings) -> Iterator[Sentence]:
     failed = sum(r["failures"] for r in findings["runs"])
     tried = sum(r["evaluations"] for r in findings["runs"])
     if failed:
-        yield say("info", f"{failed} of {tried:.0f} evaluations could not be simulated and were passed over.", failures=failed)
+        yield say(
+            "info", f"{failed} of {tried:.0f} evaluations could not be simulated and were passed over.", failures=failed
+        )

@@ -2,14 +2,26 @@
 
 from collections.abc import Iterator, Sequence
 
-from plantfit.trust.verdict.outputs import FLOOR, GOOD, Findings, Row, each_output, noise_rows, place, recordings_named, shows_nothing
+from plantfit.trust.verdict.outputs import (
+    FLOOR,
+    GOOD,
+    Findings,
+    Row,
+    each_output,
+    noise_rows,
+    place,
+    recordings_named,
+    shows_nothing,
+)
 from plantfit.trust.verdict.words import FEW, Sentence, say, span, with_unit, worst
 
 
 def fit_sentences(findings: Findings) -> Iterator[Sentence]:
     """How well the fitted samples are followed."""
     at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR}
-    rows = [{**r, "at_floor": (r["recording"], r["output"]) in at_floor} for r in findings["scores"] if r["part"] == "fit"]
+    rows = [
+        {**r, "at_floor": (r["recording"], r["output"]) in at_floor} for r in findings["scores"] if r["part"] == "fit"
+    ]
     yield from each_output(findings, rows, _fit, _fits)
 
 
@@ -25,12 +37,19 @@ def _fit_level(row: Row) -> str:
 
 def _fit(findings: Findings, row: Row) -> Sentence:
     percent = row["fit_percent"]
-    text = f"The model follows {place(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the fitted samples"
+    text = (
+        f"The model follows {place(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the "
+        f"fitted samples"
+    )
     if shows_nothing(row):
         text += f", but these {row['n']} are {_MUST} {row['output']}."
         return say("warning", text, rmse=row["rmse"], samples=row["n"])
     text += f", a fit of {percent:.1f} %" if percent is not None else ""
-    text += "; what is left is its noise from sample to sample." if percent is not None and percent < GOOD and row["at_floor"] else "."
+    text += (
+        "; what is left is its noise from sample to sample."
+        if percent is not None and percent < GOOD and row["at_floor"]
+        else "."
+    )
     return say(_fit_level(row), text, rmse=row["rmse"], fit_percent=percent if percent is not None else float("nan"))
 
 
@@ -41,7 +60,10 @@ def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sent
     else:
         which = f"{len(empty)} recordings ({recordings_named(empty)})"
         rmse = span([r["rmse"] for r in empty], rows[0]["unit"])
-        text = f"The model follows {output} of {which} with an RMSE of {rmse} on the fitted samples, but in each they are {_MUST} {output}."
+        text = (
+            f"The model follows {output} of {which} with an RMSE of {rmse} on the fitted samples, but in each they "
+            f"are {_MUST} {output}."
+        )
         yield say("warning", text, rmse=max(r["rmse"] for r in empty), recordings=len(empty))
     rows = [r for r in rows if r not in empty]
     if len(rows) <= FEW:

@@ -10,7 +10,8 @@ SHOWN = 0.2  # share of the residuals' mean square from which on they are said t
 
 
 def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """One sentence where steps of inputs widen intervals, with the inputs, their steps, and the parameter that they move most."""
+    """One sentence where steps of inputs widen intervals, with the inputs, their steps, and the parameter that they
+    move most."""
     rows = [p for p in findings["parameters"] if p.get("by_steps") and p["standard_error"]]
     looks = [look for look in findings["data"] if look["kind"] in ("counted", "rounded")]
     if not rows or not looks:
@@ -19,15 +20,24 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     decided = [p["name"] for p in rows if 2.0 * p["by_steps"] ** 2 > p["standard_error"] ** 2]
     kinds = {look["kind"] for look in looks}
     what = "counts" if kinds == {"counted"} else "steps"
-    most = f"; {what} outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})" if decided and len(rows) > 1 else ""
+    most = (
+        f"; {what} outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})"
+        if decided and len(rows) > 1
+        else ""
+    )
     text = (
-        f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} times as wide as by the noise, "
-        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. {_seen(looks)}; only finer {what} narrow the interval."
+        f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} times as wide as "
+        f"by the noise, "
+        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. {_seen(looks)}; only finer {what} narrow the "
+        f"interval."
     )
     guessed = [look for look in looks if look["kind"] == "rounded" and not look["figures"]["told"]]
     if guessed:
         name = guessed[0]["signal"]
-        text += f" If {name} was commanded and not measured, write {as_commanded(name)} under [recording.{guessed[0]['recording']}]."
+        text += (
+            f" If {name} was commanded and not measured, write {as_commanded(name)} under "
+            f"[recording.{guessed[0]['recording']}]."
+        )
     yield say("warning" if decided else "info", text, widening=_times(worst), outweighed=len(decided))
 
 
@@ -56,10 +66,13 @@ def _told(looks: list[Mapping[str, Any]]) -> str:
         figures = min(own, key=lambda look: look["figures"]["steps"])["figures"]
         if kind == "counted":
             parts.append(
-                f"The model is driven by counts ({names}), {figures['steps']:.0f} in all and {figures['steps_a_sample']:.3g} a sample."
+                f"The model is driven by counts ({names}), {figures['steps']:.0f} in all and "
+                f"{figures['steps_a_sample']:.3g} a sample."
             )
         else:
-            parts.append(f"The model is driven by readings in steps ({names}), {figures['steps']:.3g} of them over the range.")
+            parts.append(
+                f"The model is driven by readings in steps ({names}), {figures['steps']:.3g} of them over the range."
+            )
     return " ".join(parts)
 
 

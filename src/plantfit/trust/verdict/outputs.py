@@ -53,7 +53,8 @@ def most_noise(findings: Findings, output: str) -> float | None:
 
 
 def diagnosed(findings: Findings) -> dict[str, bool]:
-    """Whether additions to the model were tried, and whether one was named: then no other sentence guesses at causes."""
+    """Whether additions to the model were tried, and whether one was named: then no other sentence guesses at
+    causes."""
     rounds = (findings.get("diagnosis") or {}).get("rounds", [])
     return {"tried": bool(rounds), "named": any(r["found"] for r in rounds)}
 
@@ -69,7 +70,8 @@ def in_time(findings: Findings) -> bool:
 
 
 def forgotten(findings: Findings) -> list[str]:
-    """Recordings whose start the simulation forgets while it does not follow them: what is left of them tells nothing of the model."""
+    """Recordings whose start the simulation forgets while it does not follow them: what is left of them tells
+    nothing of the model."""
     return [f["recording"] for f in findings.get("simulation", {}).get("forgets", ())]
 
 
@@ -84,7 +86,13 @@ def noise_rows(findings: Findings) -> Iterator[Row]:
                 continue  # hardly measured in this recording, or followed exactly
             noise, rms = white_part(residual[measured_rows(residual)]), float(np.sqrt(np.nanmean(residual**2)))
             if np.isfinite(noise) and noise > 0 and rms > 0:
-                yield {"recording": record["name"], "output": name, "unit": o["unit"], "noise": noise, "ratio": rms / noise}
+                yield {
+                    "recording": record["name"],
+                    "output": name,
+                    "unit": o["unit"],
+                    "noise": noise,
+                    "ratio": rms / noise,
+                }
 
 
 def is_same(a: Row, b: Row) -> bool:

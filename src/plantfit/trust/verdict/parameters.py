@@ -24,7 +24,9 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield from _determined(single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings))
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
-        yield _unsound(findings["determined"], fitted, [p for p in single if p["status"] == "weak"], bool(forgotten(findings)))
+        yield _unsound(
+            findings["determined"], fitted, [p for p in single if p["status"] == "weak"], bool(forgotten(findings))
+        )
         single = [_without_ends(p) for p in single if p["status"] != "weak"]
     yield from _together(findings.get("determined"))
     yield from _first_values(findings)
@@ -36,7 +38,8 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     ):  # fmt: skip
         rows = [p for p in single if p["status"] == status]
         by_name = {
-            n: [p for p in rows if p.get("parameter", p["name"]) == n] for n in dict.fromkeys(p.get("parameter", p["name"]) for p in rows)
+            n: [p for p in rows if p.get("parameter", p["name"]) == n]
+            for n in dict.fromkeys(p.get("parameter", p["name"]) for p in rows)
         }
         for name, own in by_name.items():
             if len(own) > FEW:
@@ -54,34 +57,54 @@ def _denied(findings: Mapping[str, Any]) -> str:
 
 
 def _determined(
-    single: Sequence[Row], free: Sequence[Row], denied: str, fails: Sequence[str], lacks: Sequence[str], forgets: Sequence[str] = ()
+    single: Sequence[Row],
+    free: Sequence[Row],
+    denied: str,
+    fails: Sequence[str],
+    lacks: Sequence[str],
+    forgets: Sequence[str] = (),
 ) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
         return
     named = [p for p in single if p["status"] == "determined"]
-    listed = ", ".join(_told(p) + _uneven(p) for p in named[:LISTED]) + (f" and {len(named) - LISTED} more" if len(named) > LISTED else "")
+    listed = ", ".join(_told(p) + _uneven(p) for p in named[:LISTED]) + (
+        f" and {len(named) - LISTED} more" if len(named) > LISTED else ""
+    )
     what = ", ± with the stated errors" if any(p.get("uncertainty") for p in named) else ""
     listed = "; ".join(t for t in (listed, _counted(good)) if t)
     text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
     if denied:
         text += f" The intervals take residuals as independent, and those of {denied} are not."
     if forgets:
-        text += f" The simulation does not follow {some(list(forgets))}: these are its values, and the plant's may be others."
+        text += (
+            f" The simulation does not follow {some(list(forgets))}: these are its values, and the plant's may be "
+            f"others."
+        )
     elif fails:
-        text += f" The model does not hold for unseen samples of {some(list(fails))}: these are its values, and the plant's may be others."
+        text += (
+            f" The model does not hold for unseen samples of {some(list(fails))}: these are its values, and the "
+            f"plant's may be others."
+        )
     elif lacks and not denied:
-        text += f" The residuals of {some(list(lacks))} are not white: if the model lacks something, the plant's values may be others, "
+        text += (
+            f" The residuals of {some(list(lacks))} are not white: if the model lacks something, the plant's "
+            f"values may be others, "
+        )
         text += "by more than ± tells."
     yield say(
-        "warning" if denied or fails or forgets else "good" if len(good) == total and not lacks else "info", text, determined=len(good)
+        "warning" if denied or fails or forgets else "good" if len(good) == total and not lacks else "info",
+        text,
+        determined=len(good),
     )
 
 
 def _counted(good: Sequence[Row]) -> str:
     """How many entries of each table are among them; sentences of their own tell which are not."""
     entries = [p.get("parameter", p["name"]) for p in good if p.get("index")]
-    told = [f"{entries.count(n)} {'entry' if entries.count(n) == 1 else 'entries'} of {n}" for n in dict.fromkeys(entries)]
+    told = [
+        f"{entries.count(n)} {'entry' if entries.count(n) == 1 else 'entries'} of {n}" for n in dict.fromkeys(entries)
+    ]
     return some(told, 9) if told else ""
 
 
@@ -99,8 +122,11 @@ def _told(p: Row) -> str:
 
 
 def _unsound(found: Mapping[str, Any], fitted: int, weak: Sequence[Row], forgets: bool = False) -> Sentence:
-    """That residuals are too slow, or `fitted` samples too few, for intervals that surely hold, and the ranges of the `weak` rows."""
-    told = "; ".join(_at_least(p) for p in weak[:LISTED]) + (f" and {len(weak) - LISTED} more" if len(weak) > LISTED else "")
+    """That residuals are too slow, or `fitted` samples too few, for intervals that surely hold, and the ranges of
+    the `weak` rows."""
+    told = "; ".join(_at_least(p) for p in weak[:LISTED]) + (
+        f" and {len(weak) - LISTED} more" if len(weak) > LISTED else ""
+    )
     more = f" The data allow these at least: {told}." if told else ""
     if 0 < fitted < found["of"] + LEAST_FREE:
         why = f"{fitted} fitted samples are too few for {found['of']} parameters, and intervals may be too short"
@@ -110,7 +136,11 @@ def _unsound(found: Mapping[str, Any], fitted: int, weak: Sequence[Row], forgets
         "the residuals move so slowly that they are worth about "
         f"{number(found['samples'])} independent samples for {found['of']} parameters, and intervals may be too short"
     )
-    do = "Pieces with starts of their own may tell them." if forgets else "Take a longer record, or first add what the model lacks."
+    do = (
+        "Pieces with starts of their own may tell them."
+        if forgets
+        else "Take a longer record, or first add what the model lacks."
+    )
     return say("warning", f"No parameter is called determined: {why}.{more} {do}", samples=found["samples"])
 
 
@@ -133,12 +163,17 @@ def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
     if not found or not found["combinations"]:
         return
     own = found["combinations"]
-    listed = ", ".join(estimate({"name": c["formula"], "unit": None, **{k: c[k] for k in ("value", "standard_error")}}) for c in own)
+    listed = ", ".join(
+        estimate({"name": c["formula"], "unit": None, **{k: c[k] for k in ("value", "standard_error")}}) for c in own
+    )
     whose = "the others" if found["count"] > len(own) else "the parameters"
     many = f"combinations of {whose} are determined" if len(own) > 1 else f"combination of {whose} is determined"
     text = f"{len(own)} {many}: {listed} (in the units of the parameters). "
     if found.get("directions", 0) > found["count"]:
-        text += f"Near the answer the data fix {found['directions']} of {found['of']} numbers in all; the rest are neither products of "
+        text += (
+            f"Near the answer the data fix {found['directions']} of {found['of']} numbers in all; the rest are "
+            f"neither products of "
+        )
         text += "powers nor weighted sums of up to four parameters. "
     else:
         text += f"In all, the data fix {found['count']} of {found['of']} numbers. "
@@ -151,7 +186,11 @@ def _first_values(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     if own := (findings.get("determined") or {}).get("first_values"):
         if own.get("option"):
             how = f"Write options = {{ {own['option']} }} in [model], and they are parameters"
-            how += ", which several recordings need with per_recording = true." if len(findings.get("recordings", ())) > 1 else "."
+            how += (
+                ", which several recordings need with per_recording = true."
+                if len(findings.get("recordings", ())) > 1
+                else "."
+            )
         else:
             how = "Make the state's initial value a parameter, and it is estimated."
         text = (
@@ -226,7 +265,10 @@ def _all_flat(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentenc
         if len(alike) == 1:
             yield _flat(alike[0], needs)
             continue
-        text = f"{len(alike)} parameters are not determined, {some([p['name'] for p in alike], len(alike))}: of each {way}."
+        text = (
+            f"{len(alike)} parameters are not determined, {some([p['name'] for p in alike], len(alike))}: of each "
+            f"{way}."
+        )
         if told := [_condition(p, needs).strip() for p in alike if p["name"] in needs]:
             first = next(p["name"] for p in alike if p["name"] in needs)
             text += f" {told[0].replace('It is', f'{first} is', 1)}"
@@ -249,7 +291,9 @@ def _condition(p: Row, needs: Mapping[str, Any]) -> str:
         return ""
     n = needs[p["name"]]
     then = estimate({"name": p["name"], "unit": p["unit"], "value": n["value"], "standard_error": n["standard_error"]})
-    return f" It is determined only if {n['known']} is known: with {n['known']} = {with_unit(n['at'], n['unit'])}, {then}."
+    return (
+        f" It is determined only if {n['known']} is known: with {n['known']} = {with_unit(n['at'], n['unit'])}, {then}."
+    )
 
 
 def _weaks(name: str, rows: Sequence[Row]) -> Sentence:
@@ -261,7 +305,10 @@ def _weaks(name: str, rows: Sequence[Row]) -> Sentence:
 def _flat(p: Row, needs: Mapping[str, Any]) -> Sentence:
     if p.get("equal_answers"):
         low, high = p["equal_answers"]
-        text = f"{p['name']} is not determined: runs of the same cost found it from {number(low)} to {with_unit(high, p['unit'])}."
+        text = (
+            f"{p['name']} is not determined: runs of the same cost found it from {number(low)} to "
+            f"{with_unit(high, p['unit'])}."
+        )
         return say("bad", text, low=low, high=high)
     text = f"{p['name']} is not determined: {_allowed(p)}.{_condition(p, needs)}"
     return say("bad", text, value=p["value"])
@@ -287,19 +334,25 @@ def _allowed(p: Row) -> str:
 
 
 def _flats(name: str, rows: Sequence[Row]) -> Sentence:
-    text = f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): the data allow much of the range that was searched."
+    text = (
+        f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): the data allow much of the "
+        f"range that was searched."
+    )
     return say("bad", text, recordings=len(rows))
 
 
 def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
     if p["at_bound"] == "lower" and p["lower_bound"] == 0.0:  # a dead time, a friction: usually nothing lies below
         text = (
-            f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and cannot be told from zero{_at_most(p)}: "
-            f"take it out of the model{'' if (p.get('limits') or (None,))[0] == 0.0 else ', or widen the bound where it may be negative'}."
+            f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and cannot be told from "
+            f"zero{_at_most(p)}: "
+            f"take it out of the "
+            f"model{'' if (p.get('limits') or (None,))[0] == 0.0 else ', or widen the bound where it may be negative'}."
         )
         return say("warning", text, value=p["value"])
     text = (
-        f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the data pull it further. "
+        f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the data pull it "
+        f"further. "
         "Widen the bound if physics allows, else take it out of the model."
     )
     return say("warning", text, value=p["value"])
@@ -307,7 +360,9 @@ def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
 
 def _at_most(p: Row) -> str:
     """How large a value on its lower bound may be all the same."""
-    known = p.get("limits") and p.get("high") is not None and p.get("open") in (None, "lower") and p["high"] > p["value"]
+    known = (
+        p.get("limits") and p.get("high") is not None and p.get("open") in (None, "lower") and p["high"] > p["value"]
+    )
     return f" (it is at most {with_unit(p['high'], p['unit'])})" if known else ""
 
 

@@ -22,8 +22,12 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span,
 
 WHITE = 0.01  # p-value from which on residuals are called white
 SOLVED = 99.99  # percent of what an output does: what is left may be the error of a solver
-FORETOLD, UNTOLD = 0.6, 0.05  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
-SEEN = 0.35  # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
+FORETOLD, UNTOLD = (
+    0.6,
+    0.05,
+)  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
+# half-width of the band of a correlation with an input, above which a missing response to it would not stand out
+SEEN = 0.35
 
 
 def residual_sentences(findings: Findings) -> Iterator[Sentence]:
@@ -33,8 +37,8 @@ def residual_sentences(findings: Findings) -> Iterator[Sentence]:
 
 
 def noise_sentences(findings: Findings) -> Iterator[Sentence]:
-    """How far the fit is from the noise floor; where something missing was named, jumps of the residual pass for noise, and the diagnosis
-    says what is left."""
+    """How far the fit is from the noise floor; where something missing was named, jumps of the residual pass for
+    noise, and the diagnosis says what is left."""
     if diagnosed(findings)["named"]:
         return
     rows = [r for r in noise_rows(findings) if r["recording"] not in forgotten(findings)]
@@ -42,16 +46,24 @@ def noise_sentences(findings: Findings) -> Iterator[Sentence]:
 
 
 def lacking(findings: Findings) -> list[str]:
-    """Outputs of which more than noise is left by what the model lacks: residuals that are not white, and above their noise or named by the
-    diagnosis; those not whose record is odd in one stretch."""
-    above, named = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] >= FLOOR}, diagnosed(findings)["named"]
-    tests = [r for r in findings.get("residual_tests", ()) if not r["white"] and not r.get("shared") and not r.get("stretch")]
+    """Outputs of which more than noise is left by what the model lacks: residuals that are not white, and above
+    their noise or named by the diagnosis; those not whose record is odd in one stretch."""
+    above, named = (
+        {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] >= FLOOR},
+        diagnosed(findings)["named"],
+    )
+    tests = [
+        r for r in findings.get("residual_tests", ()) if not r["white"] and not r.get("shared") and not r.get("stretch")
+    ]
     return list(dict.fromkeys(r["output"] for r in tests if named or (r["recording"], r["output"]) in above))
 
 
 def _left_by_a_solver(findings: Findings, row: Row) -> float | None:
-    """Which percentage of what an output does is left, where that is so little that what made the record may leave as much; else None."""
-    fitted = next((r["fit_percent"] for r in findings.get("scores", ()) if r["part"] == "fit" and is_same(r, row)), None)
+    """Which percentage of what an output does is left, where that is so little that what made the record may leave
+    as much; else None."""
+    fitted = next(
+        (r["fit_percent"] for r in findings.get("scores", ()) if r["part"] == "fit" and is_same(r, row)), None
+    )
     return 100.0 - fitted if fitted is not None and fitted >= SOLVED else None
 
 
@@ -87,9 +99,14 @@ def _unmoved(c: Mapping[str, Any]) -> bool:
 
 
 def _odd(row: Row, named: bool) -> str:
-    """What is odd about a record rather than about the model; "" where nothing is, or where the diagnosis `named` what may be missing."""
+    """What is odd about a record rather than about the model; "" where nothing is, or where the diagnosis `named`
+    what may be missing."""
     if against := row.get("turned"):
-        part = f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} s {row['output']} moves against the simulation"
+        part = (
+            f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} s {row['output']} moves "
+            f"against "
+            f"the simulation"
+        )
         figures = f"correlation {against['within']:.2f}, elsewhere {against['elsewhere']:.2f}"
         return f"{part} ({figures}): the sign of {row['output']} or of an input may be wrong there"
     return _lies(row["stretch"]) if row.get("stretch") and not named else ""
@@ -124,7 +141,9 @@ def _residual(findings: Findings, row: Row) -> Sentence:
     if row.get("shared") and not left:
         text = text.removesuffix(", and something systematic is missing")
         return say(
-            "info", f"{text}. The errors of {where} come back with {row['shared']}, which leaves such a pattern.", correlation=_next(row)
+            "info",
+            f"{text}. The errors of {where} come back with {row['shared']}, which leaves such a pattern.",
+            correlation=_next(row),
         )
     known = diagnosed(findings)
     if odd := _odd(row, known["named"]):
@@ -151,23 +170,42 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
     chance = by_chance([r["p_value"] for r in coloured], len(rows))
     if white:
         where = f"{len(white)} of {len(rows)}" if patterned else f"all {len(rows)}"
-        rest = "no dynamics are left to explain there" if in_time(findings) else "no pattern is left in the order of their rows"
-        beside = f", and as few as fail the test at 1 % ({recordings_named(coloured)}) do so by chance" if chance and coloured else ""
+        rest = (
+            "no dynamics are left to explain there"
+            if in_time(findings)
+            else "no pattern is left in the order of their rows"
+        )
+        beside = (
+            f", and as few as fail the test at 1 % ({recordings_named(coloured)}) do so by chance"
+            if chance and coloured
+            else ""
+        )
         text = f"The residuals of {output} are white in {where} recordings{beside}: {rest}."
         yield say("good" if not patterned or (beside and not small) else "info", text, white=len(white))
     if small:
-        text = f"The residuals of {output} are not white in {len(small)} of {len(rows)} recordings, but they are at most "
-        yield say("info", f"{text}{number(max(left for _, left in small))} % of what it does: {_SOLVER}.", recordings=len(small))
+        text = (
+            f"The residuals of {output} are not white in {len(small)} of {len(rows)} recordings, but they are at most "
+        )
+        yield say(
+            "info",
+            f"{text}{number(max(left for _, left in small))} % of what it does: {_SOLVER}.",
+            recordings=len(small),
+        )
     if coloured and not chance:
         text = (
-            f"The residuals of {output} are not white in {len(coloured)} of {len(rows)} recordings ({recordings_named(coloured)}; "
+            f"The residuals of {output} are not white in {len(coloured)} of {len(rows)} recordings "
+            f"({recordings_named(coloured)}; "
             f"correlation up to {max(map(_next, coloured)):.2f} from one {_one(findings)} to the next); "
             f"standard errors {_allow(findings)}, and something systematic is missing."
         )
         named = diagnosed(findings)["named"]
         odd = [r for r in coloured if _odd(r, named)]
         left = [] if named else [r for r in coloured if r not in odd and any(_follows(c) for c in r["cross"].values())]
-        text += f" In {recordings_named(left)} it depends on an input: the model's response to it is incomplete." if left else ""
+        text += (
+            f" In {recordings_named(left)} it depends on an input: the model's response to it is incomplete."
+            if left
+            else ""
+        )
         for r in odd[:FEW]:
             text += f" In {r['recording']} {_odd(r, named)}."
         text += f" {len(odd) - FEW} more recordings have such a part." if len(odd) > FEW else ""
@@ -175,7 +213,8 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
 
 
 def by_chance(p_values: Sequence[float | None], tests: int) -> bool:
-    """Whether tests of white noise that failed, of so many, did so by chance: neither their number nor the smallest of them is rare."""
+    """Whether tests of white noise that failed, of so many, did so by chance: neither their number nor the smallest
+    of them is rare."""
     least, failed = min((p for p in p_values if p is not None), default=1.0), len(p_values)
     fewer = sum(comb(tests, k) * WHITE**k * (1.0 - WHITE) ** (tests - k) for k in range(failed))
     return least * tests > WHITE and 1.0 - fewer > WHITE
@@ -188,7 +227,13 @@ def _noise(findings: Findings, row: Row) -> Sentence:
     )
     floor = row["ratio"] < FLOOR
     own: Row = next((r for r in findings.get("residual_tests", ()) if is_same(r, row)), {})
-    above = ", most of it in that stretch." if own.get("stretch") else "." if own.get("turned") else ", so a better model could still gain."
+    above = (
+        ", most of it in that stretch."
+        if own.get("stretch")
+        else "."
+        if own.get("turned")
+        else ", so a better model could still gain."
+    )
     end = ": the fit is at the noise floor." if floor else above
     return say("good" if floor else "info", text + end, noise=row["noise"], ratio=row["ratio"])
 
@@ -198,8 +243,14 @@ def _noises(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Se
     noise, most = max(r["noise"] for r in rows), max(r["ratio"] for r in rows)
     text = f"Sample-to-sample noise of {output} is about {span([r['noise'] for r in rows], rows[0]['unit'])}; "
     if above:
-        text += f"in {len(above)} of {len(rows)} recordings ({recordings_named(above)}) the residual is up to {most:.1f} times that: "
+        text += (
+            f"in {len(above)} of {len(rows)} recordings ({recordings_named(above)}) the residual is up to "
+            f"{most:.1f} times that: "
+        )
         text += "a better model could still gain."
     else:
-        text += f"in all {len(rows)} recordings the residual is at most {number(most)} times that: the fit is at the noise floor."
+        text += (
+            f"in all {len(rows)} recordings the residual is at most {number(most)} times that: the fit is at the "
+            f"noise floor."
+        )
     yield say("info" if above else "good", text, noise=noise, ratio=most)

@@ -1,4 +1,5 @@
-"""What the verdict says about the local searches of the best run: how many reached the answer, and what may have been missed."""
+"""What the verdict says about the local searches of the best run: how many reached the answer, and what may have
+been missed."""
 
 import shlex
 from collections.abc import Iterator, Mapping
@@ -9,7 +10,9 @@ from plantfit.trust.verdict.words import Sentence, number, say, some, study_file
 AGREE = 3  # independent searches that reached the answer, from which on it is called repeated
 NEAR, MOST = 0.1, 0.5  # of the best cost, and of the searches, that make a valley
 NOTHING = 1e-12  # of a scaled cost
-UNSEEN = 0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
+UNSEEN = (
+    0.1  # expected share of the box that leads to optima not seen yet, up to which nothing is said against the answer
+)
 
 
 SHOOT = "where the plant swings for long or is unstable, `shooting = 100` under [search] (docs/long-records.md)"
@@ -17,7 +20,8 @@ SEGMENTS = 5  # of each piece of a record that forgets its start
 
 
 def forgetting_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """What cannot be followed from the first sample to the last, and the lines of a study file that follow it in pieces."""
+    """What cannot be followed from the first sample to the last, and the lines of a study file that follow it in
+    pieces."""
     forgets = findings["simulation"].get("forgets", [])
     if not forgets:
         return
@@ -26,32 +30,44 @@ def forgetting_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     several = f"simulations of {names} forget their start: in {first['recording']}"
     whose = several if count > 1 else f"simulation of {names} forgets its start: here"
     text = (
-        f"The {whose} a small deviation grows tenfold in about {piece} s, {first['growth']:.0e} times in all. So hardly any simulation "
-        "from the first sample to the last can follow it, and none tells what the model lacks. Fit pieces with starts of their own: "
+        f"The {whose} a small deviation grows tenfold in about {piece} s, {first['growth']:.0e} times in all. So "
+        f"hardly any simulation "
+        "from the first sample to the last can follow it, and none tells what the model lacks. Fit pieces with starts "
+        "of their own: "
     )
     if file := study_file(findings):
         text += f"`plantfit run {shlex.quote(file)} --pieces {piece}` (docs/long-records.md)."
     else:
         text += (
-            f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under [model.extensions] and "
-            f"`start_STATE = {{ per_recording = true }}` under [parameters], `shooting = {SEGMENTS}` under [search] (docs/long-records.md)."
+            f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under "
+            f"[model.extensions] and "
+            f"`start_STATE = {{ per_recording = true }}` under [parameters], `shooting = {SEGMENTS}` under [search] "
+            f"(docs/long-records.md)."
         )
     yield say("bad", text, growth=first["growth"], tenfold=first["tenfold"])
 
 
 def search_sentences(
-    extra: Mapping[str, Any], flat: bool = False, several: bool = False, lost: bool = False, ended: bool = False, forgets: bool = False
+    extra: Mapping[str, Any],
+    flat: bool = False,
+    several: bool = False,
+    lost: bool = False,
+    ended: bool = False,
+    forgets: bool = False,
 ) -> Iterator[Sentence]:
     """One sentence from the bookkeeping of `optimize.local.basins.Basins`; none for methods without local searches.
 
-    With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing. Searches that end at
-    costs far above the best are in no valley with it, whatever is open at the answer. With `several`, other optima fit equally well.
-    With `lost`, a simulation does not follow its record: segments may find what searches over all of it do not. With `forgets` it forgets
-    its start beside, and another sentence says what to do. With `ended` the search made as many local searches as it was asked for, and
-    its budget did not stop it.
+    With `flat`, parameters are open along a valley: searches end anywhere in it, and a larger budget changes nothing.
+    Searches that end at costs far above the best are in no valley with it, whatever is open at the answer. With
+    `several`, other optima fit equally well. With `lost`, a simulation does not follow its record: segments may find
+    what searches over all of it do not. With `forgets` it forgets its start beside, and another sentence says what to
+    do. With `ended` the search made as many local searches as it was asked for, and its budget did not stop it.
     """
     if extra.get("linear"):
-        yield say("good", "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.")
+        yield say(
+            "good",
+            "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.",
+        )
         return
     if "basin_hits" not in extra or "starts" not in extra:
         return
@@ -62,11 +78,17 @@ def search_sentences(
         yield say("warning", f"No local search came to its end within the budget{'' if forgets else more}.")
         return
     if ended and starts == hits == 1:
-        text = "One local search was made, as asked, and it ended at the answer: whether another optimum is better was not looked for. "
+        text = (
+            "One local search was made, as asked, and it ended at the answer: whether another optimum is better "
+            "was "
+            "not looked for. "
+        )
         text += "`settings = { least_squares = { agree = 5 } }` under [search] looks for one."
         yield say("info", text, hits=hits, starts=starts, optima=optima)
         return
-    text = f"{_count(hits, starts)} from different starts ended {'at the best cost' if several else 'in the best optimum'}"
+    text = (
+        f"{_count(hits, starts)} from different starts ended {'at the best cost' if several else 'in the best optimum'}"
+    )
     if hits and optima > 1 and several:
         text += f", the others at {optima - 1} higher {'one' if optima == 2 else 'ones'}"
     elif hits and optima > 1:
@@ -81,16 +103,25 @@ def search_sentences(
         )
     elif hits < AGREE:
         more = f"; give a larger budget, or, {SHOOT}" if lost else "; give a larger budget"
-        yield say("warning", f"{text}: a better one may exist{'' if forgets else more}.", hits=hits, starts=starts, optima=optima)
+        yield say(
+            "warning",
+            f"{text}: a better one may exist{'' if forgets else more}.",
+            hits=hits,
+            starts=starts,
+            optima=optima,
+        )
     elif optima > 1 and unseen > UNSEEN:
         doubt = f"about {100 * unseen:.0f} % of the box is expected to lead to optima that no search has seen"
-        yield say("warning", f"{text}: {doubt}; give a larger budget.", hits=hits, starts=starts, optima=optima, unseen=unseen)
+        yield say(
+            "warning", f"{text}: {doubt}; give a larger budget.", hits=hits, starts=starts, optima=optima, unseen=unseen
+        )
     else:
         yield say("good", f"{text}.", hits=hits, starts=starts, optima=optima)
 
 
 def _in_the_valley(extra: Mapping[str, Any]) -> bool:
-    """Whether most searches that ended did so at about the best cost, as they do along a valley and not in optima of their own."""
+    """Whether most searches that ended did so at about the best cost, as they do along a valley and not in optima of
+    their own."""
     costs = [float(c) for c in extra.get("local_costs", ())]
     if not costs:
         return True  # bookkeeping without costs

@@ -10,7 +10,11 @@ Row = Mapping[str, Any]
 
 def uncertainty_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """One sentence where errors were stated and parameters have intervals."""
-    rows = [p for p in findings["parameters"] if p.get("uncertainty") and p["standard_error"] and p["status"] in ("determined", "weak")]
+    rows = [
+        p
+        for p in findings["parameters"]
+        if p.get("uncertainty") and p["standard_error"] and p["status"] in ("determined", "weak")
+    ]
     if findings.get("uncertainty") is None or not rows:
         return
     worst = max(rows, key=_widening)
@@ -18,14 +22,23 @@ def uncertainty_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     shared = [p for p in rows if p["uncertainty"]["shared"] > p["standard_error"]]
     if not shared:
         rest = ", and others less" if len(rows) > 1 else ""
-        text = f"The stated errors widen the interval of {worst['name']} by {100 * (times - 1):.2g} %{rest}: the noise decides."
+        text = (
+            f"The stated errors widen the interval of {worst['name']} by {100 * (times - 1):.2g} %{rest}: the "
+            f"noise "
+            f"decides."
+        )
         yield say("good", text, widening=times)
         return
     interval = span([worst["uncertainty"]["low"], worst["uncertainty"]["high"]], worst["unit"])
-    others = f"; they outweigh the noise in {len(shared)} of {len(rows)} parameters ({_names(shared)})" if len(rows) > 1 else ""
+    others = (
+        f"; they outweigh the noise in {len(shared)} of {len(rows)} parameters ({_names(shared)})"
+        if len(rows) > 1
+        else ""
+    )
     text = (
         f"With the stated errors the interval of {worst['name']} is {times:.2g} times as wide, {interval}, "
-        f"{_source(worst, findings['uncertainty']['budgets'])}{others}. More samples of the same set-up do not narrow that."
+        f"{_source(worst, findings['uncertainty']['budgets'])}{others}. More samples of the same set-up do not narrow "
+        f"that."
     )
     yield say("warning", text, widening=times, outweighed=len(shared))
 

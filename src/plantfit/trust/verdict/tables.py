@@ -15,7 +15,8 @@ LISTED = 5  # gaps in one sentence
 
 
 def table_sentences(entries: Sequence[Row], tables: Sequence[Row]) -> Iterator[Sentence]:
-    """One sentence for each table over `entries` of all recordings, then those on gaps; `tables` as in the findings record."""
+    """One sentence for each table over `entries` of all recordings, then those on gaps; `tables` as in the findings
+    record."""
     for name in dict.fromkeys(p["parameter"] for p in entries):
         yield _table([p for p in entries if p["parameter"] == name], tables)
     yield from _gaps(tables)
@@ -27,10 +28,19 @@ def smoothing_sentences(rows: Sequence[Row]) -> Iterator[Sentence]:
         own = [row for row in rows if row["chosen"] == way]
         if own:
             bends = [100 * b for row in own for b in row["bends"] if b is not None]
-            size = f" for bends of about {span([float(number(b)) for b in bends], '%')} of the box from node to node" if bends else ""
+            size = (
+                f" for bends of about {span([float(number(b)) for b in bends], '%')} of the box from node to node"
+                if bends
+                else ""
+            )
             entries, effective = sum(row["entries"] for row in own), sum(row["effective"] for row in own)
-            text = f"{some([row['name'] for row in own])}: smoothed{size}, a strength {said}; the data then fix {number(effective)} of "
-            yield say("info", f"{text}{entries} entries, and smoothness the rest.", effective=effective, entries=entries)
+            text = (
+                f"{some([row['name'] for row in own])}: smoothed{size}, a strength {said}; the data then fix "
+                f"{number(effective)} of "
+            )
+            yield say(
+                "info", f"{text}{entries} entries, and smoothness the rest.", effective=effective, entries=entries
+            )
 
 
 _CHOSEN = {
@@ -47,8 +57,15 @@ def _table(rows: Sequence[Row], tables: Sequence[Row]) -> Sentence:
     good = count["determined"]
     if good == total:
         return say("good", f"All {total} entries of table {name} are determined by the data.", determined=good)
-    left = [f"{count[s]} {'is' if count[s] == 1 else 'are'} {word} ({_entries(rows, s)})" for s, word in _OPEN.items() if count[s]]
-    text = f"{good} of {total} entries of table {name} are determined by the data; {', '.join(left)}.{_nowhere(name, tables)}"
+    left = [
+        f"{count[s]} {'is' if count[s] == 1 else 'are'} {word} ({_entries(rows, s)})"
+        for s, word in _OPEN.items()
+        if count[s]
+    ]
+    text = (
+        f"{good} of {total} entries of table {name} are determined by the data; "
+        f"{', '.join(left)}.{_nowhere(name, tables)}"
+    )
     beside = any(t["name"] == name and t["over"] == ["t"] for t in tables)  # a drift: nobody asks for its values
     return say("info" if beside else "bad" if 2 * good < total else "warning", text, determined=good, open=total - good)
 
@@ -65,7 +82,8 @@ def _entries(rows: Sequence[Row], status: str) -> str:
 
 
 def _nowhere(name: str, tables: Sequence[Row]) -> str:
-    """At which operating points recordings come by but none determines the entry; nothing where these are the whole range."""
+    """At which operating points recordings come by but none determines the entry; nothing where these are the whole
+    range."""
     own = [t for t in tables if t["name"] == name]
     if not own:
         return ""
@@ -108,7 +126,8 @@ def _owners(by: Mapping[str, Sequence[str]]) -> str:
 
 
 def _places(table: Row, marked: np.ndarray) -> tuple[list[str], int]:
-    """Nodes of each signal with all their entries marked, as `x1 of 4.44 to 20 bar`, and how many marked entries are elsewhere."""
+    """Nodes of each signal with all their entries marked, as `x1 of 4.44 to 20 bar`, and how many marked entries are
+    elsewhere."""
     grid = marked.reshape([len(nodes) for nodes in table["nodes"]])
     covered, parts = np.zeros(grid.shape, dtype=bool), []
     for axis, (signal, unit, nodes) in enumerate(zip(table["over"], table["over_units"], table["nodes"], strict=True)):

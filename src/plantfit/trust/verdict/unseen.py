@@ -17,7 +17,10 @@ from plantfit.trust.verdict.outputs import (
 )
 from plantfit.trust.verdict.words import Sentence, number, say, span, with_unit, worst
 
-HOLDS, FAILS = 1.3, 2.0  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
+HOLDS, FAILS = (
+    1.3,
+    2.0,
+)  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
 EXACT = 99.9  # percent: so much of what an output does, and unseen samples hold whatever the fitted ones do
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise
@@ -28,7 +31,9 @@ def unseen_sentences(findings: Findings) -> Iterator[Sentence]:
     unseen = [r for r in findings["scores"] if r["part"] == "validation"]
     if not unseen:
         yield say(
-            "warning", "Nothing was kept unseen, so nothing shows yet that the model holds on new data: give a split or a second recording."
+            "warning",
+            "Nothing was kept unseen, so nothing shows yet that the model holds on new data: give a split or a second "
+            "recording.",
         )
     yield from each_output(findings, [r for r in unseen if _lost(r)], _lost_one, _lost_many)
     yield from each_output(findings, [r for r in unseen if not _lost(r)], _unseen, _unseens)
@@ -39,18 +44,25 @@ def _lost(row: Row) -> bool:
     return row["rmse"] is None
 
 
-_WHY = "There the model leaves what its equations allow, as the root of a negative level, or grows without bound: it does not hold there."
+_WHY = (
+    "There the model leaves what its equations allow, as the root of a negative level, or grows without bound: it "
+    "does not hold there."
+)
 
 
 def _lost_one(findings: Findings, row: Row) -> Sentence:
     """From when on unseen samples cannot be simulated, and why that may be."""
-    text = f"Samples that it has not seen cannot be simulated: {place(findings, row)} is not a number{_lost_from(findings, row)}. {_WHY}"
+    text = (
+        f"Samples that it has not seen cannot be simulated: {place(findings, row)} is not a "
+        f"number{_lost_from(findings, row)}. {_WHY}"
+    )
     return say("bad", text)
 
 
 def _lost_many(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
     text = (
-        f"Samples that it has not seen cannot be simulated in {len(rows)} recordings ({recordings_named(rows)}): {output} is not a number"
+        f"Samples that it has not seen cannot be simulated in {len(rows)} recordings ({recordings_named(rows)}): "
+        f"{output} is not a number"
     )
     yield say("bad", f"{text}, in {rows[0]['recording']}{_lost_from(findings, rows[0])}. {_WHY}", recordings=len(rows))
 
@@ -66,8 +78,13 @@ _HOLDS = {"good": "it holds", "warning": "it holds in part", "bad": "it does not
 
 
 def _base(findings: Findings, row: Row) -> float | None:
-    """The RMSE of the fitted samples that an unseen one is compared with; None where all of them are followed whatever they are."""
-    fitted = {(r["recording"], r["output"]): r["rmse"] for r in findings["scores"] if r["part"] == "fit" and not shows_nothing(r)}
+    """The RMSE of the fitted samples that an unseen one is compared with; None where all of them are followed
+    whatever they are."""
+    fitted = {
+        (r["recording"], r["output"]): r["rmse"]
+        for r in findings["scores"]
+        if r["part"] == "fit" and not shows_nothing(r)
+    }
     own = fitted.get((row["recording"], row["output"]))
     return own if own is not None else min((v for (_, o), v in fitted.items() if o == row["output"]), default=None)
 
@@ -75,7 +92,10 @@ def _base(findings: Findings, row: Row) -> float | None:
 def _alone(findings: Findings, output: str) -> str:
     """That nothing can be compared with an unseen RMSE where fitted samples show nothing."""
     empty = any(shows_nothing(r) for r in findings["scores"] if r["part"] == "fit" and r["output"] == output)
-    text = f"; fitted samples of {output} are no more than the parameters that follow them, and do not tell how large it may be"
+    text = (
+        f"; fitted samples of {output} are no more than the parameters that follow them, and do not tell how large "
+        f"it may be"
+    )
     return text if empty else ""
 
 
@@ -109,17 +129,23 @@ def failing(findings: Findings) -> list[str]:
 
 def _is_poor(row: Row, noise: float | None) -> bool:
     """Whether little of an unseen output is followed, though its noise from sample to sample would allow more."""
-    return row["fit_percent"] is not None and row["fit_percent"] < POOR and (noise is None or row["rmse"] > FLOOR * noise)
+    return (
+        row["fit_percent"] is not None and row["fit_percent"] < POOR and (noise is None or row["rmse"] > FLOOR * noise)
+    )
 
 
 def _but(findings: Findings, row: Row, level: str) -> str | None:
-    """What is to be said where an unseen output is followed badly, as the fitted samples (`level` "good") or somewhat worse, though its
-    noise from sample to sample would allow more; else None."""
+    """What is to be said where an unseen output is followed badly, as the fitted samples (`level` "good") or
+    somewhat worse, though its noise from sample to sample would allow more; else None."""
     if level == "bad":
         return None
     percent, noise = row["fit_percent"], most_noise(findings, row["output"])
     if _is_poor(row, noise):
-        return f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} a fit of {percent:.0f} % only"
+        return (
+            f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} a fit of {percent:.0f} "
+            f"% "
+            f"only"
+        )
     if level == "good" and percent is not None and percent < GOOD and noise and row["rmse"] > MUCH * noise:
         return f"no worse than there, but {row['rmse'] / noise:.2g} times the noise from sample to sample"
     return None
@@ -133,16 +159,24 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     ratio = row["rmse"] / base
     level = _held_level(row, ratio)
     if ratio >= HOLDS and _exact(row):
-        text += f", {ratio:.2f} times that of the fitted samples, and a fit of {number(row['fit_percent'], 6)} %: it holds."
+        text += (
+            f", {ratio:.2f} times that of the fitted samples, and a fit of {number(row['fit_percent'], 6)} %: it holds."
+        )
         return say("good", text, rmse=row["rmse"], ratio=ratio)
     words = _drift_ends(findings, row) if level != "good" else None
     if not words and _is_foretold(findings, row, level):
         text += f", {ratio:.2f} times that of the fitted samples, and no more than "
-        text += "noise and the uncertainty of the parameters let" if level == "warning" else "the uncertainty of the parameters lets"
+        text += (
+            "noise and the uncertainty of the parameters let"
+            if level == "warning"
+            else "the uncertainty of the parameters lets"
+        )
         text += f" expect (up to {with_unit(row['foretold'], row['unit'])})"
         if level == "warning":
             return say("info", f"{text}.", rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
-        text += ": they are not known well enough to predict there. A recording that moves as those samples do would tell; "
+        text += (
+            ": they are not known well enough to predict there. A recording that moves as those samples do would tell; "
+        )
         text += "`plantfit design` plans one."
         return say("warning", text, rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
     words = words or _but(findings, row, level)
@@ -153,7 +187,9 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
 
 def _drift_ends(findings: Findings, row: Row) -> str | None:
     """What is to be said of an output whose slow drift is fitted: beyond the nodes nobody knows it."""
-    drifts = any(t["name"] == f"slow_drift_{row['output']}" and t["over"] == ["t"] for t in findings.get("tables") or ())
+    drifts = any(
+        t["name"] == f"slow_drift_{row['output']}" and t["over"] == ["t"] for t in findings.get("tables") or ()
+    )
     return "the curve of its slow drift is level there, since a drift cannot be foretold" if drifts else None
 
 
@@ -161,7 +197,10 @@ _POOR = ("warning", f"a fit of less than {POOR} % only")
 
 _CHANCE = ("info", "no worse than noise and the uncertainty of the parameters let expect")
 
-_FORETOLD = ("warning", "no worse than the uncertainty of the parameters lets expect, which are not known well enough to predict there")
+_FORETOLD = (
+    "warning",
+    "no worse than the uncertainty of the parameters lets expect, which are not known well enough to predict there",
+)
 
 
 def _end(findings: Findings, row: Row, level: str, noise: float | None) -> tuple[str, str]:
@@ -174,7 +213,8 @@ def _end(findings: Findings, row: Row, level: str, noise: float | None) -> tuple
 def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
     bases = [_base(findings, r) for r in rows]
     text = (
-        f"On samples it has not seen, the RMSE of {output} in {len(rows)} recordings is {span([r['rmse'] for r in rows], rows[0]['unit'])}"
+        f"On samples it has not seen, the RMSE of {output} in {len(rows)} recordings is "
+        f"{span([r['rmse'] for r in rows], rows[0]['unit'])}"
     )
     if not all(bases):
         yield say("info", f"{text}{_alone(findings, output)}.", rmse=max(r["rmse"] for r in rows))

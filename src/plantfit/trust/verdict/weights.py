@@ -9,7 +9,8 @@ LISTED = 8  # outputs in one sentence
 
 
 def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """One sentence on the residuals that count as 1, where there are several outputs, the user gave one, or errors cannot be told."""
+    """One sentence on the residuals that count as 1, where there are several outputs, the user gave one, or errors
+    cannot be told."""
     rows = findings.get("weights", ())
     if len(rows) < 2 and not any(row["chosen"] == "given" or row.get("few") for row in rows):
         return
@@ -21,7 +22,10 @@ def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         text += " Give scales where an output can be followed exactly: its weight grows without end."
     few = [row["output"] for row in rows if row.get("few")]
     if few:
-        names, fix, scales = ", ".join(few[:LISTED]), *(("it fixes", "a scale") if len(few) == 1 else ("they fix", "scales"))
+        names, fix, scales = (
+            ", ".join(few[:LISTED]),
+            *(("it fixes", "a scale") if len(few) == 1 else ("they fix", "scales")),
+        )
         text += f" Nothing shows how large the errors of {names} are, so that {fix} no parameter."
         text += f" Give {scales} for {names} if you know the size of the errors."
     yield say("warning" if changing or few else "info", text)

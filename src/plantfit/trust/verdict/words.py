@@ -16,7 +16,9 @@ _ORDER = ("good", "info", "warning", "bad")
 
 def say(level: str, sentence: str, **figures: float) -> Sentence:
     """One sentence of the verdict."""
-    return Said.model_validate({"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items()}}).plain()
+    return Said.model_validate(
+        {"level": level, "sentence": sentence, "figures": {k: float(v) for k, v in figures.items()}}
+    ).plain()
 
 
 def worst(levels: Iterable[str]) -> str:
@@ -59,7 +61,8 @@ EXACT = 1e-9  # of a value: standard errors below are those of rounded numbers, 
 
 
 def estimate(p: dict[str, Any]) -> str:
-    """`R = 2.31 ± 0.04 ohm`, rounded by the standard error; `R = 2.31 ohm (exact to rounding)` where that says no more."""
+    """`R = 2.31 ± 0.04 ohm`, rounded by the standard error; `R = 2.31 ohm (exact to rounding)` where that says no
+    more."""
     error, unit = p["standard_error"], "" if p["unit"] in (None, "1") else p["unit"]
     if error and error <= EXACT * abs(p["value"]):
         return f"{p['name']} = {p['value']:.9g} {unit}".rstrip() + " (exact to rounding)"

@@ -1,1 +1,2 @@
-"""Which of several models of the same data: what they predict of unseen samples, information criteria, and what may be said of it."""
+"""Which of several models of the same data: what they predict of unseen samples, information criteria, and what may
+be said of it."""

@@ -1,4 +1,5 @@
-"""What one model says about the common samples: its simulation, and what it says of blocks that were left out of its fit."""
+"""What one model says about the common samples: its simulation, and what it says of blocks that were left out of its
+fit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,9 +19,10 @@ FOLDS = 5  # blocks of each recording that are left out in turn
 
 @dataclass(frozen=True)
 class Candidate:
-    """A model with `free` parameters of which the data fix `effective` ones. `simulated` (series of (n,)) by the fit to all fitted samples;
-    `left_out` the same by fits that had not seen the sample's block, NaN elsewhere, None where no such fit was needed. `kind` "model" or
-    "linear" (a baseline without physics). `determined` (how many, of how many), None where not asked for."""
+    """A model with `free` parameters of which the data fix `effective` ones. `simulated` (series of (n,)) by the fit
+    to all fitted samples; `left_out` the same by fits that had not seen the sample's block, NaN elsewhere, None
+    where no such fit was needed. `kind` "model" or "linear" (a baseline without physics). `determined` (how many, of
+    how many), None where not asked for."""
 
     name: str
     free: int
@@ -33,7 +35,8 @@ class Candidate:
 
 
 def folds(series: Sequence[Series]) -> list[tuple[np.ndarray, ...]]:
-    """Fifths of the fitted samples of every recording, one after the other: for each fold a mask (n,) of every series."""
+    """Fifths of the fitted samples of every recording, one after the other: for each fold a mask (n,) of every
+    series."""
     made = [tuple(np.zeros(len(s.t), dtype=bool) for s in series) for _ in range(FOLDS)]
     for name in dict.fromkeys(s.recording for s in series):
         own = [k for k, s in enumerate(series) if s.recording == name]
@@ -45,7 +48,8 @@ def folds(series: Sequence[Series]) -> list[tuple[np.ndarray, ...]]:
 
 
 def candidate(name: str, problem: Problem, z: np.ndarray, shared: Shared, left_out: bool) -> Candidate:
-    """The candidate of a problem at its answer z (d,); with `left_out` also fitted without each fold, from the answer."""
+    """The candidate of a problem at its answer z (d,); with `left_out` also fitted without each fold, from the
+    answer."""
     simulated = _simulated(name, problem, z, shared)
     without = _left_out(name, problem, z, shared) if left_out else None
     return Candidate(name, problem.space.dimension, effective_count(problem, z), simulated, without)
@@ -82,6 +86,8 @@ def _left_out(name: str, problem: Problem, z: np.ndarray, shared: Shared) -> tup
 
 def _kept(name: str, problem: Problem, shared: Shared, fold: tuple[np.ndarray, ...]) -> np.ndarray:
     """Residuals (m,) bool of the problem that are not in the fold."""
-    hidden = {(shared.recordings[name][s.recording], s.output): mask for s, mask in zip(shared.series, fold, strict=True)}
+    hidden = {
+        (shared.recordings[name][s.recording], s.output): mask for s, mask in zip(shared.series, fold, strict=True)
+    }
     index = problem.data["index"]
     return np.concatenate([~hidden[r, o][index[r][o]] for r in problem.data["drive"] for o in problem.outputs])

@@ -18,7 +18,8 @@ ROUNDING = 1e-9  # of the range of a signal: what a change of units may move
 
 @dataclass(frozen=True)
 class Series:
-    """One output of one recording: `t` (n,) in s, `measured` (n,) in `unit`, the samples that are `fitted` and `unseen` (n,) bool."""
+    """One output of one recording: `t` (n,) in s, `measured` (n,) in `unit`, the samples that are `fitted` and
+    `unseen` (n,) bool."""
 
     recording: str
     output: str
@@ -31,8 +32,8 @@ class Series:
 
 @dataclass(frozen=True)
 class Shared:
-    """`series` of all, in names and units of the first problem; `recordings` by problem: common name -> own name; `factors` by problem and
-    output: (factor, offset) from its own unit to the common one."""
+    """`series` of all, in names and units of the first problem; `recordings` by problem: common name -> own name;
+    `factors` by problem and output: (factor, offset) from its own unit to the common one."""
 
     series: tuple[Series, ...]
     recordings: Mapping[str, Mapping[str, str]]
@@ -42,8 +43,8 @@ class Shared:
 def shared_data(problems: Mapping[str, Problem]) -> Shared:
     """The series that all problems explain.
 
-    Recordings are the same where their samples are, whatever their names. Raises RecordingError with one sentence that names the first
-    thing that differs: outputs, recordings, times, values, the fitted or the unseen part.
+    Recordings are the same where their samples are, whatever their names. Raises RecordingError with one sentence that
+    names the first thing that differs: outputs, recordings, times, values, the fitted or the unseen part.
     """
     first, *others = problems
     base = problems[first]
@@ -63,7 +64,9 @@ def series_of(problem: Problem) -> dict[Place, Series]:
         unseen = experiment.mask("validation")
         for output in problem.outputs:
             measured = (
-                experiment.recording[output] if output in experiment.recording.signals else np.full(len(experiment.recording), np.nan)
+                experiment.recording[output]
+                if output in experiment.recording.signals
+                else np.full(len(experiment.recording), np.nan)
             )
             fitted = np.zeros(len(measured), dtype=bool)
             if name in problem.data["index"]:
@@ -72,7 +75,9 @@ def series_of(problem: Problem) -> dict[Place, Series]:
             unit = problem.model.outputs[output] or (
                 experiment.recording.signals[output].unit if output in experiment.recording.signals else None
             )
-            found[name, output] = Series(name, output, unit, experiment.recording.t, measured, fitted & known, unseen & known & ~fitted)
+            found[name, output] = Series(
+                name, output, unit, experiment.recording.t, measured, fitted & known, unseen & known & ~fitted
+            )
     return found
 
 
@@ -82,7 +87,11 @@ def _unlike(first: str, name: str, what: str) -> RecordingError:
 
 def _factors(first: str, base: Problem, name: str, problem: Problem) -> dict[str, tuple[float, float]]:
     if set(base.outputs) != set(problem.outputs):
-        raise _unlike(first, name, f"the outputs are {', '.join(base.outputs)} and {', '.join(problem.outputs)}; give them the same names")
+        raise _unlike(
+            first,
+            name,
+            f"the outputs are {', '.join(base.outputs)} and {', '.join(problem.outputs)}; give them the same names",
+        )
     made = {}
     for output in base.outputs:
         to, own = base.model.outputs[output], problem.model.outputs[output]
@@ -104,7 +113,11 @@ def _matched(first: str, base: Problem, name: str, problem: Problem) -> dict[str
         raise _unlike(first, name, f"the recordings are {counts}; give both the same ones")
     left, found = dict(problem.experiments), {}
     for n, experiment in base.experiments.items():
-        same = [m for m, e in left.items() if _alike(experiment.recording.t, e.recording.t) and _outputs_alike(base, experiment, e)]
+        same = [
+            m
+            for m, e in left.items()
+            if _alike(experiment.recording.t, e.recording.t) and _outputs_alike(base, experiment, e)
+        ]
         chosen = n if n in left else same[0] if same else next(iter(left)) if len(left) == 1 else None
         if chosen is None:
             raise _unlike(first, name, f"recording {n!r} of {first} is none of {_listed(problem)} of {name}")
@@ -133,9 +146,13 @@ def _same(
             raise _unlike(first, name, f"{where} has {len(a.t)} samples in {first} and {len(b.t)} in {name}")
         if not _alike(a.t, b.t):
             k = int(np.argmax(np.abs(a.t - b.t)))
-            raise _unlike(first, name, f"{where} has its sample {k} at {a.t[k]:g} s in {first} and at {b.t[k]:g} s in {name}")
+            raise _unlike(
+                first, name, f"{where} has its sample {k} at {a.t[k]:g} s in {first} and at {b.t[k]:g} s in {name}"
+            )
         factor, offset = factors[output]
-        differ = ~np.isclose(a.measured, b.measured * factor + offset, rtol=0, atol=ROUNDING * _range(a.measured), equal_nan=True)
+        differ = ~np.isclose(
+            a.measured, b.measured * factor + offset, rtol=0, atol=ROUNDING * _range(a.measured), equal_nan=True
+        )
         if differ.any():
             with np.errstate(invalid="ignore"):
                 off = np.abs(a.measured - (b.measured * factor + offset))[differ]
@@ -144,7 +161,9 @@ def _same(
             raise _unlike(first, name, f"{what}; give both the same file, column and cleaning steps")
         for part, x, y in (("fitted", a.fitted, b.fitted), ("unseen", a.unseen, b.unseen)):
             if not np.array_equal(x, y):
-                counts = f"{int(x.sum())} samples of {output} of {where} are {part} in {first} and {int(y.sum())} in {name}"
+                counts = (
+                    f"{int(x.sum())} samples of {output} of {where} are {part} in {first} and {int(y.sum())} in {name}"
+                )
                 raise _unlike(first, name, f"{counts}; give both the same split, fit, validate and skip")
 
 

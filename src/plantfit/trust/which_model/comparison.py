@@ -29,7 +29,8 @@ FEWEST_UNSEEN = 10  # samples
 
 @dataclass(frozen=True)
 class Criteria:
-    """AIC, AICc and BIC `above` the least of the models, by candidate; of `samples` that are worth so many `independent` ones."""
+    """AIC, AICc and BIC `above` the least of the models, by candidate; of `samples` that are worth so many
+    `independent` ones."""
 
     samples: int
     independent: float
@@ -41,10 +42,13 @@ def enough_unseen(series: Sequence[Series]) -> bool:
     return sum(int(s.unseen.sum()) for s in series) >= FEWEST_UNSEEN
 
 
-def common_scales(problems: Sequence[Problem], series: Sequence[Series], candidates: Sequence[Candidate]) -> tuple[dict[str, float], bool]:
+def common_scales(
+    problems: Sequence[Problem], series: Sequence[Series], candidates: Sequence[Candidate]
+) -> tuple[dict[str, float], bool]:
     """By output what counts as 1, and whether these are given.
 
-    1 for a single output. Of several those that every problem was given alike, else the least RMS of the residuals of any candidate.
+    1 for a single output. Of several those that every problem was given alike, else the least RMS of the residuals of
+    any candidate.
     """
     outputs = list(dict.fromkeys(s.output for s in series))
     if len(outputs) == 1:
@@ -54,7 +58,10 @@ def common_scales(problems: Sequence[Problem], series: Sequence[Series], candida
         return {o: float(given[0][o]) for o in outputs}, True
     found = {}
     for o in outputs:
-        rms = [_rms([e[s.fitted] for e, s in zip(_errors(c.simulated, series), series, strict=True) if s.output == o]) for c in candidates]
+        rms = [
+            _rms([e[s.fitted] for e, s in zip(_errors(c.simulated, series), series, strict=True) if s.output == o])
+            for c in candidates
+        ]
         found[o] = min((r for r in rms if np.isfinite(r) and r > 0), default=1.0)
     return found, False
 
@@ -88,7 +95,10 @@ def compared(
 
 def _errors(simulated: Sequence[np.ndarray], series: Sequence[Series]) -> list[np.ndarray]:
     """Simulated minus measured (n,): NaN where nothing was measured, infinite where the simulation was not."""
-    return [np.where(np.isfinite(s.measured) & ~np.isfinite(y), np.inf, y - s.measured) for y, s in zip(simulated, series, strict=True)]
+    return [
+        np.where(np.isfinite(s.measured) & ~np.isfinite(y), np.inf, y - s.measured)
+        for y, s in zip(simulated, series, strict=True)
+    ]
 
 
 def _part(c: Candidate, series: Sequence[Series], part: Part) -> list[np.ndarray]:
@@ -96,7 +106,9 @@ def _part(c: Candidate, series: Sequence[Series], part: Part) -> list[np.ndarray
     if part == "left out" and c.left_out is None:
         return [np.full(len(s.t), np.nan) for s in series]
     errors = _errors(c.left_out if part == "left out" and c.left_out is not None else c.simulated, series)
-    return [np.where(s.unseen if part == "unseen" else s.fitted, e, np.nan) for e, s in zip(errors, series, strict=True)]
+    return [
+        np.where(s.unseen if part == "unseen" else s.fitted, e, np.nan) for e, s in zip(errors, series, strict=True)
+    ]
 
 
 def _losses(c: Candidate, series: Sequence[Series], scales: Mapping[str, float], part: Part) -> list[np.ndarray]:
@@ -131,7 +143,8 @@ def _rms(errors: Sequence[np.ndarray]) -> float:
 def _pair(a: Candidate, b: Candidate, errors: Mapping[str, Sequence[np.ndarray]], pairs: int) -> ModelPair:
     d = paired_difference(errors[a.name], errors[b.name], pairs)
     return ModelPair(
-        better=a.name, worse=b.name, difference=d.value, half_width=d.half_width, p=d.p, degrees=d.degrees, samples=d.samples,
+        better=a.name, worse=b.name, difference=d.value, half_width=d.half_width, p=d.p, degrees=d.degrees,
+        samples=d.samples,
         correlation=d.correlation, over=d.over, told=d.told,
     )  # fmt: skip
 
@@ -144,12 +157,18 @@ def _either(
 
 
 def _criteria(
-    series: Sequence[Series], models: Sequence[Candidate], candidates: Sequence[Candidate], scales: Mapping[str, float], given: bool
+    series: Sequence[Series],
+    models: Sequence[Candidate],
+    candidates: Sequence[Candidate],
+    scales: Mapping[str, float],
+    given: bool,
 ) -> Criteria:
     """AIC, AICc and BIC by candidate, as differences to the least of the models."""
     errors = {c.name: _part(c, series, "fit") for c in candidates}
     used = [~np.isnan(e) for e in errors[candidates[0].name]]
-    scaled = {n: [e[u] / scales[s.output] for e, u, s in zip(own, used, series, strict=True)] for n, own in errors.items()}
+    scaled = {
+        n: [e[u] / scales[s.output] for e, u, s in zip(own, used, series, strict=True)] for n, own in errors.items()
+    }
     total = {n: float(sum(np.sum(r**2) for r in own)) for n, own in scaled.items()}
     richest = min((c.name for c in models), key=lambda n: total[n])
     samples = sum(int(u.sum()) for u in used)
@@ -164,7 +183,9 @@ def _criteria(
         else:
             by = {g: [r for r, s in zip(scaled[c.name], series, strict=True) if s.output == g] for g in groups}
             counts = {g: sum(map(len, own)) for g, own in by.items()}
-            square = sum(counts[g] * np.log(max(_rms(own) ** 2, 1e-300)) for g, own in by.items() if counts[g]) / samples
+            square = (
+                sum(counts[g] * np.log(max(_rms(own) ** 2, 1e-300)) for g, own in by.items() if counts[g]) / samples
+            )
         raw[c.name] = criteria(float(square), samples, c.effective, factor)
     least = np.min([raw[c.name] for c in models], axis=0)
     with np.errstate(invalid="ignore"):
@@ -172,12 +193,17 @@ def _criteria(
     return Criteria(samples, samples / factor, above)
 
 
-def _row(c: Candidate, series: Sequence[Series], outputs: Sequence[str], scales: Mapping[str, float], above: list[float]) -> ComparedModel:
+def _row(
+    c: Candidate, series: Sequence[Series], outputs: Sequence[str], scales: Mapping[str, float], above: list[float]
+) -> ComparedModel:
     parts: dict[str, Part] = {"fit": "fit", "unseen": "unseen", "left_out": "left out"}
     own = {}
     for o in outputs:
         unit = next(s.unit for s in series if s.output == o)
-        errors = {key: [e for e, s in zip(_part(c, series, p), series, strict=True) if s.output == o] for key, p in parts.items()}
+        errors = {
+            key: [e for e, s in zip(_part(c, series, p), series, strict=True) if s.output == o]
+            for key, p in parts.items()
+        }
         own[o] = OutputErrors(unit=unit, **{key: _rms(e) for key, e in errors.items()})
     return ComparedModel(
         name=c.name, kind=c.kind, sentence=c.sentence, free=c.free, effective=c.effective,

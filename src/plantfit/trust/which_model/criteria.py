@@ -10,14 +10,15 @@ NEAR = 2.0  # difference of a criterion up to which a model has as much support 
 
 
 def criteria(squares: float, samples: int, effective: float, factor: float) -> tuple[float, float, float]:
-    """AIC, AICc and BIC. With K effective parameters and one for the variance, n residuals, the logarithm of whose mean square is
-    `squares` (several outputs, each with a variance of its own: the mean of theirs), and the factor c by which correlation inflates the
-    variance of a mean, in the candidate that fits best (so that all have the same):
+    """AIC, AICc and BIC. With K effective parameters and one for the variance, n residuals, the logarithm of whose mean
+    square is `squares` (several outputs, each with a variance of its own: the mean of theirs), and the factor c by
+    which correlation inflates the variance of a mean, in the candidate that fits best (so that all have the same):
 
         AIC = n ln(s^2)/c + 2 K,   AICc = AIC + 2 K (K + 1)/(n/c - K - 1),   BIC = n ln(s^2)/c + K ln(n/c)        (1)
 
-    Burnham and Anderson, Model Selection and Multimodel Inference, 2nd ed. 2002, sections 2.5 and 6.4.1; smoothed tables count
-    by their effective entries (Hastie, Tibshirani and Friedman, Elements of Statistical Learning, 2nd ed., section 7.6).
+    Burnham and Anderson, Model Selection and Multimodel Inference, 2nd ed. 2002, sections 2.5 and 6.4.1; smoothed
+    tables count by their effective entries (Hastie, Tibshirani and Friedman, Elements of Statistical Learning, 2nd ed.,
+    section 7.6).
     """
     fit, count, rest = samples * squares / factor, effective + 1.0, samples / factor - effective - 2.0
     aic = fit + 2.0 * count

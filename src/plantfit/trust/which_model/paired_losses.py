@@ -1,4 +1,5 @@
-"""Is one model's error on unseen samples less than another's: paired losses, with a variance that allows for their correlation."""
+"""Is one model's error on unseen samples less than another's: paired losses, with a variance that allows for their
+correlation."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,9 +19,10 @@ EQUAL = 0.005  # of an RMSE: what the accuracy of a simulation leaves open (`pla
 
 @dataclass(frozen=True)
 class Difference:
-    """RMSE of the second less that of the first: `value`, its 95 % interval value -+ `half_width` (NaN where there are too few `degrees`
-    of freedom), p-value. `over` what it holds: "stretches" of such data, or the "noise" of these samples alone. `told`: the interval,
-    corrected for the pairs compared, leaves out zero, and the difference is over EQUAL."""
+    """RMSE of the second less that of the first: `value`, its 95 % interval value -+ `half_width` (NaN where there
+    are too few `degrees` of freedom), p-value. `over` what it holds: "stretches" of such data, or the "noise" of
+    these samples alone. `told`: the interval, corrected for the pairs compared, leaves out zero, and the difference
+    is over EQUAL."""
 
     value: float
     half_width: float
@@ -33,23 +35,26 @@ class Difference:
 
 
 def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray], pairs: int = 1) -> Difference:
-    """The difference of two models' RMSE from errors by recording (outputs, n), NaN where nothing is compared; the second's is the larger.
+    """The difference of two models' RMSE from errors by recording (outputs, n), NaN where nothing is compared; the
+    second's is the larger.
 
-    With squared errors a_k and b_k and their means a and b, sample k moves the difference of the roots by (b_k - b)/(2 sqrt b) -
-    (a_k - a)/(2 sqrt a) (Diebold and Mariano, J. Business and Economic Statistics 13 (1995) 253). The variance of the mean of that series
-    is the average of its squared products with the first B cosines over the samples, and Student's t with B degrees of freedom gives
-    the interval, which is right for few samples and correlated losses where a normal distribution, or blocks, tell alike models apart
-    too often (Lazarus, Lewis, Stock and Watson, J. Business and Economic Statistics 36 (2018) 541, eqs. 9 and 10). B falls with the
-    correlation time of the series, the factor by which correlation inflates the variance of its mean. With several models the level is
-    shared by all `pairs` (Bonferroni).
+    With squared errors a_k and b_k and their means a and b, sample k moves the difference of the roots by (b_k - b)/(2
+    sqrt b) - (a_k - a)/(2 sqrt a) (Diebold and Mariano, J. Business and Economic Statistics 13 (1995) 253). The
+    variance of the mean of that series is the average of its squared products with the first B cosines over the
+    samples, and Student's t with B degrees of freedom gives the interval, which is right for few samples and correlated
+    losses where a normal distribution, or blocks, tell alike models apart too often (Lazarus, Lewis, Stock and Watson,
+    J. Business and Economic Statistics 36 (2018) 541, eqs. 9 and 10). B falls with the correlation time of the series,
+    the factor by which correlation inflates the variance of its mean. With several models the level is shared by all
+    `pairs` (Bonferroni).
 
-    Where that leaves under FEW cosines, as with a model that drifts away or a few large steps of the input, the inputs are taken as
-    they are: errors e and e + d differ by the known d, and e^2 and (e + d)^2 by d^2 + 2 d e, of which only 2 d e is moved by noise. Where
-    that is fast enough for ENOUGH cosines, and its mean no more than noise makes it, which is not so where the first model lacks what the
-    second has, the interval is that over the noise of these samples.
+    Where that leaves under FEW cosines, as with a model that drifts away or a few large steps of the input, the inputs
+    are taken as they are: errors e and e + d differ by the known d, and e^2 and (e + d)^2 by d^2 + 2 d e, of which only
+    2 d e is moved by noise. Where that is fast enough for ENOUGH cosines, and its mean no more than noise makes it,
+    which is not so where the first model lacks what the second has, the interval is that over the noise of these
+    samples.
 
-    Where nothing is fast enough, a model is still told where its error is so much the larger that a few numbers, or a single one, would
-    hardly ever be: the ratio of two mean squares (`_at_worst`).
+    Where nothing is fast enough, a model is still told where its error is so much the larger that a few numbers, or a
+    single one, would hardly ever be: the ratio of two mean squares (`_at_worst`).
     """
     pieces = [_paired(a, b) for a, b in zip(first, second, strict=True)]
     pieces = [p for p in pieces if len(p)]
@@ -59,7 +64,9 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
     a, b = both[:, 0].mean(), both[:, 1].mean()
     value = float(np.sqrt(b) - np.sqrt(a))
     if not np.isfinite(b):
-        return Difference(value, np.nan, 0.0 if np.isfinite(a) else 1.0, 0, len(both), 1.0, "stretches", bool(np.isfinite(a)))
+        return Difference(
+            value, np.nan, 0.0 if np.isfinite(a) else 1.0, 0, len(both), 1.0, "stretches", bool(np.isfinite(a))
+        )
     if min(a, b) <= 0:
         return Difference(value, 0.0, 0.0, 0, len(both), 1.0, "stretches", bool(b > 0))
     series = [(p[:, 1] - b) / (2 * np.sqrt(b)) - (p[:, 0] - a) / (2 * np.sqrt(a)) for p in pieces]
@@ -76,7 +83,16 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
     if degrees < FEWEST:
         half, p = _at_worst(a, b, max(1, degrees), pairs)
         if value > half:
-            return Difference(value, half, p, max(1, degrees), len(both), memory, "noise", not equal(float(np.sqrt(a)), float(np.sqrt(b))))
+            return Difference(
+                value,
+                half,
+                p,
+                max(1, degrees),
+                len(both),
+                memory,
+                "noise",
+                not equal(float(np.sqrt(a)), float(np.sqrt(b))),
+            )
         return Difference(value, np.nan, 1.0, degrees, len(both), memory, over, False)
     p = min(1.0, pairs * 2.0 * float(special.stdtr(degrees, -abs(value) / error))) if error > 0 else 1.0
     told = abs(value) > half and not equal(float(np.sqrt(a)), float(np.sqrt(b)))
@@ -84,10 +100,13 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
 
 
 def _at_worst(a: float, b: float, degrees: int, pairs: int) -> tuple[float, float]:
-    """Half the interval of a difference of RMSE, and its p-value, if the errors of each model are worth so few independent numbers: the
-    ratio b/a of the mean squares of equally good models then has the distribution F, and either may be the better one."""
+    """Half the interval of a difference of RMSE, and its p-value, if the errors of each model are worth so few
+    independent numbers: the ratio b/a of the mean squares of equally good models then has the distribution F, and
+    either may be the better one."""
     most = float(special.fdtri(degrees, degrees, 1.0 - 0.025 / pairs))
-    return float(np.sqrt(a) * (np.sqrt(most) - 1.0)), min(1.0, pairs * 2.0 * float(special.fdtrc(degrees, degrees, b / a)))
+    return float(np.sqrt(a) * (np.sqrt(most) - 1.0)), min(
+        1.0, pairs * 2.0 * float(special.fdtrc(degrees, degrees, b / a))
+    )
 
 
 def _half_width(series: Sequence[np.ndarray], degrees: int, pairs: int) -> tuple[float, float]:
@@ -138,5 +157,7 @@ def _memory(series: Sequence[np.ndarray]) -> float:
     powers = [float(np.sum((s - centre) ** 2)) for s in series]
     if sum(powers) <= 0:
         return 1.0
-    factors = [inflation(s - centre, np.arange(len(s)), 1) for s in series]  # a mean is taken off, which hides correlation
+    factors = [
+        inflation(s - centre, np.arange(len(s)), 1) for s in series
+    ]  # a mean is taken off, which hides correlation
     return float(np.dot(powers, factors) / sum(powers))

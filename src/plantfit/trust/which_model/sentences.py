@@ -13,11 +13,13 @@ from plantfit.trust.which_model.criteria import NEAR
 from plantfit.trust.which_model.paired_losses import FEWEST, equal
 
 Part = Literal["unseen", "left_out"]
-STRONG = 10.0  # difference of a criterion that leaves a model essentially no support (Burnham and Anderson 2002, section 2.6)
+# difference of a criterion that leaves a model essentially no support (Burnham and Anderson 2002, section 2.6)
+STRONG = 10.0
 
 
 def sentences(found: ComparisonOfModels) -> list[Sentence]:
-    """The verdict: which predicts best, what the criteria choose, what is determined, and what a linear model reaches."""
+    """The verdict: which predicts best, what the criteria choose, what is determined, and what a linear model
+    reaches."""
     models = [m for m in found.models if m.kind == "model"]
     part = _part(found)
     ranked = sorted(models, key=lambda m: _rmse(m, part))
@@ -90,18 +92,27 @@ def _which(found: ComparisonOfModels, ranked: Sequence[ComparedModel], part: Par
     unit = _unit(found)
     others = [f"{_shown(_rmse(m, part), decimals)}{unit} ({m.name}, {_by(own[m.name], decimals)})" for m in rest]
     if len(rest) == 1:
-        tail = f"instead of {_shown(_rmse(rest[0], part), decimals)}{unit} by {rest[0].name}, {_by(pair, decimals)} (95 %)"
+        tail = (
+            f"instead of {_shown(_rmse(rest[0], part), decimals)}{unit} by {rest[0].name}, {_by(pair, decimals)} (95 %)"
+        )
         text = f"{best.name} predicts {_where(found)} better: RMSE {_shown(_rmse(best, part), decimals)} {tail}."
     else:
         tail = f"instead of {some(others, len(others))} (95 %, all pairs together)"
         text = f"{best.name} predicts {_where(found)} best: RMSE {_shown(_rmse(best, part), decimals)}{unit} {tail}."
     if any(own[m.name].over == "noise" for m in rest):
-        text += " The difference changes too slowly for a figure over other stretches of such data; ± is over the noise of these samples."
+        text += (
+            " The difference changes too slowly for a figure over other stretches of such data; ± is over the "
+            "noise of these samples."
+        )
     return _said("good", text, best=_rmse(best, part), difference=pair.difference, half_width=pair.half_width)
 
 
 def _undecided(
-    found: ComparisonOfModels, group: Sequence[ComparedModel], far: Sequence[ComparedModel], own: Mapping[str, ModelPair], part: Part
+    found: ComparisonOfModels,
+    group: Sequence[ComparedModel],
+    far: Sequence[ComparedModel],
+    own: Mapping[str, ModelPair],
+    part: Part,
 ) -> Sentence:
     names, unit = [m.name for m in group], _unit(found)
     pair = own[group[1].name]
@@ -111,9 +122,13 @@ def _undecided(
     if all(equal(values[0], v) for v in values):
         text = f"The data do not tell {some(names, 9)} apart: on {where} they predict alike, RMSE {values[0]:.4g}{unit}"
     elif half is None:
-        length = f"what differs has a memory of {pair.correlation:.0f} samples, so that the {pair.samples} are worth {pair.degrees}"
+        length = (
+            f"what differs has a memory of {pair.correlation:.0f} samples, so that the {pair.samples} are worth "
+            f"{pair.degrees}"
+        )
         text = (
-            f"The data do not tell {some(names, 9)} apart: RMSE on {where} {some([f'{v:.4g}' for v in values], 9)}{unit}, but {length}, "
+            f"The data do not tell {some(names, 9)} apart: RMSE on {where} "
+            f"{some([f'{v:.4g}' for v in values], 9)}{unit}, but {length}, "
             f"and {FEWEST} are the fewest that a comparison can be made of; keep a longer part unseen"
         )
     else:
@@ -133,7 +148,9 @@ def _undecided(
     known = all(equal(values[0], _rmse(m, part)) or own[m.name].half_width is not None for m in group[1:])
     if len(simple) == 1 and known and _known(simple[0].bic) <= STRONG:
         more = some([str(m.free) for m in group if m is not simple[0]], 9)
-        text += f". Nothing asks for more than {simple[0].name} has: {least} parameter{'s' * (least > 1)} instead of {more}"
+        text += (
+            f". Nothing asks for more than {simple[0].name} has: {least} parameter{'s' * (least > 1)} instead of {more}"
+        )
     return _said("info", text + ".", difference=pair.difference, half_width=half)
 
 
@@ -144,7 +161,9 @@ def _criteria(found: ComparisonOfModels, ranked: Sequence[ComparedModel]) -> Sen
         near = [m.name for m in ranked if _known(getattr(m, key)) <= NEAR]
         chosen[word] = near or [min(ranked, key=lambda m: _known(getattr(m, key))).name]
     worth = f"{found.samples} residuals count as {found.independent:.0f} independent ones"
-    texts = {word: f"chooses {n[0]}" if len(n) == 1 else f"does not tell {some(n, 9)} apart" for word, n in chosen.items()}
+    texts = {
+        word: f"chooses {n[0]}" if len(n) == 1 else f"does not tell {some(n, 9)} apart" for word, n in chosen.items()
+    }
     if chosen["AICc"] == chosen["BIC"]:
         both = texts["AICc"].replace("chooses", "choose").replace("does not", "do not")
         text = f"AICc and BIC {both} ({worth})."
@@ -159,7 +178,11 @@ def _determined(ranked: Sequence[ComparedModel]) -> list[Sentence]:
     if all(d.count == d.of for d in counted.values()):
         return [_said("good", "All parameters of all models are determined by the data.")] if counted else []
     return [
-        _said("warning", f"Parameters that the data determine: {some(loose, 9)}. A model can predict well with values that mean nothing.")
+        _said(
+            "warning",
+            f"Parameters that the data determine: {some(loose, 9)}. A model can predict well with values that mean "
+            f"nothing.",
+        )
     ]
 
 
@@ -171,15 +194,23 @@ def _linear(found: ComparisonOfModels, best: ComparedModel, linear: ComparedMode
     decimals = places(half, [value, own])
     if not pair.told:
         gap = "" if half is None else f" (difference {pair.difference:.{decimals}f} ± {half:.{decimals}f})"
-        text = f"{what} does as well as {best.name}: RMSE {_shown(value, decimals)} against {_shown(own, decimals)}{unit}{gap}."
+        text = (
+            f"{what} does as well as {best.name}: RMSE {_shown(value, decimals)} against "
+            f"{_shown(own, decimals)}{unit}{gap}."
+        )
         return _said("info", text)
     if pair.better == linear.name:
         text = (
-            f"{what} predicts better than {best.name}: RMSE {_shown(value, decimals)} instead of {_shown(own, decimals)}{unit}, "
-            f"{_by(pair, decimals)}. Something that a linear model has is missing in it; `plantfit diagnose` looks for what."
+            f"{what} predicts better than {best.name}: RMSE {_shown(value, decimals)} instead of "
+            f"{_shown(own, decimals)}{unit}, "
+            f"{_by(pair, decimals)}. Something that a linear model has is missing in it; `plantfit diagnose` looks for "
+            f"what."
         )
         return _said("warning", text)
-    return _said("good", f"{what} reaches RMSE {_shown(value, decimals)}{unit}: {best.name} predicts better, {_by(pair, decimals)}.")
+    return _said(
+        "good",
+        f"{what} reaches RMSE {_shown(value, decimals)}{unit}: {best.name} predicts better, {_by(pair, decimals)}.",
+    )
 
 
 def _said(level: Level, sentence: str, **figures: float | None) -> Sentence:

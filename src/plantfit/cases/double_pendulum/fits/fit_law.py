@@ -58,12 +58,16 @@ def _with_zeros(start: Fitted, runs: Mapping[str, Run]) -> Fitted:
         x, zeros = found[: len(names)], found[len(names) :].reshape(-1, 2)
     moved = _moved(A, D, zeros)
     cost = float(np.mean((moved @ x - y) ** 2))
-    return Fitted(law, shape, dict(zip(names, x.tolist(), strict=True)), cost, first, dict(zip(runs, zeros, strict=True)))
+    return Fitted(
+        law, shape, dict(zip(names, x.tolist(), strict=True)), cost, first, dict(zip(runs, zeros, strict=True))
+    )
 
 
 def _moved(A: Sequence[np.ndarray], D: Sequence[Sequence[np.ndarray]], zeros: np.ndarray) -> np.ndarray:
     """The columns of all runs below each other, each run at its zeros (runs, 2)."""
-    return np.concatenate([np.asarray(a + z[0] * d[0] + z[1] * d[1], dtype=float) for a, d, z in zip(A, D, zeros, strict=True)])
+    return np.concatenate(
+        [np.asarray(a + z[0] * d[0] + z[1] * d[1], dtype=float) for a, d, z in zip(A, D, zeros, strict=True)]
+    )
 
 
 def _rows(values: np.ndarray) -> np.ndarray:
@@ -95,7 +99,11 @@ def torque_scores(fitted: Fitted, run: Run) -> dict[str, float]:
 def rmse_of(error: np.ndarray) -> dict[str, float]:
     """RMSE of joint 1, joint 2 and both, of errors (2, n)."""
     squares = np.mean(error**2, axis=1)
-    return {"joint 1": float(squares[0] ** 0.5), "joint 2": float(squares[1] ** 0.5), "both": float(np.mean(squares) ** 0.5)}
+    return {
+        "joint 1": float(squares[0] ** 0.5),
+        "joint 2": float(squares[1] ** 0.5),
+        "both": float(np.mean(squares) ** 0.5),
+    }
 
 
 def standard_errors(fitted: Fitted, runs: Mapping[str, Run]) -> dict[str, float]:

@@ -22,7 +22,8 @@ def published_law(name: str) -> Fitted:
 
 
 def simulated(fitted: Mapping[str, Fitted], runs: Mapping[str, Run]) -> dict[str, Windows]:
-    """Windows of 0.5 s of every run, from its own parameters in `fitted`, each begun at the smoothed angles and rates."""
+    """Windows of 0.5 s of every run, from its own parameters in `fitted`, each begun at the smoothed angles and
+    rates."""
     made: dict[str, Windows] = {}
     for law, shape in dict.fromkeys((f.law, f.shape) for f in fitted.values()):
         names = [n for n, f in fitted.items() if (f.law, f.shape) == (law, shape)]

@@ -13,7 +13,8 @@ from plantfit.models.library.regression import LinearModel
 class Law:
     """Parts and sign of `JointFriction`; `shape` names the option that is fitted over `grid` (same for both joints).
 
-    With `zeros` the encoder zeros of every fitted run are nuisance parameters. A run that was left out is predicted as recorded.
+    With `zeros` the encoder zeros of every fitted run are nuisance parameters. A run that was left out is predicted as
+    recorded.
     """
 
     name: str
@@ -28,7 +29,9 @@ WIDTHS = (0.005, 0.01, 0.02, 0.05, 0.1, 0.3)  # rad/s
 SPEEDS = (0.05, 0.1, 0.3, 1.0, 3.0)  # rad/s
 DISTANCES = (3e-4, 5e-4, 7e-4, 1e-3, 1.5e-3, 2e-3)  # rad
 PLAIN = Law("viscous, Coulomb by arctan(100 ω)", ("viscous", "coulomb"))
-PRESLIDING = Law("viscous, Coulomb with presliding", ("viscous", "coulomb"), "presliding", "presliding_distance", DISTANCES)
+PRESLIDING = Law(
+    "viscous, Coulomb with presliding", ("viscous", "coulomb"), "presliding", "presliding_distance", DISTANCES
+)
 LAWS = (
     PLAIN,
     Law("the same, width of the arctan fitted", ("viscous", "coulomb"), grid=WIDTHS),
@@ -36,10 +39,30 @@ LAWS = (
     Law("viscous, Coulomb, Stribeck", ("viscous", "coulomb", "stribeck"), "atan", "stribeck_velocity", SPEEDS),
     Law("viscous, Coulomb, load", ("viscous", "coulomb", "load")),
     PRESLIDING,
-    Law("viscous, Coulomb, load with presliding", ("viscous", "coulomb", "load"), "presliding", "presliding_distance", DISTANCES),
+    Law(
+        "viscous, Coulomb, load with presliding",
+        ("viscous", "coulomb", "load"),
+        "presliding",
+        "presliding_distance",
+        DISTANCES,
+    ),
     Law("Coulomb, load with presliding", ("coulomb", "load"), "presliding", "presliding_distance", DISTANCES),
-    Law("viscous, Coulomb with presliding, encoder zeros", ("viscous", "coulomb"), "presliding", "presliding_distance", DISTANCES, True),
-    Law("Coulomb, load with presliding, encoder zeros", ("coulomb", "load"), "presliding", "presliding_distance", DISTANCES, True),
+    Law(
+        "viscous, Coulomb with presliding, encoder zeros",
+        ("viscous", "coulomb"),
+        "presliding",
+        "presliding_distance",
+        DISTANCES,
+        True,
+    ),
+    Law(
+        "Coulomb, load with presliding, encoder zeros",
+        ("coulomb", "load"),
+        "presliding",
+        "presliding_distance",
+        DISTANCES,
+        True,
+    ),
 )
 
 

@@ -17,8 +17,9 @@ Scores = Mapping[str, float]  # "joint 1", "joint 2", "both"
 
 @dataclass(frozen=True)
 class Results:
-    """By law: `left_out` (by run) and `fitted` to all runs. By published model and run: `published`, `alike` (filtered alike),
-    `windows` and `angles`, which have "ours" besides, of the runs left out. `errors` are the chosen law's standard errors."""
+    """By law: `left_out` (by run) and `fitted` to all runs. By published model and run: `published`, `alike`
+    (filtered alike), `windows` and `angles`, which have "ours" besides, of the runs left out. `errors` are the
+    chosen law's standard errors."""
 
     runs: Mapping[str, Run]
     left_out: Mapping[str, Mapping[str, LeftOut[Fitted]]]

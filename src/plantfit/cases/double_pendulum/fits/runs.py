@@ -61,7 +61,8 @@ class Run:
         return made
 
     def block(self, law: Law, shape: float, first: Fitted | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Columns (2, n, k) and torque (2, n), filtered alike on the grid and read at the recorded times that are scored."""
+        """Columns (2, n, k) and torque (2, n), filtered alike on the grid and read at the recorded times that are
+        scored."""
         key = law.parts, law.sign, shape, None if first is None else tuple(first.values.values())
         if key not in self.kept:
             model = model_of(law, shape)

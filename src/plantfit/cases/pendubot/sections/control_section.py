@@ -52,7 +52,9 @@ def controllers(model: Model, values: Mapping[str, float]) -> dict[str, Design]:
     mirrored = -FASTER * np.abs(np.linalg.eigvals(upright.A).real)
     return {
         "PID": pid_per_output(upright, PERIOD, [*mirrored, -0.5], integral="theta1", filter_time=2e-3, limits=limits),
-        "Takagi-Sugeno": takagi_sugeno(plants, PERIOD, Q, R, premise="theta1", hold=1, estimators=filters, limits=limits),
+        "Takagi-Sugeno": takagi_sugeno(
+            plants, PERIOD, Q, R, premise="theta1", hold=1, estimators=filters, limits=limits
+        ),
         "LQR": lqr(upright, PERIOD, Q, R, estimator=estimator, limits=limits),
         "MPC": mpc(upright, PERIOD, Q, R, limits=limits, horizon=40, hold=10, steps=12, estimator=estimator),
     }
@@ -67,7 +69,14 @@ def closed(design: Design, model: Model) -> ClosedLoop:
 def caught(loop: ClosedLoop, design: Design, plant: Mapping[str, float]) -> Caught:
     """How far link 1 may lean (rad) with both links in line and at rest, and still be brought upright."""
     return largest_initial_angle(
-        loop, design.parameters, plant, UPRIGHT, {"theta1": 1.0}, largest=np.radians(25.0), resolution=np.radians(0.1), seconds=3.0
+        loop,
+        design.parameters,
+        plant,
+        UPRIGHT,
+        {"theta1": 1.0},
+        largest=np.radians(25.0),
+        resolution=np.radians(0.1),
+        seconds=3.0,
     )
 
 
@@ -76,8 +85,8 @@ def control_section(
 ) -> dict[str, Any]:
     """A section of a case page: designs on the identified `values`, run on the plant `truth` (the same if left out).
 
-    Both hold m1, m2, lc1, lc2, I1, I2 or b1, b2, b4, b5 (SI), and the motor's kt, ke, Ra where they differ from the paper's.
-    `start` (rad) is the lean from which the motions of the figure begin.
+    Both hold m1, m2, lc1, lc2, I1, I2 or b1, b2, b4, b5 (SI), and the motor's kt, ke, Ra where they differ from the
+    paper's. `start` (rad) is the lean from which the motions of the figure begin.
     """
     designs = controllers(_model(values), MOTOR | dict(values))
     plant = MOTOR | dict(values if truth is None else truth)
@@ -87,7 +96,9 @@ def control_section(
         loop = closed(design, model)
         best = caught(loop, design, plant)
         worst = [caught(loop, design, other) for other in _off(plant)]
-        runs[name] = loop.simulate(design.parameters, plant, {}, samples=3000, x0=UPRIGHT | {"theta1": np.pi / 2 + start})
+        runs[name] = loop.simulate(
+            design.parameters, plant, {}, samples=3000, x0=UPRIGHT | {"theta1": np.pi / 2 + start}
+        )
         tail = np.asarray(runs[name].u["V"])[-1000:]
         ways = [best.low, best.high, min(w.low for w in worst), min(w.high for w in worst)]
         rows.append([name, WAYS[name], *(f"{np.degrees(w):.1f}" for w in ways), f"{np.sqrt(np.mean(tail**2)):.2f}"])
@@ -99,16 +110,19 @@ def control_section(
         "title": "Held upright (virtual rig)",
         "sentences": [
             f"Four controllers, designed on the identified plant, hold the upright on "
-            f"{'that plant' if truth is None else 'the virtual rig, which has the true parameters'}, with encoders of {COUNTS} counts, "
+            f"{'that plant' if truth is None else 'the virtual rig, which has the true parameters'}, with encoders of "
+            f"{COUNTS} counts, "
             f"one voltage every {1000 * PERIOD:g} ms and an amplifier of +-{LIMIT:g} V in the loop.",
             f"Each catches both links in line and at rest that lean at least {least:.1f} degrees to either side.",
-            f"From {np.degrees(start):.0f} degrees link 1 swings out to {out:.0f} degrees on its way under link 2, where a linear design "
+            f"From {np.degrees(start):.0f} degrees link 1 swings out to {out:.0f} degrees on its way under link 2, "
+            f"where a linear design "
             "fits less and less.",
             f"The last two angles are those on a worse plant: all parameters of the links {off}, up and down in turn.",
         ],
         "tables": [
             {
-                "caption": f"Largest lean of link 1 that is caught, in degrees (found to {np.degrees(max(steps)):.2f} degrees), and the "
+                "caption": f"Largest lean of link 1 that is caught, in degrees (found to {np.degrees(max(steps)):.2f} "
+                f"degrees), and the "
                 "voltage once at rest",
                 "columns": ["controller", "design", "to -", "to +", f"to -, {off}", f"to +, {off}", "V rms at rest"],
                 "rows": rows,
@@ -122,7 +136,10 @@ def _figure(runs: Mapping[str, Any], start: float) -> dict[str, Any]:
     shown = runs["LQR"]
     theta1, theta2 = np.asarray(shown.states["theta1"]), np.asarray(shown.states["theta2"])
     panels = [
-        Panel("theta1 from the upright [deg]", {n: np.degrees(np.asarray(r.states["theta1"]) - np.pi / 2) for n, r in runs.items()}),
+        Panel(
+            "theta1 from the upright [deg]",
+            {n: np.degrees(np.asarray(r.states["theta1"]) - np.pi / 2) for n, r in runs.items()},
+        ),
         Panel("theta2 [deg]", {n: np.degrees(np.asarray(r.states["theta2"])) for n, r in runs.items()}),
         Panel("voltage [V]", {n: np.asarray(r.u["V"]) for n, r in runs.items()}),
     ]
@@ -149,4 +166,6 @@ def _model(values: Mapping[str, float]) -> Model:
 def _off(plant: Mapping[str, float]) -> list[dict[str, float]]:
     """Two plants around this one: every parameter of the links up and down in turn, and the other way round."""
     links = [n for n in plant if n not in MOTOR]
-    return [dict(plant) | {n: plant[n] * (1.0 + OFF * sign * (-1) ** k) for k, n in enumerate(links)} for sign in (1, -1)]
+    return [
+        dict(plant) | {n: plant[n] * (1.0 + OFF * sign * (-1) ** k) for k, n in enumerate(links)} for sign in (1, -1)
+    ]

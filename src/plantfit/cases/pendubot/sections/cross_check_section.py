@@ -27,7 +27,8 @@ def cross_check_section(
     compared = cross_check(inverse.estimate, forward.estimate)
     ratio = forward.estimate.standard_error / inverse.estimate.standard_error
     why = (
-        ": it also uses the play of the loop about each pose, which instruments leave out because it moves with the errors of the encoders"
+        ": it also uses the play of the loop about each pose, which instruments leave out because it moves with the "
+        "errors of the encoders"
         if stretch is None
         else ", from a part of the record"
     )
@@ -35,7 +36,8 @@ def cross_check_section(
         inverse.bias.sentence,
         compared.sentence,
         f"The forward fit's standard errors are {span(ratio.tolist(), None)} of the inverse fit's{why}.",
-        f"The forward fit leaves {number(forward.rmse)} encoder steps (RMS) in the angles; rounding alone leaves about 0.289. "
+        f"The forward fit leaves {number(forward.rmse)} encoder steps (RMS) in the angles; rounding alone leaves about "
+        f"0.289. "
         "It takes the recorded voltage as exact, and the inverse fit does not need the angles to follow from it.",
     ]
     if truth is not None:
@@ -46,9 +48,16 @@ def cross_check_section(
     if truth is not None:
         columns.append("Truth")
         rows = [[*row, f"{truth[name]:.6g}"] for row, name in zip(rows, BASE_UNITS, strict=True)]
-    note = "Inverse fit: instrumental variables. Chi-squared has one degree of freedom a row and counts both fits as independent."
+    note = (
+        "Inverse fit: instrumental variables. Chi-squared has one degree of freedom a row and counts both fits as "
+        "independent."
+    )
     if stretch is not None:
-        note += f" The forward fit saw {stretch[0]:g} to {stretch[1]:g} s of the record only; the whole study (--full) gives it all."
+        note += (
+            f" The forward fit saw {stretch[0]:g} to {stretch[1]:g} s of the record only; the whole study "
+            f"(--full) "
+            f"gives it all."
+        )
     return {
         "title": f"Backwards and forwards ({shown})",
         "sentences": sentences,
@@ -70,7 +79,8 @@ def _against_truth(inverse: Estimate, forward: Estimate, truth: Mapping[str, flo
         "."
         if both <= FAR
         else (
-            f": more than {FAR:g} is no chance of one fit in a hundred. Both use the same angles, and an error of the encoders moves them "
+            f": more than {FAR:g} is no chance of one fit in a hundred. Both use the same angles, and an error of the "
+            f"encoders moves them "
             "together, which their comparison cannot show."
         )
     )
@@ -78,5 +88,7 @@ def _against_truth(inverse: Estimate, forward: Estimate, truth: Mapping[str, flo
 
 
 def _row(k: int, name: str, fits: Mapping[str, Estimate], chi: float) -> list[str]:
-    values = [cell for e in fits.values() for cell in (f"{e.values[k]:.6g}", number(float(np.ptp([e.low[k], e.high[k]])) / 2))]
+    values = [
+        cell for e in fits.values() for cell in (f"{e.values[k]:.6g}", number(float(np.ptp([e.low[k], e.high[k]])) / 2))
+    ]
     return [name, BASE_UNITS[name], *values, number(chi)]

@@ -28,11 +28,13 @@ def experiment_section(
     limits: Limits | None = None,
     records: int = 1,
 ) -> dict[str, Any]:
-    """Find `moves` between upright poses that tell most about b1, b2, b4, b5 in the time of `rig`, and compare on the rig itself.
+    """Find `moves` between upright poses that tell most about b1, b2, b4, b5 in the time of `rig`, and compare on the
+    rig itself.
 
-    The search simulates the closed loop with the rig's parameters without noise; here they are the truth, on a bench those
-    of the first record. Both trajectories then run on the rig with its sensors, and the information is that of the true motion.
-    From `records` recordings of each (seeds seed, seed + 1, ...) the coefficients are estimated by instrumental variables.
+    The search simulates the closed loop with the rig's parameters without noise; here they are the truth, on a bench
+    those of the first record. Both trajectories then run on the rig with its sensors, and the information is that of
+    the true motion. From `records` recordings of each (seeds seed, seed + 1, ...) the coefficients are estimated by
+    instrumental variables.
     """
     rig = PendubotRig() if rig is None else rig
     family = UprightMoves(rig, moves, limits or Limits())
@@ -44,13 +46,34 @@ def experiment_section(
     return {
         "title": "The next experiment (virtual rig)",
         "sentences": [*_sentences(told, found.evaluations, moves, method, rig), _kept(runs["D-optimal"], family)],
-        "tables": [_errors(rig, runs), *([_practised(rigs, range(seed, seed + records))] if records else []), _moves(poses)],
-        "figures": [{"figure": _figure(runs), "label": "theta1 and voltage over time in the paper's experiment and in the D-optimal one."}],
+        "tables": [
+            _errors(rig, runs),
+            *([_practised(rigs, range(seed, seed + records))] if records else []),
+            _moves(poses),
+        ],
+        "figures": [
+            {
+                "figure": _figure(runs),
+                "label": "theta1 and voltage over time in the paper's experiment and in the D-optimal one.",
+            }
+        ],
     }
 
 
 def _with_poses(rig: PendubotRig, poses: tuple[Move, ...]) -> PendubotRig:
-    kept = ("parameters", "friction", "duration", "period", "counts", "voltage_noise", "limit", "l1", "g", "substeps", "weights")
+    kept = (
+        "parameters",
+        "friction",
+        "duration",
+        "period",
+        "counts",
+        "voltage_noise",
+        "limit",
+        "l1",
+        "g",
+        "substeps",
+        "weights",
+    )
     return PendubotRig(poses=poses, **{n: getattr(rig, n) for n in kept})
 
 
@@ -64,7 +87,8 @@ def _run(rig: PendubotRig, family: UprightMoves) -> dict[str, Any]:
 
 def _sentences(told: Gain, evaluations: float, moves: int, method: str, rig: PendubotRig) -> list[str]:
     return [
-        f"{evaluations:.0f} closed loops of {moves} moves between upright poses in the same {rig.duration:g} s were tried by {method}.",
+        f"{evaluations:.0f} closed loops of {moves} moves between upright poses in the same {rig.duration:g} s were "
+        f"tried by {method}.",
         f"Beside the paper's trajectory on the same rig: {told.sentence}",
         "Errors are those that white noise of the recorded voltage alone would give; noise in the angles adds to both.",
     ]
@@ -95,13 +119,17 @@ def _errors(rig: PendubotRig, runs: dict[str, dict[str, Any]]) -> dict[str, Any]
 
 
 def _practised(rigs: dict[str, PendubotRig], seeds: range) -> dict[str, Any]:
-    """What recordings with encoder steps and noise make of the coefficients: standard errors and errors of every estimate."""
+    """What recordings with encoder steps and noise make of the coefficients: standard errors and errors of every
+    estimate."""
     rows = []
     for which, rig in rigs.items():
         values = np.array([rig.base[n] for n in NAMES])
         for seed in seeds:
             e = estimated(rig, seed)
-            told = [f"{100 * s / v:.2g} ({100 * (x - v) / v:+.2g})" for s, x, v in zip(e.standard_error, e.values, values, strict=True)]
+            told = [
+                f"{100 * s / v:.2g} ({100 * (x - v) / v:+.2g})"
+                for s, x, v in zip(e.standard_error, e.values, values, strict=True)
+            ]
             rows.append([which, str(seed), *told])
     caption = "Estimated from the sensors by instrumental variables: standard error (error) in percent"
     return {"caption": caption, "columns": ["Experiment", "Seed", *NAMES], "rows": rows}
@@ -122,7 +150,11 @@ def estimated(rig: PendubotRig, seed: int) -> Estimate:
 
 def _moves(poses: tuple[Move, ...]) -> dict[str, Any]:
     rows = [[str(k), f"{m.start:.3f}", f"{m.duration:.3f}", f"{np.degrees(m.to):.2f}"] for k, m in enumerate(poses, 1)]
-    return {"caption": "The moves found", "columns": ["Move", "Start [s]", "Duration [s]", "To theta1 [degrees]"], "rows": rows}
+    return {
+        "caption": "The moves found",
+        "columns": ["Move", "Start [s]", "Duration [s]", "To theta1 [degrees]"],
+        "rows": rows,
+    }
 
 
 def _figure(runs: dict[str, dict[str, Any]]) -> dict[str, Any]:
@@ -130,7 +162,14 @@ def _figure(runs: dict[str, dict[str, Any]]) -> dict[str, Any]:
     for k, (which, run) in enumerate(runs.items()):
         t = style.numbers(run["t"][::DRAWN], 5)
         line = {"color": style.SERIES[k], "width": 1.8}
-        base = {"type": "scatter", "mode": "lines", "x": t, "name": style.plain(which), "legendgroup": which, "line": line}
+        base = {
+            "type": "scatter",
+            "mode": "lines",
+            "x": t,
+            "name": style.plain(which),
+            "legendgroup": which,
+            "line": line,
+        }
         traces.append(base | {"y": style.numbers(np.degrees(run["states"][::DRAWN, 0]), 5), "yaxis": "y"})
         traces.append(base | {"y": style.numbers(run["V"][::DRAWN], 4), "yaxis": "y2", "showlegend": False})
     layout = style.layout(440, showlegend=True, hovermode="closest")

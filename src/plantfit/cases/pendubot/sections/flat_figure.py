@@ -19,8 +19,8 @@ POINTS = 121
 
 
 def across(found: Combinations, curve: FlatCurve) -> tuple[np.ndarray, np.ndarray]:
-    """Way (n,) in widths of the box and points (n, d) on the straight line through the answer, along which what is determined
-    changes most among the parameters that move on the curve."""
+    """Way (n,) in widths of the box and points (n, d) on the straight line through the answer, along which what is
+    determined changes most among the parameters that move on the curve."""
     width, answer = found.upper - found.lower, curve.points[curve.at]
     moving = [found.names.index(n) for n in curve.moving]
     rows = found.jacobian(answer)[:, moving] * width[moving]
@@ -40,7 +40,10 @@ def flat_figure(found: Combinations, curves: Sequence[FlatCurve], data: Compress
     traces, shown = [], []
     for k, curve in enumerate(curves):
         colour, moving = style.SERIES[k % len(style.SERIES)], some(curve.moving, most=8)
-        for label, dash, (way, points) in (("along", "solid", (curve.arc, curve.points)), ("across", "dot", across(found, curve))):
+        for label, dash, (way, points) in (
+            ("along", "solid", (curve.arc, curve.points)),
+            ("across", "dot", across(found, curve)),
+        ):
             rmse = np.sqrt(np.asarray(cost(jnp.asarray(points))))
             shown.append(rmse)
             traces.append(

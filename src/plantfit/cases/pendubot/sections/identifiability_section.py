@@ -1,4 +1,5 @@
-"""Section of the pendubot's page: what its torque determines, what stays open, what would open it, and the optimum that physics allows."""
+"""Section of the pendubot's page: what its torque determines, what stays open, what would open it, and the optimum
+that physics allows."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -46,8 +47,8 @@ def identifiability_section(
 
     `recording` has the signals of `pendubot_regression` and tau1 (N m); `answer` are the m1, m2, lc1, lc2, I1, I2 from
     which the flat curves start, by default a possible body nearest to the estimate; `estimate` an unbiased one of
-    b1, b2, b4, b5 beside plain least squares; `truth` the true b's where known; `lengths` of the links in m. `shown` says
-    in the title which data these are.
+    b1, b2, b4, b5 beside plain least squares; `truth` the true b's where known; `lengths` of the links in m. `shown`
+    says in the title which data these are.
     """
     l1, l2 = lengths
     model = pendubot_regression(l1=l1, g=g)
@@ -86,7 +87,8 @@ def identifiability_section(
 
 
 def candidates(l1: float, l2: float, g: float) -> list[Measurement]:
-    """Measurements that a workshop can make, with standard deviations that are ours: 0.5 g, 1 mm, 1 ms, and 1 % of a torque record."""
+    """Measurements that a workshop can make, with standard deviations that are ours: 0.5 g, 1 mm, 1 ms, and 1 % of a
+    torque record."""
     mass, place = ADDED
 
     def period(p: Mapping[str, Any], k: int) -> Any:
@@ -110,7 +112,9 @@ def candidates(l1: float, l2: float, g: float) -> list[Measurement]:
             lambda p: [p["m1"] * p["lc1"], p["I1"] + p["m1"] * p["lc1"] ** 2],
             [2.5e-4, 3.5e-5],
         ),
-        Measurement(f"a record with {1e3 * mass:g} g added to link 2 at {place:g} m", with_mass, [4e-5, 3e-5, 4e-4, 1.5e-4]),
+        Measurement(
+            f"a record with {1e3 * mass:g} g added to link 2 at {place:g} m", with_mass, [4e-5, 3e-5, 4e-4, 1.5e-4]
+        ),
     ]
 
 
@@ -119,28 +123,50 @@ def _box(model: Any) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
     return tuple(p.name for p in model.parameters), low, high
 
 
-def _both_joints(recording: Recording, names: Sequence[str], low: Any, high: Any, lengths: tuple[float, float], g: float) -> str:
+def _both_joints(
+    recording: Recording, names: Sequence[str], low: Any, high: Any, lengths: tuple[float, float], g: float
+) -> str:
     """Whether the equation of joint 2, whose torque is zero, adds a combination."""
     both = pendubot_regression(joints=(1, 2), l1=lengths[0], g=g)
     rows = np.vstack(list(both.blocks({s: recording[s] for s in both.signals}).values()))
     found = combinations(both.coefficient_values, names, low, high, tuple(both.coefficients), rows)
-    more = "no further combination" if found.rank == len(both.coefficients) else f"only {found.rank} combinations in all"
+    more = (
+        "no further combination" if found.rank == len(both.coefficients) else f"only {found.rank} combinations in all"
+    )
     return (
-        f"The equation of joint 2, whose torque is zero, contains the same coefficients and gives {more}; so does any fit of the "
+        f"The equation of joint 2, whose torque is zero, contains the same coefficients and gives {more}; so does any "
+        f"fit of the "
         "angles, because the motion depends on these coefficients alone."
     )
 
 
-def _base_table(found: Combinations, plain: np.ndarray, spread: np.ndarray, estimate: Estimate | None, truth: Any) -> dict[str, Any]:
-    columns = ["Combination", "Unit", "Least squares", "± 95 %"] + ([] if estimate is None else ["Instrumental variables", "± 95 %"])
+def _base_table(
+    found: Combinations, plain: np.ndarray, spread: np.ndarray, estimate: Estimate | None, truth: Any
+) -> dict[str, Any]:
+    columns = ["Combination", "Unit", "Least squares", "± 95 %"] + (
+        [] if estimate is None else ["Instrumental variables", "± 95 %"]
+    )
     rows = []
     for i, text in enumerate(found.texts):
-        row = [text, "kg m^2" if found.labels[i] in ("b1", "b2") else "kg m", f"{plain[i]:.6g}", number(1.96 * np.sqrt(spread[i, i]))]
+        row = [
+            text,
+            "kg m^2" if found.labels[i] in ("b1", "b2") else "kg m",
+            f"{plain[i]:.6g}",
+            number(1.96 * np.sqrt(spread[i, i])),
+        ]
         if estimate is not None:
             row += [f"{estimate.values[i]:.6g}", number(1.96 * estimate.standard_error[i])]
         rows.append(row + ([] if truth is None else [f"{truth[found.labels[i]]:.6g}"]))
-    note = "Intervals of least squares respect the autocorrelation of the residuals, but not the bias that noise in the columns gives."
-    return {"caption": "What is determined", "columns": columns + ([] if truth is None else ["Truth"]), "rows": rows, "note": note}
+    note = (
+        "Intervals of least squares respect the autocorrelation of the residuals, but not the bias that noise in "
+        "the columns gives."
+    )
+    return {
+        "caption": "What is determined",
+        "columns": columns + ([] if truth is None else ["Truth"]),
+        "rows": rows,
+        "note": note,
+    }
 
 
 def _floor(
@@ -150,11 +176,19 @@ def _floor(
     data, rows, sentences = compress(columns, torque), [], []
     for what, constraints in (("bounds", {}), ("bounds and feasibility", link_constraints(links))):
         optimum = constrained_optimum(data, model.coefficient_values, names, low, high, constraints)
-        floor = certified_floor(data, model.coefficient_values, names, low, high, links, optimum.cost, inside_links=bool(constraints))
+        floor = certified_floor(
+            data, model.coefficient_values, names, low, high, links, optimum.cost, inside_links=bool(constraints)
+        )
         sentences += [f"Within {what}: {optimum.sentence}", floor.sentence]
         pressed = "; ".join(optimum.active) or "nothing"
         rows.append(
-            [what, f"{optimum.rmse:.9g}", f"{100 * (optimum.rmse / np.sqrt(optimum.free_cost) - 1):.3g} %", pressed, f"{optimum.kkt:.0e}"]
+            [
+                what,
+                f"{optimum.rmse:.9g}",
+                f"{100 * (optimum.rmse / np.sqrt(optimum.free_cost) - 1):.3g} %",
+                pressed,
+                f"{optimum.kkt:.0e}",
+            ]
         )
     caption = "The floor that every optimizer is compared to"
     table = {

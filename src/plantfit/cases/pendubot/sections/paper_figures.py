@@ -32,7 +32,12 @@ def trajectory_figure(recording: Recording) -> Figure:
 
 def signals_figure(recording: Recording) -> Figure:
     """Figure 4: angle, rate, acceleration and torque over time."""
-    rows = (("theta", "angle [rad]"), ("omega", "rate [rad/s]"), ("alpha", "acceleration [rad/s^2]"), ("tau", "torque [N m]"))
+    rows = (
+        ("theta", "angle [rad]"),
+        ("omega", "rate [rad/s]"),
+        ("alpha", "acceleration [rad/s^2]"),
+        ("tau", "torque [N m]"),
+    )
     data, layout = [], style.layout(640, showlegend=True)
     for k, (kind, title) in enumerate(rows):
         low = 1 - (k + 1) / len(rows) + 0.02
@@ -46,19 +51,25 @@ def signals_figure(recording: Recording) -> Figure:
     return {"data": data, "layout": layout}
 
 
-def overlay_figure(recording: Recording, torques: Mapping[str, np.ndarray], zoom: tuple[float, float] | None = None) -> Figure:
+def overlay_figure(
+    recording: Recording, torques: Mapping[str, np.ndarray], zoom: tuple[float, float] | None = None
+) -> Figure:
     """Figure 5: the torque measured and by the best parameters of every method, over all time or in a zoom (s)."""
     t = recording.t
     part = np.ones(len(t), bool) if zoom is None else (t >= zoom[0]) & (t <= zoom[1])
     data = [_line(t[part], recording["tau1"][part], "measured", style.MEASURED) | {"opacity": 0.55}]
     palette = colours(list(torques))
     for name, torque in torques.items():
-        data.append(_line(t[part], torque[part], name, palette[name][0], ("solid", "dash", "dot", "dashdot")[len(data) % 4]))
+        data.append(
+            _line(t[part], torque[part], name, palette[name][0], ("solid", "dash", "dot", "dashdot")[len(data) % 4])
+        )
     headings = [] if zoom is None else [style.heading(f"{zoom[0]:g} to {zoom[1]:g} s", 0, 1.02)]
     return {"data": data, "layout": _time_layout(320, "torque of joint 1 [N m]", headings)}
 
 
-def residual_figure(recording: Recording, torques: Mapping[str, np.ndarray], against: str, zoom: tuple[float, float]) -> Figure:
+def residual_figure(
+    recording: Recording, torques: Mapping[str, np.ndarray], against: str, zoom: tuple[float, float]
+) -> Figure:
     """In a zoom (s): the measured torque less that named `against`, and below every other one less it."""
     part, palette = (recording.t >= zoom[0]) & (recording.t <= zoom[1]), colours(list(torques))
     base = torques[against][part]
@@ -87,7 +98,11 @@ def parameters_figure(runs: Sequence[MethodRuns], space: Space, truth: Mapping[s
         best = {"color": colour, "size": 10, "symbol": "diamond", "line": {"color": style.INK, "width": 1}}
         data.append(_dots(place, share[r.best], f"{style.plain(r.label)}, best run", best))
     true = (np.array([truth[n] for n in names]) - lower) / (upper - lower)
-    data.append(_dots(np.arange(len(names)), true, "truth of the rig", {"color": style.INK, "size": 22, "symbol": "line-ew-open"}))
+    data.append(
+        _dots(
+            np.arange(len(names)), true, "truth of the rig", {"color": style.INK, "size": 22, "symbol": "line-ew-open"}
+        )
+    )
     layout = style.layout(380, showlegend=True)
     layout["xaxis"] = style.axis(tickvals=list(range(len(names))), ticktext=[style.plain(n) for n in names])
     layout["yaxis"] = style.axis("share of the way from the lower to the upper bound", range=[-0.03, 1.03])
@@ -120,7 +135,14 @@ def _line(t: np.ndarray, y: np.ndarray, name: str, colour: str, dash: str = "sol
 
 
 def _dots(x: np.ndarray, y: np.ndarray, name: str, marker: dict[str, Any]) -> dict[str, Any]:
-    return {"type": "scatter", "mode": "markers", "name": name, "marker": marker, "x": style.numbers(x, 5), "y": style.numbers(y, 5)}
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "name": name,
+        "marker": marker,
+        "x": style.numbers(x, 5),
+        "y": style.numbers(y, 5),
+    }
 
 
 def _time_layout(height: int, title: str, annotations: Sequence[dict[str, Any]] = ()) -> dict[str, Any]:

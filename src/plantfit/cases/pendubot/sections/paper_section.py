@@ -1,4 +1,5 @@
-"""The paper's study as sections of the page: its tables and figures with our numbers, its legible ones beside them, and the gaps."""
+"""The paper's study as sections of the page: its tables and figures with our numbers, its legible ones beside them,
+and the gaps."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -24,7 +25,8 @@ from plantfit.study.comparing.statistics import summarise
 
 UNITS = {"m1": "kg", "m2": "kg", "lc1": "m", "lc2": "m", "I1": "kg m^2", "I2": "kg m^2"}
 BUDGET_AND_PAPER = (
-    "PSO, CGA, SSA: 50 members, 200 iterations (ours, the paper prints neither). The paper's means lie 0.34 % (SSA) and 3.2 % (CGA) "
+    "PSO, CGA, SSA: 50 members, 200 iterations (ours, the paper prints neither). The paper's means lie 0.34 % (SSA) "
+    "and 3.2 % (CGA) "
     "above its best."
 )
 Section = dict[str, Any]
@@ -35,12 +37,15 @@ def record_section(record: TorqueRecord, floor: Floor) -> Section:
     run = record.run
     rates = {n: float(np.sqrt(np.mean((record.recording[n] - run.exact[n]) ** 2))) for n in ("omega1", "omega2")}
     cut = (
-        f"{record.rule} Both angles pass it; rates and accelerations are central differences, off by {rates['omega1']:.2g} and "
+        f"{record.rule} Both angles pass it; rates and accelerations are central differences, off by "
+        f"{rates['omega1']:.2g} and "
         f"{rates['omega2']:.2g} rad/s rms. The torque is that of the recorded voltage, not filtered, as in the paper."
     )
     sentences = [
-        "Nothing here was measured on a machine: a virtual rig with the paper's motor, encoders, sampling and trajectory made the record.",
-        "The paper gives no controller. Ours is an LQG whose observer trusts the encoders until the torque chatters as much as the paper's "
+        "Nothing here was measured on a machine: a virtual rig with the paper's motor, encoders, sampling and "
+        "trajectory made the record.",
+        "The paper gives no controller. Ours is an LQG whose observer trusts the encoders until the torque chatters as "
+        "much as the paper's "
         "residual, 0.015 N m: that the least RMSE is near the paper's is so by construction.",
         cut,
         *floor.sentences,
@@ -50,9 +55,15 @@ def record_section(record: TorqueRecord, floor: Floor) -> Section:
     poses = poses_figure(run.recording, run.truth["base"], constants["l1"], constants["g"])
     figures = [
         {"figure": scheme_figure(run.truth["parameters"]), "label": "The links and their names (paper's figure 1)"},
-        {"figure": poses, "label": "The three poses (figure 3), the reference of the angles, and the flat output (equation 16)"},
+        {
+            "figure": poses,
+            "label": "The three poses (figure 3), the reference of the angles, and the flat output (equation 16)",
+        },
         {"figure": trajectory_figure(run.recording), "label": "Angles of the virtual rig and their references"},
-        {"figure": signals_figure(record.recording), "label": "Angles, rates, accelerations and torque of the virtual rig (figure 4)"},
+        {
+            "figure": signals_figure(record.recording),
+            "label": "Angles, rates, accelerations and torque of the virtual rig (figure 4)",
+        },
     ]
     return {"title": "Virtual rig: the record of the paper's study", "sentences": sentences, "figures": figures}
 
@@ -61,7 +72,8 @@ def _truth(record: TorqueRecord, floor: Floor) -> str:
     truth = record.run.truth["parameters"]
     apart = max(floor.values, key=lambda n: abs(floor.values[n] / truth[n] - 1.0))
     return (
-        f"The optimum is not the truth: {apart} is {floor.values[apart]:.3g} {UNITS[apart]} there and {truth[apart]:.3g} on the rig, "
+        f"The optimum is not the truth: {apart} is {floor.values[apart]:.3g} {UNITS[apart]} there and "
+        f"{truth[apart]:.3g} on the rig, "
         "because this torque hardly shows link 2, which stays upright, and the smoothed motion has errors of its own."
     )
 
@@ -73,7 +85,10 @@ def results_section(record: TorqueRecord, problem: Problem, floor: Floor, runs: 
     torques["theoretical"] = problem.predict(np.array([truth[n] for n in problem.space.names]))["tau1"]
     rmse = {r.label: r.rmse for r in runs}
     figures = [
-        {"figure": overlay_figure(record.recording, torques), "label": f"Torque of the virtual rig and of the best runs ({model.name})"},
+        {
+            "figure": overlay_figure(record.recording, torques),
+            "label": f"Torque of the virtual rig and of the best runs ({model.name})",
+        },
         {
             "figure": overlay_figure(record.recording, torques, ZOOM),
             "label": "The same from 5 to 6.6 s (paper's figure 5); theoretical: by the "
@@ -81,17 +96,27 @@ def results_section(record: TorqueRecord, problem: Problem, floor: Floor, runs: 
         },
         {
             "figure": residual_figure(record.recording, torques, "theoretical", ZOOM),
-            "label": "From 5 to 6.6 s: what the theoretical torque leaves of the measured one, and how far the best runs are from it",
+            "label": "From 5 to 6.6 s: what the theoretical torque leaves of the measured one, and how far the best "
+            "runs are from it",
         },
-        {"figure": bars_figure("mean time of a run [s]", {r.label: r.seconds for r in runs}), "label": "Time of a run (figure 6)"},
+        {
+            "figure": bars_figure("mean time of a run [s]", {r.label: r.seconds for r in runs}),
+            "label": "Time of a run (figure 6)",
+        },
         {"figure": bars_figure("mean RMSE [N m]", rmse), "label": "RMSE with 95 % intervals, virtual rig (figure 7)"},
         {
             "figure": parameters_figure(runs, problem.space, truth),
-            "label": "Answers of the runs (250 of a method at most) between their bounds, the best of each method, and the truth",
+            "label": "Answers of the runs (250 of a method at most) between their bounds, the best of each method, and "
+            "the truth",
         },
     ]
     tables = [_best_table(problem, floor, runs, truth), _rmse_table(runs), _time_table(runs)]
-    return {"title": "Virtual rig: tables 2 to 4 and figures 5 to 7", "sentences": _told(runs), "tables": tables, "figures": figures}
+    return {
+        "title": "Virtual rig: tables 2 to 4 and figures 5 to 7",
+        "sentences": _told(runs),
+        "tables": tables,
+        "figures": figures,
+    }
 
 
 def _told(runs: Sequence[MethodRuns]) -> list[str]:
@@ -99,15 +124,25 @@ def _told(runs: Sequence[MethodRuns]) -> list[str]:
     wide = max(runs, key=lambda r: float(np.mean(np.ptp(r.answers, axis=0))))
     spread = float(np.median(np.std(wide.answers, axis=0) / np.mean(wide.answers, axis=0)))
     return [
-        f"{sum(len(r.gap) for r in runs)} runs took {total:.0f} s in all, compilation included; the paper's took about 900 s each.",
-        f"The RMSE of all runs of {wide.label} agree to {np.ptp(wide.rmse) / wide.rmse.min():.1g}, their parameters differ by "
-        f"{100 * spread:.0f} % (median standard deviation): a small spread of the RMSE says nothing about the parameters.",
+        f"{sum(len(r.gap) for r in runs)} runs took {total:.0f} s in all, compilation included; the paper's took about "
+        f"900 s each.",
+        f"The RMSE of all runs of {wide.label} agree to {np.ptp(wide.rmse) / wide.rmse.min():.1g}, their parameters "
+        f"differ by "
+        f"{100 * spread:.0f} % (median standard deviation): a small spread of the RMSE says nothing about the "
+        f"parameters.",
     ]
 
 
-def _best_table(problem: Problem, floor: Floor, runs: Sequence[MethodRuns], truth: Mapping[str, float]) -> dict[str, Any]:
+def _best_table(
+    problem: Problem, floor: Floor, runs: Sequence[MethodRuns], truth: Mapping[str, float]
+) -> dict[str, Any]:
     rows = [
-        [f"{n} [{UNITS[n]}]", *(f"{r.answers[r.best][k]:.4g}" for r in runs), f"{floor.values[n]:.4g}", f"{truth[n]:.4g}"]
+        [
+            f"{n} [{UNITS[n]}]",
+            *(f"{r.answers[r.best][k]:.4g}" for r in runs),
+            f"{floor.values[n]:.4g}",
+            f"{truth[n]:.4g}",
+        ]
         for k, n in enumerate(problem.space.names)
     ]
     rows.append(["RMSE [N m]", *(f"{r.rmse[r.best]:.9f}" for r in runs), f"{floor.rmse:.9f}", _rmse_at(problem, truth)])
@@ -133,9 +168,21 @@ def _rmse_table(runs: Sequence[MethodRuns]) -> dict[str, Any]:
         rows.append([r.label, str(s.n), *ours, f"{low:.9f} to {high:.9f}", *said])
     return {
         "caption": "Table 3: RMSE in N m, virtual rig, beside what is legible of the paper's",
-        "columns": ["method", "runs", "min", "mean", "std", "SEM", "95 % interval of the mean", "paper: min", "paper: mean", "paper: std"],
+        "columns": [
+            "method",
+            "runs",
+            "min",
+            "mean",
+            "std",
+            "SEM",
+            "95 % interval of the mean",
+            "paper: min",
+            "paper: mean",
+            "paper: std",
+        ],
         "rows": rows,
-        "note": "95 % interval: mean +- 1.96 SEM, as in the paper. The records differ, so that the levels cannot be compared; ours was "
+        "note": "95 % interval: mean +- 1.96 SEM, as in the paper. The records differ, so that the levels cannot be "
+        "compared; ours was "
         "made to be near the paper's.",
     }
 
@@ -152,7 +199,8 @@ def _time_table(runs: Sequence[MethodRuns]) -> dict[str, Any]:
         "caption": "Table 4: seconds a run, ours beside the paper's",
         "columns": ["method", "min", "mean", "std", "SEM", "95 % interval of the mean", "paper: mean", "paper: std"],
         "rows": rows,
-        "note": "Runs are searched side by side and share out the time of their chunk; compilation, before the first, is not counted.",
+        "note": "Runs are searched side by side and share out the time of their chunk; compilation, before the first, "
+        "is not counted.",
     }
 
 
@@ -168,10 +216,20 @@ def gap_section(
     for r in runs:
         share, (low, high) = r.share_close
         quantiles = [f"{v:.1e}" if v > 1e-12 else "< 1e-12" for v in np.quantile(r.gap, [0.5, 0.99, 1.0])]
-        rows.append([r.label, str(len(r.gap)), *quantiles, f"{100 * share:.1f} %", f"{100 * low:.1f} to {100 * high:.1f} %"])
+        rows.append(
+            [r.label, str(len(r.gap)), *quantiles, f"{100 * share:.1f} %", f"{100 * low:.1f} to {100 * high:.1f} %"]
+        )
     table = {
         "caption": f"Gap of the RMSE to the constrained optimum, relative, {record}",
-        "columns": ["method", "runs", "median", "99 % quantile", "largest", f"below {CLOSE:g}", "95 % interval of the share"],
+        "columns": [
+            "method",
+            "runs",
+            "median",
+            "99 % quantile",
+            "largest",
+            f"below {CLOSE:g}",
+            "95 % interval of the share",
+        ],
         "rows": rows,
         "note": note,
     }

@@ -1,4 +1,5 @@
-"""Figures 1 and 3 of the paper: the two links with their names, and the three poses with the flat output that leads through them."""
+"""Figures 1 and 3 of the paper: the two links with their names, and the three poses with the flat output that leads
+through them."""
 
 from collections.abc import Mapping
 
@@ -27,9 +28,15 @@ def scheme_figure(truth: Mapping[str, float]) -> Figure:
     figure["data"].append(dots | {"x": style.numbers(centres[:, 0], 5), "y": style.numbers(centres[:, 1], 5)})
     level = elbow + 0.6 * (elbow - base)  # theta2 is counted from the line of link 1
     for start, end in ((base, base + np.array([0.12, 0.0])), (elbow, level)):
-        line = {"type": "scatter", "mode": "lines", "line": {"color": style.MUTED, "width": 1, "dash": "dot"}, "showlegend": False}
+        line = {
+            "type": "scatter",
+            "mode": "lines",
+            "line": {"color": style.MUTED, "width": 1, "dash": "dot"},
+            "showlegend": False,
+        }
         figure["data"].append(
-            line | {"x": style.numbers(np.array([start[0], end[0]]), 5), "y": style.numbers(np.array([start[1], end[1]]), 5)}
+            line
+            | {"x": style.numbers(np.array([start[0], end[0]]), 5), "y": style.numbers(np.array([start[1], end[1]]), 5)}
         )
     names = {
         "torque tau": base + np.array([-0.06, 0.01]),

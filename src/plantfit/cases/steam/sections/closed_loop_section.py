@@ -32,12 +32,12 @@ def closed_loop_section(
     budget: int = 160,
     seed: int = 1,
 ) -> dict[str, Any]:
-    """Section of the page: `answers` are cube points of a dynamic problem of all openings by name, `best`, that of `name`, is the
-    nominal model.
+    """Section of the page: `answers` are cube points of a dynamic problem of all openings by name, `best`, that of
+    `name`, is the nominal model.
 
-    The family: answers of at most 3 times the cost of `best` with at most a twentieth of their entries at a bound, and `drawn` copies
-    of it whose open cells are drawn anew, as far from it as twice its cost allows; every third member is held out from the tuning.
-    `truth` gives the tables of an opening, as a rig's.
+    The family: answers of at most 3 times the cost of `best` with at most a twentieth of their entries at a bound, and
+    `drawn` copies of it whose open cells are drawn anew, as far from it as twice its cost allows; every third member is
+    held out from the tuning. `truth` gives the tables of an opening, as a rig's.
     """
     costs = np.asarray(problem.costs(np.stack([best, *answers.values()])))
     good = [np.asarray(z) for z, cost in zip(answers.values(), costs[1:], strict=True) if cost <= GOOD * costs[0]]
@@ -62,18 +62,22 @@ def closed_loop_section(
     found = f"{len(good)} answers and " if good else ""
     members = f"{found}{drawn} copies of the best with their open cells drawn anew"
     sentences = [
-        f"The best model here is the answer of {name}: C = {significant(costs[0], 3)} bar², {100 * _pinned(best):.1f} % of its entries on "
+        f"The best model here is the answer of {name}: C = {significant(costs[0], 3)} bar², {100 * _pinned(best):.1f} "
+        f"% of its entries on "
         f"bounds. The least cost of the others is {significant(np.min(costs[1:]), 3)} bar², with "
         f"{100 * _pinned(list(answers.values())[int(np.argmin(costs[1:]))]):.1f} %.",
         f"Family: {members}, cost C {significant(spread.min(), 3)} to {significant(spread.max(), 3)} bar² beside "
         f"{significant(costs[0], 3)} of the best; {len(kept)} members for the tuning, {len(out)} held out."
         + (
-            f" {pinned} more that fit have over {100 * PINNED:g} % of their entries on bounds and are not counted as plants."
+            f" {pinned} more that fit have over {100 * PINNED:g} % of their entries on bounds and are not counted as "
+            f"plants."
             if pinned
             else ""
         ),
-        f"Steps to {', '.join(f'{v:g}' for v in PROFILE.levels)} bar. Asked for: small mean IAE, at most {DEMAND.overshoot:g} % overshoot "
-        f"and {DEMAND.travel:g} % of valve travel in a step; for a family, of its worst member. Sensor, noise and valve are the rig's.",
+        f"Steps to {', '.join(f'{v:g}' for v in PROFILE.levels)} bar. Asked for: small mean IAE, at most "
+        f"{DEMAND.overshoot:g} % overshoot "
+        f"and {DEMAND.travel:g} % of valve travel in a step; for a family, of its worst member. Sensor, noise and "
+        f"valve are the rig's.",
         *_said(chosen, judged),
     ]
     return {
@@ -119,7 +123,14 @@ def _table(chosen: Sequence[Chosen], judged: Sequence[Mapping[str, StepScores]])
             rows.append([f"{c.kind} for the {c.made_for}", where, _two(iae), _two(over), _two(late), _two(travel)])
     return {
         "caption": "Steps judged: the middle of the members, and the worst in brackets",
-        "columns": ["controller", "on", "mean IAE / step [s]", "overshoot [%]", "settling, 5 % [s]", "valve travel [%]"],
+        "columns": [
+            "controller",
+            "on",
+            "mean IAE / step [s]",
+            "overshoot [%]",
+            "settling, 5 % [s]",
+            "valve travel [%]",
+        ],
         "rows": rows,
         "note": "; ".join(f"{c.kind} for the {c.made_for}: {c.said}" for c in chosen) + ".",
     }
@@ -137,7 +148,8 @@ def _number(value: float) -> str:
 
 def _said(chosen: Sequence[Chosen], judged: Sequence[Mapping[str, StepScores]]) -> list[str]:
     worst = {
-        (c.kind, c.made_for): (float(np.max(f["held-out members"].overshoot)), float(np.max(np.mean(f["held-out members"].iae, axis=1))),
+        (c.kind, c.made_for): (float(np.max(f["held-out members"].overshoot)),
+                               float(np.max(np.mean(f["held-out members"].iae, axis=1))),
                                float(np.mean(f["true chamber"].iae)))
         for c, f in zip(chosen, judged, strict=True)
     }  # fmt: skip
@@ -145,9 +157,11 @@ def _said(chosen: Sequence[Chosen], judged: Sequence[Mapping[str, StepScores]]) 
     for kind in ("PID", "MPC"):
         (over1, iae1, true1), (over2, iae2, true2) = worst[kind, ONE], worst[kind, ALL]
         told.append(
-            f"{kind}: tuned on the best model it overshoots by up to {over1:.3g} % on members held out, with a mean IAE of up to "
+            f"{kind}: tuned on the best model it overshoots by up to {over1:.3g} % on members held out, with a mean "
+            f"IAE of up to "
             f"{iae1:.3g} s; "
-            f"tuned on the family {over2:.3g} % and {iae2:.3g} s. On the true chamber this takes {true2:.3g} s in place of {true1:.3g} s."
+            f"tuned on the family {over2:.3g} % and {iae2:.3g} s. On the true chamber this takes {true2:.3g} s in "
+            f"place of {true1:.3g} s."
         )
     return told
 
@@ -155,5 +169,7 @@ def _said(chosen: Sequence[Chosen], judged: Sequence[Mapping[str, StepScores]]) 
 def _figure(chosen: Sequence[Chosen], seen: Sequence[_Seen]) -> dict[str, Any]:
     panels = []
     for c, s in zip(chosen, seen, strict=True):
-        panels.append(Panel(f"{c.kind} for the {c.made_for}", s.t, PROFILE.reference(float(s.t[1] - s.t[0])), s.held, s.true))
+        panels.append(
+            Panel(f"{c.kind} for the {c.made_for}", s.t, PROFILE.reference(float(s.t[1] - s.t[0])), s.held, s.true)
+        )
     return response_figure(panels, "pressure [bar]", "true chamber", "held-out members")

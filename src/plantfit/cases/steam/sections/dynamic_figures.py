@@ -45,12 +45,16 @@ def convergence_figure(methods: Sequence[MethodRuns]) -> Figure:
     return found
 
 
-def fit_figure(problem: Problem, answers: Mapping[str, np.ndarray], name: str, zoom: tuple[float, float] | None = None) -> Figure:
+def fit_figure(
+    problem: Problem, answers: Mapping[str, np.ndarray], name: str, zoom: tuple[float, float] | None = None
+) -> Figure:
     """Figure 5: pressure of one opening, measured and by the best answer of each method, whole or in a zoom (s)."""
     recording = problem.experiments[name].recording
     t = recording.t
     part = np.ones(len(t), bool) if zoom is None else (t >= zoom[0]) & (t <= zoom[1])
-    data = [_line(t[part], recording["y"][part], "measured", {"color": style.MEASURED, "width": 1.0}) | {"opacity": 0.8}]
+    data = [
+        _line(t[part], recording["y"][part], "measured", {"color": style.MEASURED, "width": 1.0}) | {"opacity": 0.8}
+    ]
     palette = colours(list(answers))
     for k, (label, z) in enumerate(answers.items()):
         y = problem.predict(problem.space.physical(z), name)["y"]
@@ -79,7 +83,9 @@ def error_figure(problem: Problem, answers: Mapping[str, np.ndarray]) -> Figure:
     layout["yaxis"] |= {"type": "log", "dtick": "D2", "tickformat": "~g"}
     ends = sorted({float(e.recording.t[-1]) for e in problem.experiments.values()})[:-1]
     line = {"color": style.MUTED, "width": 0.8, "dash": "dot"}
-    layout["shapes"] = [{"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x, "line": line} for x in ends]
+    layout["shapes"] = [
+        {"type": "line", "yref": "paper", "y0": 0, "y1": 1, "x0": x, "x1": x, "line": line} for x in ends
+    ]
     return {"data": data, "layout": layout}
 
 
@@ -96,11 +102,15 @@ def surfaces_figure(tables: Mapping[str, Mapping[str, np.ndarray]], settled: np.
         for c, name in enumerate(names):
             k = r * len(names) + c + 1
             x, y = f"x{k}" if k > 1 else "x", f"y{k}" if k > 1 else "y"
-            bar = {"len": height * 0.86, "y": 1 - (r + 0.46) * height, "thickness": 10, "x": 1.005, "tickfont": style.SMALL, "nticks": 5,
-                   "title": {"text": f"{parameter} [{UNITS[parameter]}]", "font": style.SMALL}, "outlinewidth": 0}  # fmt: skip
+            bar = {"len": height * 0.86, "y": 1 - (r + 0.46) * height, "thickness": 10, "x": 1.005,
+                   "tickfont": style.SMALL, "nticks": 5,
+                   "title": {"text": f"{parameter} [{UNITS[parameter]}]", "font": style.SMALL},
+                   "outlinewidth": 0}  # fmt: skip
             data.append({
-                "type": "heatmap", "z": [style.numbers(row, 4) for row in tables[name][parameter].T], "x": list(OPENINGS),
-                "y": style.numbers(NODES, 4), "xaxis": x, "yaxis": y, "zmin": float(low), "zmax": float(high), "colorscale": SCALE,
+                "type": "heatmap", "z": [style.numbers(row, 4) for row in tables[name][parameter].T],
+                "x": list(OPENINGS),
+                "y": style.numbers(NODES, 4), "xaxis": x, "yaxis": y, "zmin": float(low), "zmax": float(high),
+                "colorscale": SCALE,
                 "showscale": c == 0, "colorbar": bar, "hovertemplate":
                 f"{parameter} = %{{z}} {UNITS[parameter]} at %{{x}} %, %{{y}} bar<extra>{style.plain(name)}</extra>",
             })  # fmt: skip
@@ -115,7 +125,8 @@ def surfaces_figure(tables: Mapping[str, Mapping[str, np.ndarray]], settled: np.
                 range=[5, 105],
             )
             layout[f"yaxis{k if k > 1 else ''}"] = style.axis(
-                "pressure [bar]" if first else "", domain=[1 - (r + 1) * height + 0.03, 1 - r * height - 0.01], anchor=x,
+                "pressure [bar]" if first else "", domain=[1 - (r + 1) * height + 0.03, 1 - r * height - 0.01],
+                anchor=x,
                 showticklabels=first, range=[-1.1, 21.1],
             )  # fmt: skip
             if r == 0:
@@ -123,20 +134,28 @@ def surfaces_figure(tables: Mapping[str, Mapping[str, np.ndarray]], settled: np.
     return {"data": data, "layout": layout | {"annotations": notes}}
 
 
-def delays_figure(delays: Mapping[str, np.ndarray], intervals: Mapping[str, tuple[float, float]], truth: np.ndarray) -> Figure:
+def delays_figure(
+    delays: Mapping[str, np.ndarray], intervals: Mapping[str, tuple[float, float]], truth: np.ndarray
+) -> Figure:
     """Figure 8: delays (openings,) in s by method; `intervals` are those of "exact", by opening."""
     palette, data = colours(list(delays)), []
     for k, (label, values) in enumerate(delays.items()):
         shift = 1.1 * (k - (len(delays) - 1) / 2)
-        marker = {"color": palette[label][0], "size": 8, "symbol": ("circle", "square", "diamond", "triangle-up", "x", "cross")[k % 6]}
+        marker = {
+            "color": palette[label][0],
+            "size": 8,
+            "symbol": ("circle", "square", "diamond", "triangle-up", "x", "cross")[k % 6],
+        }
         trace = {"type": "scatter", "mode": "markers", "name": style.plain(label), "x": [u + shift for u in OPENINGS],
                  "y": style.numbers(np.asarray(values), 5), "marker": marker}  # fmt: skip
         if k == len(delays) - 1 and intervals:
             ends = np.array([intervals[n] for n in intervals])
             trace["error_y"] = {"type": "data", "symmetric": False, "array": style.numbers(ends[:, 1] - values, 4),
-                                "arrayminus": style.numbers(values - ends[:, 0], 4), "thickness": 1.5, "width": 4}  # fmt: skip
+                                "arrayminus": style.numbers(values - ends[:, 0], 4), "thickness": 1.5,
+                                "width": 4}  # fmt: skip
         data.append(trace)
-    data.append({"type": "scatter", "mode": "markers", "name": "truth of the rig", "x": list(OPENINGS), "y": style.numbers(truth, 5),
+    data.append({"type": "scatter", "mode": "markers", "name": "truth of the rig", "x": list(OPENINGS),
+                 "y": style.numbers(truth, 5),
                  "marker": {"color": style.INK, "size": 22, "symbol": "line-ew-open"}})  # fmt: skip
     layout = _layout(360, "valve opening [%]", "dead time Td [s]")
     layout["xaxis"] |= {"tickvals": list(OPENINGS)}

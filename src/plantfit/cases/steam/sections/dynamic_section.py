@@ -1,4 +1,5 @@
-"""The dynamic task on the page: table 2 and figures 2 to 8 of the paper with ours beside them, and why finite differences stall."""
+"""The dynamic task on the page: table 2 and figures 2 to 8 of the paper with ours beside them, and why finite
+differences stall."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -29,7 +30,8 @@ Section = dict[str, Any]
 
 @dataclass(frozen=True)
 class Slopes:
-    """Derivatives (d,) of C at the static solution by exact computation and by finite differences through BDF, and what each names."""
+    """Derivatives (d,) of C at the static solution by exact computation and by finite differences through BDF, and
+    what each names."""
 
     names: tuple[str, ...]
     exact: np.ndarray
@@ -41,9 +43,12 @@ class Slopes:
         return np.array([n.startswith("Td") for n in self.names])
 
     def off(self) -> tuple[float, float, float]:
-        """Quartiles of |difference - exact| over the exact derivative's size, of table entries that move the cost at all."""
+        """Quartiles of |difference - exact| over the exact derivative's size, of table entries that move the cost at
+        all."""
         entries = ~self.delays & (np.abs(self.exact) > 1e-4 * np.max(np.abs(self.exact)))
-        low, middle, high = np.quantile(np.abs(self.differences - self.exact)[entries] / np.abs(self.exact)[entries], [0.25, 0.5, 0.75])
+        low, middle, high = np.quantile(
+            np.abs(self.differences - self.exact)[entries] / np.abs(self.exact)[entries], [0.25, 0.5, 0.75]
+        )
         return float(low), float(middle), float(high)
 
 
@@ -58,29 +63,51 @@ def table_2(methods: Sequence[MethodRuns], floor: float) -> dict[str, Any]:
     rows = []
     for m in methods:
         ours, paper = statistics(m.costs), PAPER.get(m.label)
-        rows.append([m.label, "ours", m.start, str(len(m.costs)), *(significant(v, 3) for v in ours), significant(ours[2] / floor, 3)])
+        rows.append(
+            [
+                m.label,
+                "ours",
+                m.start,
+                str(len(m.costs)),
+                *(significant(v, 3) for v in ours),
+                significant(ours[2] / floor, 3),
+            ]
+        )
         if paper:
             rows.append(["", "paper", m.start, "10", *(significant(v, 3) for v in paper), ""])
     return {
         "caption": "Table 2: final cost C in bar², ours and the paper's",
         "columns": ["method", "whose", "begins at", "runs", *STATISTICS, "median / floor"],
         "rows": rows,
-        "note": "C is the sum over ten openings of the mean squared error, equation (7). The records differ (ours are a virtual rig's), so "
-        "that levels are compared through their ratio to the noise floor only; the paper's floor is not known. Methods without draws run "
-        "once. Gradients are charged 3 evaluations, block Jacobians 17. Searches take one step a sample, least squares ends with "
-        f"{POLISHED}; the costs here are computed with {CHECKED}, but those of finite differences, which are the BDF solver's.",
+        "note": "C is the sum over ten openings of the mean squared error, equation (7). The records differ (ours are "
+        "a virtual rig's), so "
+        "that levels are compared through their ratio to the noise floor only; the paper's floor is not known. Methods "
+        "without draws run "
+        "once. Gradients are charged 3 evaluations, block Jacobians 17. Searches take one step a sample, least squares "
+        "ends with "
+        f"{POLISHED}; the costs here are computed with {CHECKED}, but those of finite differences, which are the BDF "
+        f"solver's.",
     }
 
 
 def dynamic_section(
-    methods: Sequence[MethodRuns], problem: Problem, static: np.ndarray, floor: float, slopes: Slopes, budget: int, small: bool
+    methods: Sequence[MethodRuns],
+    problem: Problem,
+    static: np.ndarray,
+    floor: float,
+    slopes: Slopes,
+    budget: int,
+    small: bool,
 ) -> Section:
-    """Table 2, figures 3 and 4, and what finite differences through BDF are worth; `methods` as `dynamic_runs.METHODS` has them."""
+    """Table 2, figures 3 and 4, and what finite differences through BDF are worth; `methods` as
+    `dynamic_runs.METHODS` has them."""
     before = float(problem.cost(static))
     lines = {"noise floor": floor, "static solution": before}
     told = [
-        f"310 parameters: k, A1, A2 at ten pressures and a dead time for each of ten openings; {budget} evaluations a run, "
-        f"from the whole box or from the static solution, which costs {significant(before)} bar² (the paper's {PAPER_STATIC}).",
+        f"310 parameters: k, A1, A2 at ten pressures and a dead time for each of ten openings; {budget} evaluations a "
+        f"run, "
+        f"from the whole box or from the static solution, which costs {significant(before)} bar² (the paper's "
+        f"{PAPER_STATIC}).",
         f"The noise floor is {significant(floor)} bar²: ten times the variance of the rig's noise and rounding.",
         *(
             [
@@ -99,7 +126,10 @@ def dynamic_section(
         "tables": [table_2(methods, floor), slope_table(slopes)],
         "figures": [
             {"figure": figures.box_figure(methods, lines), "label": "Final costs of all runs (figure 3)"},
-            {"figure": figures.convergence_figure(methods), "label": "Best cost against evaluations: medians, quartile bands (figure 4)"},
+            {
+                "figure": figures.convergence_figure(methods),
+                "label": "Best cost against evaluations: medians, quartile bands (figure 4)",
+            },
         ],
     }
 
@@ -110,7 +140,8 @@ def _reached(methods: Sequence[MethodRuns], floor: float) -> list[str]:
         if m.start == RANDOM:
             hits = int(np.sum(m.costs <= NEAR * floor))
             told.append(
-                f"{m.label}: {hits} of {len(m.costs)} runs end within 5 % of the noise floor, at {significant(m.costs.min())} to "
+                f"{m.label}: {hits} of {len(m.costs)} runs end within 5 % of the noise floor, at "
+                f"{significant(m.costs.min())} to "
                 f"{significant(m.costs.max())} bar²."
             )
     return told
@@ -123,9 +154,12 @@ def _stalled(methods: Sequence[MethodRuns], floor: float) -> list[str]:
     finite, exact = named[FINITE].best, named["L-BFGS-B, exact"].best
     same = until(exact, finite.evaluations)
     return [
-        f"L-BFGS-B with finite differences ends at {significant(finite.cost)} bar² after {finite.evaluations:.0f} evaluations "
-        f"({finite.extra.get('why', '').lower()}); with exact derivatives the same method is at {significant(same)} bar² by then and at "
-        f"{significant(exact.cost)} in the end, {significant(exact.cost / floor, 3)} of the floor. The paper's 0.228 for it says "
+        f"L-BFGS-B with finite differences ends at {significant(finite.cost)} bar² after {finite.evaluations:.0f} "
+        f"evaluations "
+        f"({finite.extra.get('why', '').lower()}); with exact derivatives the same method is at {significant(same)} "
+        f"bar² by then and at "
+        f"{significant(exact.cost)} in the end, {significant(exact.cost / floor, 3)} of the floor. The paper's 0.228 "
+        f"for it says "
         "something about its differences, not about local methods."
     ]
 
@@ -135,11 +169,17 @@ def slope_sentences(slopes: Slopes) -> list[str]:
     delays, (low, middle, high) = slopes.differences[slopes.delays], slopes.off()
     zero = int(np.sum(delays == 0.0))
     wrong = float(np.mean(np.sign(slopes.differences[~slopes.delays]) != np.sign(slopes.exact[~slopes.delays])))
-    spread = f"{significant(100 * low, 2)} to {significant(100 * high, 2)} % (quartiles; median {significant(100 * middle, 2)} %)"
+    spread = (
+        f"{significant(100 * low, 2)} to {significant(100 * high, 2)} % (quartiles; median "
+        f"{significant(100 * middle, 2)} %)"
+    )
     return [
-        "Finite differences (step 1e-8) through scipy's adaptive BDF with its own tolerances, at the static solution: dC/dTd is exactly 0 "
-        f"for {zero} of {len(delays)} dead times, because the solver's steps do not move when the edge moves by 1e-8 s; entries of tables "
-        f"are off by {spread} and {100 * wrong:.0f} % have the wrong sign: where a change of 1e-8 makes the solver choose other steps, "
+        "Finite differences (step 1e-8) through scipy's adaptive BDF with its own tolerances, at the static solution: "
+        "dC/dTd is exactly 0 "
+        f"for {zero} of {len(delays)} dead times, because the solver's steps do not move when the edge moves by 1e-8 "
+        f"s; entries of tables "
+        f"are off by {spread} and {100 * wrong:.0f} % have the wrong sign: where a change of 1e-8 makes the solver "
+        f"choose other steps, "
         "its error jumps, and a jump over 1e-8 looks like a slope."
     ]
 
@@ -156,12 +196,15 @@ def slope_table(slopes: Slopes) -> dict[str, Any]:
         "caption": "dC by scaled coordinates at the static solution, bar²",
         "columns": ["coordinate", "exact", "finite differences through BDF"],
         "rows": rows,
-        "note": "Exact: that of the simulated cost, checked against central differences of a tight solver. At the edge of a record's range "
+        "note": "Exact: that of the simulated cost, checked against central differences of a tight solver. At the edge "
+        "of a record's range "
         "entries that no pressure reaches have the derivative 0.",
     }
 
 
-def readings_section(together: Sequence[MethodRuns], alone: Mapping[int, Sequence[MethodRuns]], floor: float) -> Section:
+def readings_section(
+    together: Sequence[MethodRuns], alone: Mapping[int, Sequence[MethodRuns]], floor: float
+) -> Section:
     """Both readings of "Results for each opening considered were summed on the basis of the random seed used"."""
     rows, distance = [], {"310 at once": 0.0, **{f"31 each, {n} evaluations": 0.0 for n in alone}}
     for label in PAPERS:
@@ -179,11 +222,14 @@ def readings_section(together: Sequence[MethodRuns], alone: Mapping[int, Sequenc
     return {
         "title": "One search of 310 parameters, or ten of 31",
         "sentences": [
-            'The paper\'s table 2 says "Results for each opening considered were summed on the basis of the random seed used": its runs '
+            'The paper\'s table 2 says "Results for each opening considered were summed on the basis of the random '
+            'seed used": its runs '
             "may have been made opening by opening. Both readings were run.",
-            f"Distance of our medians from the paper's (mean over the methods): {said}. Nearest: {nearest}. The records are not the "
+            f"Distance of our medians from the paper's (mean over the methods): {said}. Nearest: {nearest}. The "
+            f"records are not the "
             "paper's, so this is a hint and no proof.",
-            f"Ratio to our noise floor of {significant(floor)} bar² is what carries over; a cost of 0.0145 for ten openings, as CMA-ES had "
+            f"Ratio to our noise floor of {significant(floor)} bar² is what carries over; a cost of 0.0145 for ten "
+            f"openings, as CMA-ES had "
             "in the paper, means noise of at most 0.038 bar there, below our 0.05.",
         ],
         "tables": [{
@@ -194,9 +240,13 @@ def readings_section(together: Sequence[MethodRuns], alone: Mapping[int, Sequenc
 
 
 def answers_section(
-    problem: Problem, answers: Mapping[str, np.ndarray], truth: Mapping[str, np.ndarray], intervals: Mapping[str, tuple[float, float]]
+    problem: Problem,
+    answers: Mapping[str, np.ndarray],
+    truth: Mapping[str, np.ndarray],
+    intervals: Mapping[str, tuple[float, float]],
 ) -> Section:
-    """Figures 5 to 8 from the best answers (310,) by name, the exact one last; `truth`: k, A1, A2 (opening, node) and Td (opening,)."""
+    """Figures 5 to 8 from the best answers (310,) by name, the exact one last; `truth`: k, A1, A2 (opening, node)
+    and Td (opening,)."""
     tables = {label: tables_of(problem, z) for label, z in answers.items()} | {"truth of the rig": truth}
     settled = np.array([float(np.nanmax(e.recording["y"])) for e in problem.experiments.values()])
     last = list(answers)[-1]
@@ -205,13 +255,18 @@ def answers_section(
     given = sum(bool(np.isfinite(a)) for a, _ in intervals.values())
     worst = float(np.max(np.abs(delays[last] - truth["Td"])))
     told = [
-        f"Dead times of {last}: at most {significant(worst, 2)} s from the truth; {inside} of {given} 95 % intervals hold it"
+        f"Dead times of {last}: at most {significant(worst, 2)} s from the truth; {inside} of {given} 95 % intervals "
+        f"hold it"
         f"{'' if given == len(intervals) else f', {len(intervals) - given} ended at a bound'}. "
-        "Those of the static solution lean against their lower bound, because four constants cannot bend as the record does and "
+        "Those of the static solution lean against their lower bound, because four constants cannot bend as the record "
+        "does and "
         "the delay pays for it.",
-        "Above the dotted line (the highest pressure of a record) nothing was measured: what stands there is a method's start or chance. "
-        f"DISH and HMS show no pattern in A1 and A2, as in the paper; nor does the answer of {last}, which fits best and has entries "
-        "on their bounds: ten steps do not fix 310 numbers, and a low cost says nothing about single entries. CMA-ES keeps the shape of "
+        "Above the dotted line (the highest pressure of a record) nothing was measured: what stands there is a "
+        "method's start or chance. "
+        f"DISH and HMS show no pattern in A1 and A2, as in the paper; nor does the answer of {last}, which fits best "
+        f"and has entries "
+        "on their bounds: ten steps do not fix 310 numbers, and a low cost says nothing about single entries. CMA-ES "
+        "keeps the shape of "
         "its start.",
     ]
     return {
@@ -219,13 +274,22 @@ def answers_section(
         "sentences": told,
         "figures": [
             {"figure": figures.fit_figure(problem, answers, SHOWN), "label": "Pressure at 40 % opening (figure 5)"},
-            {"figure": figures.fit_figure(problem, answers, SHOWN, ZOOM), "label": f"The same, {ZOOM[0]:g} to {ZOOM[1]:g} s"},
+            {
+                "figure": figures.fit_figure(problem, answers, SHOWN, ZOOM),
+                "label": f"The same, {ZOOM[0]:g} to {ZOOM[1]:g} s",
+            },
             {
                 "figure": figures.error_figure(problem, answers),
                 "label": "Errors summed over openings, moving mean over 2 s; dotted: a record ends (figure 6)",
             },
-            {"figure": figures.surfaces_figure(tables, settled), "label": "Parameters over opening and pressure (figures 2 and 7)"},
-            {"figure": figures.delays_figure(delays, intervals, truth["Td"]), "label": f"Dead times, 95 % intervals of {last} (figure 8)"},
+            {
+                "figure": figures.surfaces_figure(tables, settled),
+                "label": "Parameters over opening and pressure (figures 2 and 7)",
+            },
+            {
+                "figure": figures.delays_figure(delays, intervals, truth["Td"]),
+                "label": f"Dead times, 95 % intervals of {last} (figure 8)",
+            },
         ],
     }
 

@@ -23,25 +23,39 @@ PAPER = {  # table 3: mu* and its confidence interval, in the order of GROUPS
 
 
 def screenings(problem: Problem, points: Mapping[str, Any], seed: int = 1) -> dict[str, Screening]:
-    """Around each cube point (310,), as in the paper: groups A1, A2, k, Td, 20 optimal trajectories, +-0.01 inside the box."""
+    """Around each cube point (310,), as in the paper: groups A1, A2, k, Td, 20 optimal trajectories, +-0.01 inside
+    the box."""
     groups = {name: [name] for name in GROUPS}
-    return {label: morris(problem, np.asarray(z), radius=0.01, groups=groups, trajectories=20, seed=seed) for label, z in points.items()}
+    return {
+        label: morris(problem, np.asarray(z), radius=0.01, groups=groups, trajectories=20, seed=seed)
+        for label, z in points.items()
+    }
 
 
 def screening_section(problem: Problem, points: Mapping[str, Any], seed: int = 1) -> dict[str, Any]:
-    """Section of the page for the answers of methods by name; give the `weighted` dynamic problem, whose cost is the paper's C."""
+    """Section of the page for the answers of methods by name; give the `weighted` dynamic problem, whose cost is the
+    paper's C."""
     found = screenings(problem, points, seed)
     section = sensitivity_section.screening_section(found, TITLE, "the total cost C")
     rows = []
     for label, s in found.items():
         for group, said in zip(GROUPS, PAPER.get(_method(label), ((None, None),) * 4), strict=True):
             k = s.groups.index(group)
-            rows.append([label, group, significant(s.mu_star[k]), significant(s.half_width[k], 2), *(significant(v) for v in said)])
+            rows.append(
+                [
+                    label,
+                    group,
+                    significant(s.mu_star[k]),
+                    significant(s.half_width[k], 2),
+                    *(significant(v) for v in said),
+                ]
+            )
     table = {
         "caption": "Table 3 of the paper with ours beside it",
         "columns": ["method", "group", "mu*, ours", "± 95 %, ours", "mu*, paper", "interval, paper"],
         "rows": rows,
-        "note": "mu* as SALib gives it: change of C (bar²) over the width of the neighbourhood. The paper does not say how it normalised.",
+        "note": "mu* as SALib gives it: change of C (bar²) over the width of the neighbourhood. The paper does not say "
+        "how it normalised.",
     }
     return section | {"sentences": [*section["sentences"], *_said(found)], "tables": [table]}
 
@@ -68,4 +82,8 @@ def _said(found: Mapping[str, Screening]) -> list[str]:
         f", not for {', '.join(others)}." if others else "."
     )
     calm = min(found, key=lambda label: float(found[label].mu_star.sum()))
-    return [sentence, f"The cost reacts least around the answer of {calm}; in the paper it was that of HMS, and k led for all but SHADE."]
+    return [
+        sentence,
+        f"The cost reacts least around the answer of {calm}; in the paper it was that of HMS, and k led for all but "
+        f"SHADE.",
+    ]

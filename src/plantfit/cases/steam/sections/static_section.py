@@ -17,9 +17,13 @@ WANTED = 0.02  # s
 
 
 def static_section(
-    tasks: Sequence[StaticTask], early: Mapping[str, DeadTime], truth: Mapping[str, Mapping[str, Any]], study: Sequence[DelayStudy] = ()
+    tasks: Sequence[StaticTask],
+    early: Mapping[str, DeadTime],
+    truth: Mapping[str, Mapping[str, Any]],
+    study: Sequence[DelayStudy] = (),
 ) -> dict[str, Any]:
-    """`tasks` by method, the joint fit first; `early` dead times and `truth` by opening; `study` of the rig with other sensors."""
+    """`tasks` by method, the joint fit first; `early` dead times and `truth` by opening; `study` of the rig with
+    other sensors."""
     joint, two = tasks[0], tasks[1]
     delays = {n: float(p["Td"]) for n, p in truth.items()}
     off = [abs(joint.constants[n]["Td"] - d) for n, d in delays.items()]
@@ -27,11 +31,14 @@ def static_section(
     told = [n for n, d in early.items() if d.determined]
     narrow = min(0.5 * (d.interval[1] - d.interval[0]) for d in early.values())
     sentences = [
-        f"Four constants for each opening: total cost {two.total:.4f} bar² in the paper's two steps, {joint.total:.4f} jointly; the "
+        f"Four constants for each opening: total cost {two.total:.4f} bar² in the paper's two steps, {joint.total:.4f} "
+        f"jointly; the "
         f"paper's own record gave {PAPER_TOTAL}. The rig's tables were made so that this number is alike.",
-        f"Fitted with the rest on whole records, the dead time takes up the error of the model: it is off by up to {max(off):.2f} s. "
+        f"Fitted with the rest on whole records, the dead time takes up the error of the model: it is off by up to "
+        f"{max(off):.2f} s. "
         f"From the first {WINDOW:g} s, as in the paper, {inside} of {len(early)} 95 % intervals hold the truth.",
-        f"{len(told)} of {len(early)} records tell the dead time from zero and from 1 s; the narrowest interval is ±{narrow:.2f} s, so "
+        f"{len(told)} of {len(early)} records tell the dead time from zero and from 1 s; the narrowest interval is "
+        f"±{narrow:.2f} s, so "
         f"that at this noise no single step tells it to {WANTED:g} s: a dead time and the lag A2/A1 look alike.",
     ]
     others = ", ".join(f"{t.label.removeprefix('two steps, ')} {t.total:.4f}" for t in tasks[2:])
@@ -42,15 +49,24 @@ def static_section(
         good = [s for s in study if s.half_width <= WANTED]
         names = ", ".join(f"{s.opening:g} %" for s in good)
         sentences.append(
-            f"With a quieter sensor and a finer card the same estimate reaches ±{WANTED:g} s for these openings: {names}."
+            f"With a quieter sensor and a finer card the same estimate reaches ±{WANTED:g} s for these openings: "
+            f"{names}."
             if good
             else f"No sensor tried here reaches ±{WANTED:g} s."
         )
         tables.append(_study(study))
     figures = [
-        {"figure": constants_figure(tasks[:2], truth), "label": "Constants over the openings (figure 2), truth at rest and its range"}
+        {
+            "figure": constants_figure(tasks[:2], truth),
+            "label": "Constants over the openings (figure 2), truth at rest and its range",
+        }
     ]
-    return {"title": "Static task: four constants for each opening", "sentences": sentences, "tables": tables, "figures": figures}
+    return {
+        "title": "Static task: four constants for each opening",
+        "sentences": sentences,
+        "tables": tables,
+        "figures": figures,
+    }
 
 
 def _totals(tasks: Sequence[StaticTask]) -> dict[str, Any]:
@@ -66,7 +82,9 @@ def _totals(tasks: Sequence[StaticTask]) -> dict[str, Any]:
     }
 
 
-def _delays(early: Mapping[str, DeadTime], joint: StaticTask, two: StaticTask, truth: Mapping[str, float]) -> dict[str, Any]:
+def _delays(
+    early: Mapping[str, DeadTime], joint: StaticTask, two: StaticTask, truth: Mapping[str, float]
+) -> dict[str, Any]:
     rows = []
     for name, found in early.items():
         low, high = found.interval
@@ -78,7 +96,17 @@ def _delays(early: Mapping[str, DeadTime], joint: StaticTask, two: StaticTask, t
         rows.append([f"{name.removeprefix('opening')} %", *(f"{v:.3f}" for v in given), hit, said])
     return {
         "caption": "Dead times [s]",
-        "columns": ["opening", f"first {WINDOW:g} s", "95 % from", "to", "truth", "two steps (Td ≥ 0.1)", "joint", "inside", "told"],
+        "columns": [
+            "opening",
+            f"first {WINDOW:g} s",
+            "95 % from",
+            "to",
+            "truth",
+            "two steps (Td ≥ 0.1)",
+            "joint",
+            "inside",
+            "told",
+        ],
         "rows": rows,
     }
 
@@ -87,23 +115,36 @@ def _study(study: Sequence[DelayStudy]) -> dict[str, Any]:
     rows = []
     for s in study:
         seconds = (f"{s.half_width:.3f}", f"{s.bias:+.3f}", f"{s.rms:.3f}")
-        rows.append([f"{s.noise:g} bar, {s.bits} bits", f"{s.opening:g} %", f"{s.coverage:.0%}", *seconds, f"{s.told:.0%}"])
+        rows.append(
+            [f"{s.noise:g} bar, {s.bits} bits", f"{s.opening:g} %", f"{s.coverage:.0%}", *seconds, f"{s.told:.0%}"]
+        )
     return {
         "caption": f"Dead time from the first {WINDOW:g} s, many records of the rig with other sensors",
-        "columns": ["noise, card", "opening", "interval holds the truth", "half width [s]", "mean error [s]", "rms error [s]", "told"],
+        "columns": [
+            "noise, card",
+            "opening",
+            "interval holds the truth",
+            "half width [s]",
+            "mean error [s]",
+            "rms error [s]",
+            "told",
+        ],
         "rows": rows,
     }
 
 
 def constants_figure(tasks: Sequence[StaticTask], truth: Mapping[str, Mapping[str, Any]]) -> Figure:
-    """k, A1, A2, Td over the openings by every task, beside the range of the true tables over the pressures that the step passes."""
+    """k, A1, A2, Td over the openings by every task, beside the range of the true tables over the pressures that the
+    step passes."""
     data, layout = [], style.layout(460, showlegend=True)
     openings = np.array([float(n.removeprefix("opening")) for n in truth])
     for k, name in enumerate(NAMES):
         x, y = f"x{k + 1}" if k else "x", f"y{k + 1}" if k else "y"
         left, low = 0.55 * (k % 2), 0.56 * (1 - k // 2)
         layout[f"xaxis{k + 1}" if k else "xaxis"] = style.axis("opening [%]", domain=[left, left + 0.45], anchor=y)
-        layout[f"yaxis{k + 1}" if k else "yaxis"] = style.axis(f"{name} [{UNITS[name]}]", domain=[low, low + 0.4], anchor=x)
+        layout[f"yaxis{k + 1}" if k else "yaxis"] = style.axis(
+            f"{name} [{UNITS[name]}]", domain=[low, low + 0.4], anchor=x
+        )
         ends = np.array([_range(p, u, name) for p, u in zip(truth.values(), openings, strict=True)])
         band = {
             "type": "scatter",
@@ -113,7 +154,12 @@ def constants_figure(tasks: Sequence[StaticTask], truth: Mapping[str, Mapping[st
             "yaxis": y,
             "fill": "toself",
         }
-        band |= {"y": style.numbers(np.r_[ends[:, 0], ends[::-1, 1]]), "name": "truth", "legendgroup": "truth", "showlegend": k == 0}
+        band |= {
+            "y": style.numbers(np.r_[ends[:, 0], ends[::-1, 1]]),
+            "name": "truth",
+            "legendgroup": "truth",
+            "showlegend": k == 0,
+        }
         data.append(band | {"line": {"color": style.MUTED, "width": 1.2}, "fillcolor": "rgba(120,120,120,0.25)"})
         for i, task in enumerate(tasks):
             values = np.array([task.constants[n][name] for n in truth])
@@ -126,12 +172,15 @@ def constants_figure(tasks: Sequence[StaticTask], truth: Mapping[str, Mapping[st
                 "xaxis": x,
                 "yaxis": y,
             }
-            data.append(found | {"name": style.plain(task.label), "legendgroup": task.label, "showlegend": k == 0, "line": line})
+            data.append(
+                found | {"name": style.plain(task.label), "legendgroup": task.label, "showlegend": k == 0, "line": line}
+            )
     return {"data": data, "layout": layout}
 
 
 def _range(p: Mapping[str, Any], opening: float, name: str) -> tuple[float, float]:
-    """The least and the largest value of a true table up to the pressure at which the step comes to rest; twice a dead time."""
+    """The least and the largest value of a true table up to the pressure at which the step comes to rest; twice a
+    dead time."""
     values = np.asarray(p[name], dtype=float)
     if values.ndim == 0:
         return float(values), float(values)

@@ -17,8 +17,11 @@ LOOKS = {
 }
 
 
-def visits_figure(samples: np.ndarray, statuses: Mapping[str, Sequence[Sequence[str]]], openings: Sequence[float]) -> Figure:
-    """Samples around every node (openings, nodes), and beside it the status of every entry of each table, of the same shape."""
+def visits_figure(
+    samples: np.ndarray, statuses: Mapping[str, Sequence[Sequence[str]]], openings: Sequence[float]
+) -> Figure:
+    """Samples around every node (openings, nodes), and beside it the status of every entry of each table, of the
+    same shape."""
     panels = ["samples near the node", *TABLES]
     layout = style.layout(400, margin={"l": 62, "r": 14, "t": 62, "b": 50}, showlegend=True)
     data, width = [], 1.0 / len(panels)
@@ -26,8 +29,10 @@ def visits_figure(samples: np.ndarray, statuses: Mapping[str, Sequence[Sequence[
     hover = [[f"{int(n)} samples" if n else "not visited" for n in row] for row in samples.T]
     for k, name in enumerate(panels):
         end = str(k + 1) if k else ""
-        grid = {"type": "heatmap", "x": list(openings), "y": style.numbers(NODES, 4), "xaxis": f"x{end}", "yaxis": f"y{end}",
-                "showscale": False, "xgap": 1, "ygap": 1, "hovertemplate": "%{text} at %{x} %, %{y} bar<extra></extra>"}  # fmt: skip
+        grid = {"type": "heatmap", "x": list(openings), "y": style.numbers(NODES, 4), "xaxis": f"x{end}",
+                "yaxis": f"y{end}",
+                "showscale": False, "xgap": 1, "ygap": 1,
+                "hovertemplate": "%{text} at %{x} %, %{y} bar<extra></extra>"}  # fmt: skip
         if k == 0:
             shades = [[0.0, "#dcebf2"], [1.0, "#10305c"]]
             data.append(grid | {"z": [style.numbers(row, 4) for row in seen.T], "text": hover, "colorscale": shades})
@@ -38,7 +43,9 @@ def visits_figure(samples: np.ndarray, statuses: Mapping[str, Sequence[Sequence[
             text = [[f"{name} {s}" for s in row] for row in zip(*statuses[name], strict=True)]
             z = [style.numbers(row) for row in codes.T]
             data.append(grid | {"z": z, "text": text, "colorscale": steps, "zmin": -0.5, "zmax": len(LOOKS) - 0.5})
-        layout[f"xaxis{end}"] = style.axis("opening [%]", domain=[k * width + 0.012, (k + 1) * width - 0.012], anchor=f"y{end}")
+        layout[f"xaxis{end}"] = style.axis(
+            "opening [%]", domain=[k * width + 0.012, (k + 1) * width - 0.012], anchor=f"y{end}"
+        )
         layout[f"yaxis{end}"] = style.axis("pressure [bar]" if k == 0 else "", anchor=f"x{end}", showticklabels=k == 0)
     data += [
         {"type": "scatter", "mode": "markers", "name": status, "x": [None], "y": [None],

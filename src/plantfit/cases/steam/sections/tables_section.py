@@ -25,11 +25,13 @@ SURFACE = "surface over pressure and opening, smoothed"
 SHORT = {OWN: "each opening", SMOOTHED: "smoothed", SURFACE: "one surface", TRUTH: TRUTH}
 
 
-def tables_section(recordings: Mapping[str, Recording], truth: Mapping[str, np.ndarray] | None = None, every: int = 10) -> dict[str, Any]:
+def tables_section(
+    recordings: Mapping[str, Recording], truth: Mapping[str, np.ndarray] | None = None, every: int = 10
+) -> dict[str, Any]:
     """Visits and what is known of each entry, smoothed tables and a shared surface beside them, models compared.
 
-    `truth` has k, A1, A2 (opening, node) where they are known; `every` so many samples one is used, since seven models are
-    fitted and ten openings left out in turn.
+    `truth` has k, A1, A2 (opening, node) where they are known; `every` so many samples one is used, since seven models
+    are fitted and ten openings left out in turn.
     """
     thin = {n: _thinned(r, every) for n, r in recordings.items()}
     found = answers(thin)
@@ -48,17 +50,27 @@ def tables_section(recordings: Mapping[str, Recording], truth: Mapping[str, np.n
     return {
         "title": "What the tables mean",
         "sentences": [
-            f"Every {every}. sample: {comparison.samples} of them. On the way up a record passes each pressure once, and there the model "
-            "asks for one sum, k u - A1 y' - A2 y'' = y: one number for three tables. What the records determine is how fast the pressure "
-            "moves, (k u - y)/A1, and k where it comes to rest; the three apart rest on the straight lines between nodes.",
+            f"Every {every}. sample: {comparison.samples} of them. On the way up a record passes each pressure once, "
+            f"and there the model "
+            "asks for one sum, k u - A1 y' - A2 y'' = y: one number for three tables. What the records determine is "
+            "how fast the pressure "
+            "moves, (k u - y)/A1, and k where it comes to rest; the three apart rest on the straight lines between "
+            "nodes.",
             *(s["sentence"] for s in table_sentences([r for r in rows if r["index"]], tables)),
             *(s["sentence"] for s in smoothing_sentences([t.plain() for t in smoothed])),
             *comparison.sentences,
             *([] if truth is None else [_apart(shown, truth, samples, openings)]),
         ],
-        "tables": [comparison.table("bar"), *_left_out(blind), *([] if truth is None else [_errors(shown, truth, samples, openings)])],
+        "tables": [
+            comparison.table("bar"),
+            *_left_out(blind),
+            *([] if truth is None else [_errors(shown, truth, samples, openings)]),
+        ],
         "figures": [
-            {"figure": visits_figure(samples, statuses, openings), "label": "Samples near every node, and what is known of its entries"},
+            {
+                "figure": visits_figure(samples, statuses, openings),
+                "label": "Samples near every node, and what is known of its entries",
+            },
             {
                 "figure": surfaces_figure({SHORT[n]: tables for n, tables in shown.items()}, settled),
                 "label": "Tables alone, smoothed and as one surface; below the dots is measured",
@@ -73,7 +85,8 @@ def _thinned(r: Recording, every: int) -> Recording:
 
 
 def _grids(problem: Any, z: np.ndarray) -> dict[str, np.ndarray]:
-    """k, A1, A2 (opening, node) of an answer whose tables are over the pressure, or over the pressure and the opening."""
+    """k, A1, A2 (opening, node) of an answer whose tables are over the pressure, or over the pressure and the
+    opening."""
     values, made = np.asarray(problem.space.physical(z)), {}
     axes = {t.name: t for t in problem.model.tables}
     for name in TABLES:
@@ -87,13 +100,24 @@ def _over_pressure(table: Table, values: np.ndarray, opening: float) -> np.ndarr
     return np.asarray(table(values, *at))
 
 
-def _errors(shown: Mapping[str, Any], truth: Mapping[str, np.ndarray], samples: np.ndarray, openings: list[float]) -> dict[str, Any]:
-    """Median errors against the truth where the pressure went, of the tables and of the rate that they make together."""
+def _errors(
+    shown: Mapping[str, Any], truth: Mapping[str, np.ndarray], samples: np.ndarray, openings: list[float]
+) -> dict[str, Any]:
+    """Median errors against the truth where the pressure went, of the tables and of the rate that they make
+    together."""
     off = _off(shown, truth, samples, openings)
     rows = [[name, *(f"{v:.1f}" for v in values)] for name, values in off.items()]
     columns = ["Model", *(f"{n} (%)" for n in TABLES), "(k u - y)/A1 (%)"]
-    note = f"Median over {int(np.sum(samples > 0))} visited nodes; the last column without those at rest, where the rate is 0."
-    return {"caption": "Error of the tables against the rig's truth, visited nodes", "columns": columns, "rows": rows, "note": note}
+    note = (
+        f"Median over {int(np.sum(samples > 0))} visited nodes; the last column without those at rest, where the "
+        f"rate is 0."
+    )
+    return {
+        "caption": "Error of the tables against the rig's truth, visited nodes",
+        "columns": columns,
+        "rows": rows,
+        "note": note,
+    }
 
 
 def _off(
@@ -114,12 +138,16 @@ def _off(
     return found
 
 
-def _apart(shown: Mapping[str, Any], truth: Mapping[str, np.ndarray], samples: np.ndarray, openings: list[float]) -> str:
+def _apart(
+    shown: Mapping[str, Any], truth: Mapping[str, np.ndarray], samples: np.ndarray, openings: list[float]
+) -> str:
     """How far the tables and what they make together are off in the model that predicts best."""
     k, a1, _, rate = _off(shown, truth, samples, openings)[SURFACE]
     return (
-        f"Against the rig's truth the smoothed surface has (k u - y)/A1 right to {number(rate)} % in the median, k to {number(k)} % "
-        f"and A1 to {number(a1)} %: smoothing makes the prediction better and the three tables apart no truer. Records in which the "
+        f"Against the rig's truth the smoothed surface has (k u - y)/A1 right to {number(rate)} % in the median, k to "
+        f"{number(k)} % "
+        f"and A1 to {number(a1)} %: smoothing makes the prediction better and the three tables apart no truer. Records "
+        f"in which the "
         "opening changes while the pressure is high would tell k from A1."
     )
 

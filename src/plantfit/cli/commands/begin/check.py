@@ -13,9 +13,11 @@ if TYPE_CHECKING:
     import numpy as np
 
 
-def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None, holds: bool = False,
+def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None,
+          holds: bool = False,
           identify: bool = False) -> None:  # fmt: skip
-    """Read a study file, simulate at the middle of the box or at the values given, optionally compare with a tight solver."""
+    """Read a study file, simulate at the middle of the box or at the values given, optionally compare with a tight
+    solver."""
     from plantfit import spec as specs
 
     study = specs.load(spec)  # first, since the rooms below load jax
@@ -60,7 +62,9 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         say_looks([{**told, "write": None}])
     if not (identify or getattr(problem.model, "smooth", True)):
         out.print(
-            f"What these records can determine: plantfit check {spec} --identify (this model's sensitivities compile long).", markup=False
+            f"What these records can determine: plantfit check {spec} --identify (this model's sensitivities compile "
+            f"long).",
+            markup=False,
         )
     out.print(f"ready: plantfit run {spec}", markup=False)
 
@@ -90,9 +94,12 @@ def _understood(study: Any, problem: Any) -> dict[str, Any]:
             for n, e in problem.experiments.items()
         },
         "parameters": {
-            c.name: {"bounds": [c.lower, c.upper], "unit": c.unit, "scale": "log" if c.log else "linear"} for c in problem.space.coordinates
+            c.name: {"bounds": [c.lower, c.upper], "unit": c.unit, "scale": "log" if c.log else "linear"}
+            for c in problem.space.coordinates
         },
-        "solved_for": [problem.space.names[i] for i in affine_by_structure(problem)] if problem.separable is None else [],
+        "solved_for": [problem.space.names[i] for i in affine_by_structure(problem)]
+        if problem.separable is None
+        else [],
         "weights": [w.plain() for w in weight_rows(problem)],
         "evaluations": study.plan.budget * study.plan.runs * len(study.plan.methods),
     }
@@ -107,10 +114,15 @@ def say_looks(looks: Sequence[Mapping[str, Any]]) -> None:
 
 
 def say_inexact(error: float | None) -> None:
-    """That no steps made a simulation as exact as they should; `error` is a share of the spread of an output, None where they did."""
+    """That no steps made a simulation as exact as they should; `error` is a share of the spread of an output, None
+    where they did."""
     if error is None:
         return
-    size = f"about {100 * error:.2g} % of the spread of an output" if error < 1.0 else "as large as the outputs move, or larger"
+    size = (
+        f"about {100 * error:.2g} % of the spread of an output"
+        if error < 1.0
+        else "as large as the outputs move, or larger"
+    )
     text = (
         f"No steps make this simulation exact to 0.2 %: its error is {size}, so do not use its numbers. "
         "Look for a part that is very much quicker than the others, or for a state that grows without bound."
@@ -138,7 +150,9 @@ def _say_understood(problem: Any, record: Mapping[str, Any]) -> None:
     out.print(describe(problem.model), markup=False)
     for n, r in record["recordings"].items():
         out.print(
-            f"recording {n}: {r['samples']} samples over {r['seconds']:g} s, {r['fitted']} fitted, {r['unseen']} unseen", markup=False
+            f"recording {n}: {r['samples']} samples over {r['seconds']:g} s, {r['fitted']} fitted, {r['unseen']} "
+            f"unseen",
+            markup=False,
         )
         for line in r["log"]:
             out.print(f"    {line}", markup=False, style="dim")
@@ -154,19 +168,26 @@ def _say_simulated(problem: Any, record: Mapping[str, Any], at: Sequence[str], t
 
     rmse = f"RMSE (scaled) {record['rmse_at_middle']:.4g}" if record["rmse_at_middle"] is not None else "not finite"
     place = f"at {', '.join(at)}" if at else "at the middle of the bounds"
-    each = f"{1e3 * record['seconds_per_evaluation']:.2g} ms an evaluation, {steps_text(record['stepper'], record['substeps'])}"
+    each = (
+        f"{1e3 * record['seconds_per_evaluation']:.2g} ms an evaluation, "
+        f"{steps_text(record['stepper'], record['substeps'])}"
+    )
     out.print(f"{place}: {rmse}; {each}", markup=False)
     for e in record.get("verify", []):
         unit = problem.model.outputs[e["output"]] or ""
         out.print(
-            f"against {e['checked_with']}: {e['recording']}, {e['output']} within {e['max_error']:.3g} {unit} (rms {e['rms_error']:.3g}) "
+            f"against {e['checked_with']}: {e['recording']}, {e['output']} within {e['max_error']:.3g} {unit} (rms "
+            f"{e['rms_error']:.3g}) "
             f"over {e['samples']} samples, {steps_text(e['stepper'], e['substeps'])}",
             markup=False,
         )
         if e["refused"]:
             out.print(f"    refused: {e['refused']}", style="red", markup=False)
         elif tolerance is not None and e["max_error"] >= tolerance:
-            out.print(f"    not below {tolerance:g}: the model is too stiff or too rough here for finer steps to help", style="yellow")
+            out.print(
+                f"    not below {tolerance:g}: the model is too stiff or too rough here for finer steps to help",
+                style="yellow",
+            )
     for h in record.get("holds", []):
         out.print(h["sentence"], markup=False)
     if "uncertainty" in record:

@@ -79,7 +79,12 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
     if json:
         plain = {k: record[k] for k in ("name", "title", "found", "figures", "sentences")}
         fits = [
-            {"name": a.problem.name, "values": a.values, "verdict": a.findings["verdict"], "scores": a.findings["scores"]}
+            {
+                "name": a.problem.name,
+                "values": a.values,
+                "verdict": a.findings["verdict"],
+                "scores": a.findings["scores"],
+            }
             for a in record["answers"]
         ]
         return print_json({**plain, "fits": fits, "reports": reports, "seconds": time.perf_counter() - began})

@@ -17,14 +17,23 @@ if TYPE_CHECKING:
     from plantfit.recording.roles import Role, Roles
 
 _TREATED = {"sort": "times go back", "duplicates": 'times appear twice; "first" keeps the first row of each'}
-_TOLD = {"set point": "left out", "copy": "left out", "text": "left out", "empty": "left out", "index": "left out", "constant": "left out"}
+_TOLD = {
+    "set point": "left out",
+    "copy": "left out",
+    "text": "left out",
+    "empty": "left out",
+    "index": "left out",
+    "constant": "left out",
+}
 
 
 def init(
-    file: str, place: str | None, force: bool, json: bool, inputs: Sequence[str] = (), outputs: Sequence[str] = (), yes: bool = False,
+    file: str, place: str | None, force: bool, json: bool, inputs: Sequence[str] = (), outputs: Sequence[str] = (),
+    yes: bool = False,
     candidates: bool = False, model: str | None = None,
 ) -> None:  # fmt: skip
-    """Write a study file beside a recording (or at `place`), or with `candidates` one for each kind of model, and compare them.
+    """Write a study file beside a recording (or at `place`), or with `candidates` one for each kind of model, and
+    compare them.
 
     With `model` it is one of that model of the library.
     """
@@ -32,7 +41,8 @@ def init(
         raise SpecError(
             "--candidates compares models without physics and cannot be used with --model; leave one of the two out."
             if candidates
-            else f"--model {model!r}: init writes a study of the model dc_motor only; for another model write [model] kind yourself "
+            else f"--model {model!r}: init writes a study of the model dc_motor only; for another model write [model] "
+            f"kind yourself "
             "(`plantfit models`)."
         )
     from plantfit.recording.description import described
@@ -45,10 +55,13 @@ def init(
     name = source.name.split(".")[0]
     target = Path(place) if place else source.with_name(f"{name}.toml")
     kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
-    targets: dict[Kind, Path] = {kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds}
+    targets: dict[Kind, Path] = {
+        kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds
+    }
     if not target.parent.is_dir():
         raise SpecError(
-            f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place with --out."
+            f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place "
+            f"with --out."
         )
     there = next((t for t in targets.values() if t.exists()), None)
     if there is not None and not force:
@@ -66,13 +79,16 @@ def init(
     chosen_in, chosen_out = _chosen(source.name, roles, known, inputs, outputs, ask)
     links = _links(roles, known, chosen_in, chosen_out)
     period = found.period or 1.0
-    told = [f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)]
+    told = [
+        f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
+    ]
     clock = clock_line(found)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
 
         def text(clock: str, kind: Kind = kind, to: Path = to, path: str = path) -> str:
-            return study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock, period,
+            return study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock,
+                              period,
                               period * max(found.rows - 1, 1))  # fmt: skip
 
         clock = clock_that_reads(text, clock, to, quiet=json)
@@ -95,7 +111,9 @@ def init(
         listed = ", ".join(f"{r.header!r} ({r.kind})" for r in unsure)
         out.print(f"Not sure of {listed}: change it in the file, or name them with --input and --output.", markup=False)
     if found.time is None and not found.period:
-        out.print("No time column was found: put the seconds between rows where the file says period = 1.0.", markup=False)
+        out.print(
+            "No time column was found: put the seconds between rows where the file says period = 1.0.", markup=False
+        )
     out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
 
@@ -106,14 +124,17 @@ def _motor(source: Path, target: Path, found: "Description", wanted: Sequence[st
 
     period = found.period or 1.0
     made = motor_study(
-        source.name, os.path.relpath(source, target.parent), target.name, name, clock_line(found), found.columns, wanted, period,
+        source.name, os.path.relpath(source, target.parent), target.name, name, clock_line(found), found.columns,
+        wanted, period,
         period * max(found.rows - 1, 1),
     )  # fmt: skip
     _checked(made.text, target)
     target.write_text(made.text, encoding="utf-8")
     if json:
         columns = {signal: c.header for signal, c in made.columns.items()}
-        return print_json({"file": str(target), "model": "dc_motor", "columns": columns, "period": found.period, "rows": found.rows})
+        return print_json(
+            {"file": str(target), "model": "dc_motor", "columns": columns, "period": found.period, "rows": found.rows}
+        )
     for signal, column in made.columns.items():
         out.print(f"{signal}: column {column.header!r}", markup=False)
     for line in made.told:
@@ -162,7 +183,9 @@ def _chosen(
     from plantfit.rig.board.rows import BOOKKEEPING
 
     recorded = {*BOOKKEEPING} <= {r.name for r in roles.columns}  # by `plantfit record`
-    usable = [r for r in roles.columns if known[r.header].minimum is not None and not (recorded and r.name in BOOKKEEPING)]
+    usable = [
+        r for r in roles.columns if known[r.header].minimum is not None and not (recorded and r.name in BOOKKEEPING)
+    ]
     moving = [r for r in usable if r.kind not in ("time", "constant", "index")]
     if len(moving) < 2:
         raise RecordingError(
@@ -177,14 +200,20 @@ def _chosen(
     own_in, own_out = own_in or rest[:1], own_out or [h for h in rest if h not in own_in][-1:]
     if ask and not (inputs and outputs) and any(r.header in (*own_in, *own_out) for r in roles.unsure):
         own_in = _asked("Inputs", own_in, usable, source)
-        own_out = _asked("Outputs", [h for h in own_out if h not in own_in] or [h for h in rest if h not in own_in], usable, source)
+        own_out = _asked(
+            "Outputs", [h for h in own_out if h not in own_in] or [h for h in rest if h not in own_in], usable, source
+        )
     headers = [r.header for r in roles.columns]
     twice = next((h for h in (*own_in, *own_out) if headers.count(h) > 1), None)
     if twice is not None:
-        raise RecordingError(f"{source} has {headers.count(twice)} columns {twice!r}; give each its own name in the header.")
+        raise RecordingError(
+            f"{source} has {headers.count(twice)} columns {twice!r}; give each its own name in the header."
+        )
     both = {*own_in} & {*own_out}
     if both or not own_in or not own_out:
-        what = f"{sorted(both)[0]!r} is both input and output" if both else f"no {'output' if own_in else 'input'} is left"
+        what = (
+            f"{sorted(both)[0]!r} is both input and output" if both else f"no {'output' if own_in else 'input'} is left"
+        )
         raise RecordingError(f"{source}: {what}; name inputs with --input and outputs with --output.")
     return own_in, own_out
 
@@ -194,7 +223,9 @@ def _named(source: str, wanted: Sequence[str], usable: "list[Role]") -> list[str
     for word in wanted:
         match = next((r.header for r in usable if word in (r.header, r.name)), None)
         if match is None:
-            raise RecordingError(f"{source} has no column of numbers {word!r}; its columns of numbers are {[r.header for r in usable]}.")
+            raise RecordingError(
+                f"{source} has no column of numbers {word!r}; its columns of numbers are {[r.header for r in usable]}."
+            )
         found.append(match)
     return list(dict.fromkeys(found))
 
@@ -229,7 +260,9 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
     def signal(header: str) -> Signal:
         c = known[header]
         if c.minimum is None or c.maximum is None or c.minimum == c.maximum:
-            raise RecordingError(f"Column {header!r} never changes, so it can be neither input nor output; name another.")
+            raise RecordingError(
+                f"Column {header!r} never changes, so it can be neither input nor output; name another."
+            )
         first = float(c.first_number if c.first_number is not None else c.minimum)
         named = None if c.unit else unit_in_name(header)
         return Signal(symbols[header], header, c.unit or named, c.minimum, c.maximum, first, named is not None)
@@ -243,19 +276,34 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
 
 
 _LETTERS = str.maketrans(
-    {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "æ": "ae", "œ": "oe", "ø": "oe", "ł": "l"}
+    {
+        "ä": "ae",
+        "ö": "oe",
+        "ü": "ue",
+        "Ä": "Ae",
+        "Ö": "Oe",
+        "Ü": "Ue",
+        "ß": "ss",
+        "æ": "ae",
+        "œ": "oe",
+        "ø": "oe",
+        "ł": "l",
+    }
 )
 
 
 def _symbol(name: str, spare: str) -> str:
     """A name that equations may use and the template does not."""
     taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*|t|e|pi", name)
-    plain = unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()  # a bare key of TOML has no accents
+    plain = (
+        unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()
+    )  # a bare key of TOML has no accents
     return plain if plain.isidentifier() and not taken and len(plain) > len(name) // 2 else spare
 
 
 def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet: bool) -> str:
-    """The line of the clock, with what treats times that go back or stand twice: the file must read back and give a problem."""
+    """The line of the clock, with what treats times that go back or stand twice: the file must read back and give a
+    problem."""
     from plantfit import spec
 
     for _ in range(3):
@@ -267,11 +315,14 @@ def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet
             clock += f"\n{error.treatment}  # {_TREATED[error.treatment.split()[0]]}"
             if not quiet:
                 out.print(
-                    f"{_of_recording(error, target).partition('; ')[0]}. The study file treats this with {error.treatment}.", markup=False
+                    f"{_of_recording(error, target).partition('; ')[0]}. The study file treats this with "
+                    f"{error.treatment}.",
+                    markup=False,
                 )
         except PlantfitError as error:  # of a file that the user has not seen
             raise RecordingError(
-                f"No study file that runs can be made from this recording ({_of_recording(error, target).splitlines()[0]}); "
+                f"No study file that runs can be made from this recording "
+                f"({_of_recording(error, target).splitlines()[0]}); "
                 "check the names and values of "
                 "its columns, or write the file by hand (docs/study-file.md)."
             ) from error

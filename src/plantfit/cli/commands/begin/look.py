@@ -9,11 +9,15 @@ from plantfit.cli.terminal.out import out, print_json, verdict
 from plantfit.errors import RecordingError, SpecError
 
 
-def look(path: str, inputs: Sequence[str], outputs: Sequence[str], name: str | None, place: str | None, json: bool) -> None:
+def look(
+    path: str, inputs: Sequence[str], outputs: Sequence[str], name: str | None, place: str | None, json: bool
+) -> None:
     """Look at a study file's recording with its inputs and outputs, or at a file of measurements."""
     from plantfit.report.html import check_place
 
-    recording, own_in, own_out, masks = _of_study(path, name) if path.endswith(".toml") else _of_file(path, inputs, outputs)
+    recording, own_in, own_out, masks = (
+        _of_study(path, name) if path.endswith(".toml") else _of_file(path, inputs, outputs)
+    )
     own_in, own_out = list(inputs) or own_in, list(outputs) or own_out
     for signal in (*own_in, *own_out):
         if signal not in recording.signals:
@@ -45,10 +49,15 @@ def _of_study(path: str, name: str | None) -> tuple[Any, list[str], list[str], A
         raise SpecError(f"{path} has no recording {name!r}; it has {names}.")
     experiment = problem.experiments[name or names[0]]
     if experiment.steady:
-        raise RecordingError(f"Recording {experiment.recording.name!r} is steady, where time means nothing; look at one that moves.")
+        raise RecordingError(
+            f"Recording {experiment.recording.name!r} is steady, where time means nothing; look at one that moves."
+        )
     inputs = [n for n in getattr(problem.model, "inputs", {}) if n not in problem.outputs]
     if not inputs:
-        raise SpecError(f"{path}: the model has no inputs, and a first look is at what outputs answer to inputs; name some with --input.")
+        raise SpecError(
+            f"{path}: the model has no inputs, and a first look is at what outputs answer to inputs; name some with "
+            f"--input."
+        )
     fit = experiment.mask("fit")
     masks = (fit, experiment.mask("validation") & ~fit) if fit.any() else None
     return experiment.recording, inputs, list(problem.outputs), masks

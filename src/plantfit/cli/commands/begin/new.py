@@ -31,23 +31,34 @@ class _Made:
 
 
 def new(
-    name: str | None, kind: str | None, recording: str | None, columns: Sequence[str], place: str | None, force: bool, json: bool
+    name: str | None, kind: str | None, recording: str | None, columns: Sequence[str], place: str | None, force: bool,
+    json: bool
 ) -> None:  # fmt: skip
-    """Write the study file of the list of parts `name`, or of the plant `kind` under this name; `columns` are SIGNAL=COLUMN."""
+    """Write the study file of the list of parts `name`, or of the plant `kind` under this name; `columns` are
+    SIGNAL=COLUMN."""
     if name is None:
         raise SpecError(
-            "Name a list of parts, as in `plantfit new circuit.net`, or a plant to begin with, as in `plantfit new motor --from dc_motor` "
+            "Name a list of parts, as in `plantfit new circuit.net`, or a plant to begin with, as in `plantfit new "
+            "motor --from dc_motor` "
             "(`plantfit new --list`, `plantfit new --parts`)."
         )
     source = Path(name)
     if kind is None and source.suffix != _ENDS:
         raise SpecError(
-            f"{name!r} is not a list of parts (NAME{_ENDS}); say what to begin with, as in --from dc_motor (`plantfit new --list`)."
+            f"{name!r} is not a list of parts (NAME{_ENDS}); say what to begin with, as in --from dc_motor (`plantfit "
+            f"new --list`)."
         )
-    target = Path(place) if place else source.with_suffix(".toml") if source.suffix in (_ENDS, ".toml") else Path(f"{name}.toml")
+    target = (
+        Path(place)
+        if place
+        else source.with_suffix(".toml")
+        if source.suffix in (_ENDS, ".toml")
+        else Path(f"{name}.toml")
+    )
     if not target.parent.is_dir():
         raise SpecError(
-            f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place with --out."
+            f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place "
+            f"with --out."
         )
     if kind is None:
         made, words = _of_file(source), source.name
@@ -56,7 +67,9 @@ def new(
     listed = target.with_suffix(_ENDS)
     there = next((f for f in (target, *([listed] if made.parts else [])) if f.exists()), None)
     if there is not None and not force:
-        raise SpecError(f"{str(there)!r} exists already; give another name, another place with --out, or --force to overwrite it.")
+        raise SpecError(
+            f"{str(there)!r} exists already; give another name, another place with --out, or --force to overwrite it."
+        )
     said = {signal.strip(): column.strip() for signal, _, column in (c.partition("=") for c in columns)}
     if said and recording is None:
         raise SpecError("--column names columns of a recording; give its file with --recording.")
@@ -74,20 +87,34 @@ def new(
     if made.parts:
         listed.write_text(made.parts, encoding="utf-8")
     if json:
-        signals = {"inputs": list(made.plant.inputs), "outputs": list(made.plant.outputs), "columns": dict(measured.columns)}
-        return print_json({"file": str(target), "parts": str(listed) if made.parts else None, **signals, "without_column": missing})
+        signals = {
+            "inputs": list(made.plant.inputs),
+            "outputs": list(made.plant.outputs),
+            "columns": dict(measured.columns),
+        }
+        return print_json(
+            {"file": str(target), "parts": str(listed) if made.parts else None, **signals, "without_column": missing}
+        )
     for line in made.told:
         out.print(line, markup=False)
     if made.parts:
-        out.print(f"Written: {listed}, its parts; change them and write the study anew: plantfit new {listed} --force", markup=False)
+        out.print(
+            f"Written: {listed}, its parts; change them and write the study anew: plantfit new {listed} --force",
+            markup=False,
+        )
     if recording is None:
         columns = ", ".join(["t [s]", *measured.columns.values()])
         out.print(
-            f"It reads the recording {target.with_name(measured.file)} with the columns {columns}: put your file and columns there.",
+            f"It reads the recording {target.with_name(measured.file)} with the columns {columns}: put your file and "
+            f"columns there.",
             markup=False,
         )
     for signal, column in measured.columns.items() if recording is not None else ():
-        told = f"no column was found, put yours there or write --column {signal}=NAME" if signal in missing else f"column {column!r}"
+        told = (
+            f"no column was found, put yours there or write --column {signal}=NAME"
+            if signal in missing
+            else f"column {column!r}"
+        )
         out.print(f"{signal}: {told}", markup=False)
     out.print(f"Written: {target}\nNext: plantfit check {target}", markup=False)
 
@@ -108,9 +135,13 @@ def _of_file(source: Path) -> _Made:
 
 
 def _told(states: Sequence[str] | dict, idle: Sequence[str]) -> list[str]:
-    lines = [f"States: {', '.join(states)}." if states else "There are no states: the plant follows its inputs at once."]
+    lines = [
+        f"States: {', '.join(states)}." if states else "There are no states: the plant follows its inputs at once."
+    ]
     if idle:
-        lines.append(f"Left out, as nothing that is measured hangs on {'it' if len(idle) == 1 else 'them'}: {', '.join(idle)}.")
+        lines.append(
+            f"Left out, as nothing that is measured hangs on {'it' if len(idle) == 1 else 'them'}: {', '.join(idle)}."
+        )
     return lines
 
 
@@ -126,12 +157,16 @@ def _of_kind(kind: str, words: str) -> tuple[_Made, str]:
             from plantfit.models.networks.network import network
 
             made = network(drawing.text, f"{kind}{_ENDS}")
-            return _Made(of_network(made, drawing.text), f"# {drawing.sentence}\n{drawing.text}", _told(made.states, made.idle)), words
+            return _Made(
+                of_network(made, drawing.text), f"# {drawing.sentence}\n{drawing.text}", _told(made.states, made.idle)
+            ), words
         model = tomllib.loads(drawing.text)["model"]
         return _Made(Plant(model["inputs"], model["outputs"], drawing.text), "", []), words
     known = [*drawn, *names()]
     if kind not in known:
-        raise ModelError(f"There is no plant {kind!r} to begin with.{suggest(kind, known)} There are {', '.join(known)}.")
+        raise ModelError(
+            f"There is no plant {kind!r} to begin with.{suggest(kind, known)} There are {', '.join(known)}."
+        )
     from plantfit.models.model import Model
 
     entry = listed(kind)
@@ -142,8 +177,8 @@ def _of_kind(kind: str, words: str) -> tuple[_Made, str]:
 
 
 def _columns(plant: Plant, recording: Path, target: Path, said: Mapping[str, str]) -> tuple[Measurements, list[str]]:
-    """Columns of a recording by signal, and signals that found none: what the user `said`, else by name, by a unit that only one column
-    fits, and by unit and role in their order where as many columns as signals are left."""
+    """Columns of a recording by signal, and signals that found none: what the user `said`, else by name, by a unit
+    that only one column fits, and by unit and role in their order where as many columns as signals are left."""
     from plantfit.recording.description import described
     from plantfit.recording.readers.any_format import table
     from plantfit.recording.roles import roles_of
@@ -153,7 +188,11 @@ def _columns(plant: Plant, recording: Path, target: Path, said: Mapping[str, str
     if found.problem:
         raise RecordingError(found.problem)
     roles = {r.header: r.kind for r in roles_of(content).columns}
-    free = [c for c in found.columns if c.kind == "number" and c.header != found.time and roles.get(c.header) not in ("index", "set point")]
+    free = [
+        c
+        for c in found.columns
+        if c.kind == "number" and c.header != found.time and roles.get(c.header) not in ("index", "set point")
+    ]
     signals = {**plant.inputs, **plant.outputs}
     taken = {s: _said(s, column, signals, found) for s, column in said.items()}
     for fits in (_same_name, _same_unit):
@@ -164,14 +203,17 @@ def _columns(plant: Plant, recording: Path, target: Path, said: Mapping[str, str
     for kind, own in (("input", plant.inputs), ("output", plant.outputs)):
         for unit in dict.fromkeys(own.values()):
             left = [s for s, u in own.items() if u == unit and s not in taken]
-            columns = [c for c in free if c not in taken.values() and roles.get(c.header) == kind and _same_unit("", unit, c)]
+            columns = [
+                c for c in free if c not in taken.values() and roles.get(c.header) == kind and _same_unit("", unit, c)
+            ]
             if len(left) == len(columns):
                 taken |= zip(left, columns, strict=True)
     wrong = next(((s, c) for s, c in taken.items() if c.unit and not _converts(c.unit, signals[s])), None)
     if wrong is not None:
         signal, column = wrong
         raise RecordingError(
-            f"{recording.name}: column {column.header!r} is in {column.unit}, and {signal} in {signals[signal]}; name another, as in "
+            f"{recording.name}: column {column.header!r} is in {column.unit}, and {signal} in {signals[signal]}; name "
+            f"another, as in "
             f"--column {signal}=NAME."
         )
     bare = {s: u for s, u in signals.items() if s in taken and not taken[s].unit and u not in (None, "1")}
@@ -184,12 +226,15 @@ def _said(signal: str, column: str, signals: Mapping[str, str | None], found: "D
     """The column that the user names for a signal."""
     if signal not in signals:
         raise SpecError(
-            f"--column {signal}={column}: there is no signal {signal!r}.{suggest(signal, signals)} There are {', '.join(signals)}."
+            f"--column {signal}={column}: there is no signal {signal!r}.{suggest(signal, signals)} There are "
+            f"{', '.join(signals)}."
         )
     own = next((c for c in found.columns if column in (c.header, c.name)), None)
     if own is None:
         headers = [c.header for c in found.columns]
-        raise RecordingError(f"--column {signal}={column}: {found.file} has no such column.{suggest(column, headers)} It has {headers}.")
+        raise RecordingError(
+            f"--column {signal}={column}: {found.file} has no such column.{suggest(column, headers)} It has {headers}."
+        )
     return own
 
 
@@ -212,7 +257,10 @@ def tell_parts(json: bool) -> None:
 
     if json:
         return print_json(
-            [{"kind": p.kind, "domain": p.domain.name, "nodes": p.nodes, "what": p.what, "unit": p.unit} for p in PARTS.values()]
+            [
+                {"kind": p.kind, "domain": p.domain.name, "nodes": p.nodes, "what": p.what, "unit": p.unit}
+                for p in PARTS.values()
+            ]
         )
     domain = None
     for p in PARTS.values():

@@ -1,4 +1,5 @@
-"""The text of a first study file: linear models between the inputs and outputs of a recording, with comments and bounds from the data."""
+"""The text of a first study file: linear models between the inputs and outputs of a recording, with comments and
+bounds from the data."""
 
 import json as encoder
 from collections.abc import Sequence
@@ -67,8 +68,8 @@ AWAY = 0.1  # of the range of an input: farther from zero it has not been there
 
 @dataclass(frozen=True)
 class Signal:
-    """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value; `named` where the unit is
-    the end of its name."""
+    """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value;
+    `named` where the unit is the end of its name."""
 
     symbol: str
     header: str
@@ -88,21 +89,26 @@ class Link:
 
 
 def study_text(
-    kind: Kind, links: Sequence[Link], source: str, path: str, spec: str, name: str, columns: Sequence[str], time: str, period: float,
+    kind: Kind, links: Sequence[Link], source: str, path: str, spec: str, name: str, columns: Sequence[str], time: str,
+    period: float,
     duration: float,
 ) -> str:  # fmt: skip
     """A study file of one model of `kind` for each output.
 
-    `path` is that of the recording as the file sees it, `time` the line of its clock, `columns` what is told of each column; `period` and
-    `duration` are in s.
+    `path` is that of the recording as the file sees it, `time` the line of its clock, `columns` what is told of each
+    column; `period` and `duration` are in s.
     """
     inputs = list({s.symbol: s for link in links for s in link.inputs}.values())
     outputs = [link.output for link in links]
-    plants = [_Plant(kind, link, str(k) if len(links) > 1 else "", inputs, period, duration) for k, link in enumerate(links, 1)]
+    plants = [
+        _Plant(kind, link, str(k) if len(links) > 1 else "", inputs, period, duration)
+        for k, link in enumerate(links, 1)
+    ]
     states = [(x, p) for p in plants for x in p.states]
     bare = not any(s.unit for s in (*inputs, *outputs))
     return _TEMPLATE.format(
-        source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[kind], name=quoted(name), path=quoted(path),
+        source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[kind], name=quoted(name),
+        path=quoted(path),
         time=time, gap=5 * period,
         columns="".join(f"#   {c}\n" for c in columns),
         signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in (*inputs, *outputs)),
@@ -111,7 +117,8 @@ def study_text(
         equations="\n".join(line for p in plants for line in p.equations),
         inputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in inputs),
         outputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in outputs),
-        states=", ".join(f"{x} = {{ unit = {quoted(p.link.output.unit or '1')}, initial = \"{p.start}\" }}" for x, p in states),
+        states=", ".join(f"{x} = {{ unit = {quoted(p.link.output.unit or '1')}, initial = \"{p.start}\" }}" for x,
+                         p in states),
         parameters="".join(p.parameters for p in plants),
     )  # fmt: skip
 
@@ -125,16 +132,21 @@ def clock_line(found: "Description") -> str:
     """The line of the time in a study file."""
     if found.time is not None:
         return f"time = {quoted(found.time)}"
-    return f"period = {found.period or 1.0:.9g}".ljust(22) + (" # seconds between rows, from the file" if found.period else _NO_TIME)
+    return f"period = {found.period or 1.0:.9g}".ljust(22) + (
+        " # seconds between rows, from the file" if found.period else _NO_TIME
+    )
 
 
 _NO_TIME = " # seconds between rows: no time column was found, put yours"
 
 
 class _Plant:
-    """One output's equations and parameters; with several outputs these carry its `number`, and gains that of the input too, as in K12."""
+    """One output's equations and parameters; with several outputs these carry its `number`, and gains that of the
+    input too, as in K12."""
 
-    def __init__(self, kind: Kind, link: Link, number: str, inputs: Sequence[Signal], period: float, duration: float) -> None:
+    def __init__(
+        self, kind: Kind, link: Link, number: str, inputs: Sequence[Signal], period: float, duration: float
+    ) -> None:
         self.link, self.kind, self.number, self.period, self.duration = link, kind, number, period, duration
         places = [str(inputs.index(u) + 1) if len(inputs) > 1 else "" for u in link.inputs]
         self.gains = [f"K{number}{place}" for place in places]
@@ -176,14 +188,21 @@ class _Plant:
         for name in [f"tau{self.number}", *([f"lag{self.number}"] if self.kind == "second" else [])]:
             text += _parameter(name, f"time constant of {y.symbol}", self.period / 5, self.duration, "s", log=True)
         if self.kind != "first":
-            text += _parameter(f"L{self.number}", f"dead time of {y.symbol}", 0.0, max(self.duration / 20, 5 * self.period), "s")
+            text += _parameter(
+                f"L{self.number}", f"dead time of {y.symbol}", 0.0, max(self.duration / 20, 5 * self.period), "s"
+            )
         return text
 
     def _beyond(self) -> str:
         """That no input came near zero, so that a rest without input is what the straight line says there."""
-        away = [u for u in self.link.inputs if not u.low <= 0.0 <= u.high and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)]
+        away = [
+            u
+            for u in self.link.inputs
+            if not u.low <= 0.0 <= u.high and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)
+        ]
         told = [
-            f"{u.symbol} was never {'below' if u.low > 0 else 'above'} {u.low if u.low > 0 else u.high:.4g} {u.unit or ''}".strip()
+            f"{u.symbol} was never {'below' if u.low > 0 else 'above'} {u.low if u.low > 0 else u.high:.4g} "
+            f"{u.unit or ''}".strip()
             for u in away
         ]
         return f" (an extrapolation: {' and '.join(told)})" if told else ""

@@ -37,18 +37,28 @@ def excite(
     slew = quantity("--slew", limits["slew"], f"{unit}/s")
     if not (voltage is limits["duty"] is slew is None):
         made = limited(
-            made, name, voltage=voltage, duty=limits["duty"], supply=supply, slew=slew, how="clip" if limits["clip"] else "scale"
+            made,
+            name,
+            voltage=voltage,
+            duty=limits["duty"],
+            supply=supply,
+            slew=slew,
+            how="clip" if limits["clip"] else "scale",
         )
     written = {"csv": str(to_csv(made, places["out"] or f"{made.name}.csv"))}
     if places["header"]:
         from plantfit.recording.excitation import to_c_header
 
-        written["header"] = str(to_c_header(made, places["header"], name, quantity("--step", limits["step"], unit, difference=True)))
+        written["header"] = str(
+            to_c_header(made, places["header"], name, quantity("--step", limits["step"], unit, difference=True))
+        )
     if places["preview"]:
         written["preview"] = str(_preview(made, name, places["preview"]))
     crest = crest_factor(made[name])
     if json:
-        return print_json({"kind": kind, "samples": len(made), "crest_factor": crest, "log": list(made.log), "files": written})
+        return print_json(
+            {"kind": kind, "samples": len(made), "crest_factor": crest, "log": list(made.log), "files": written}
+        )
     for line in made.log:
         out.print(line, markup=False)
     out.print(f"Crest factor {crest:.3f}.")
@@ -63,7 +73,8 @@ def _refuse_other_units(amplitude: str, unit: str, signal: str) -> None:
     units.parse(unit)
     if signal == VOLTAGE and not units.compatible(unit, "V"):
         raise UnitError(
-            f"--amplitude {amplitude!r} is in {unit!r}, but the signal {VOLTAGE!r} is a voltage; give volts, such as --amplitude 6V, or "
+            f"--amplitude {amplitude!r} is in {unit!r}, but the signal {VOLTAGE!r} is a voltage; give volts, such as "
+            f"--amplitude 6V, or "
             "name another signal with --signal."
         )
 

@@ -27,7 +27,8 @@ def record(
     force: bool,
     json: bool,
 ) -> None:
-    """Record until the excitation, the set points or the duration are over, or until Ctrl-C, which stops the motor first."""
+    """Record until the excitation, the set points or the duration are over, or until Ctrl-C, which stops the motor
+    first."""
     from plantfit.recording import read_csv
     from plantfit.rig import board
 
@@ -53,9 +54,13 @@ def record(
             )
             stopped = stopping()
     except KeyboardInterrupt:
-        raise Interrupted(f"Ended at once; the motor was told to stop. What came is in {place}, or in {place}.part.") from None
+        raise Interrupted(
+            f"Ended at once; the motor was told to stop. What came is in {place}, or in {place}.part."
+        ) from None
     if json:
-        plain = {f.name: getattr(told, f.name) for f in dataclasses.fields(told) if f.name not in ("board", "path", "log")}
+        plain = {
+            f.name: getattr(told, f.name) for f in dataclasses.fields(told) if f.name not in ("board", "path", "log")
+        }
         print_json({"file": str(told.path), "board": told.board.name, **plain})
     else:
         for line in told.log:
@@ -64,11 +69,14 @@ def record(
     if not told.stopped:
         warn("The board did not acknowledge the stop: make sure that the motor stands before you touch it.")
     if stopped and not told.complete:
-        raise Interrupted(f"Stopped after {told.played} of {told.values} values of the excitation; {told.path} holds what came.")
+        raise Interrupted(
+            f"Stopped after {told.played} of {told.values} values of the excitation; {told.path} holds what came."
+        )
 
 
 def _loop(controller: str, set_points: str | None, duration: float | None) -> "Loop":
-    """A tuned controller with its set points: those of a file or text, else the step that it was tuned for, half the time each level."""
+    """A tuned controller with its set points: those of a file or text, else the step that it was tuned for, half the
+    time each level."""
     from plantfit.rig.board.pilot import Loop
     from plantfit.rig.offered.driven import driven_by
     from plantfit.rig.offered.tuned import read_tuned
@@ -78,8 +86,11 @@ def _loop(controller: str, set_points: str | None, duration: float | None) -> "L
     given = set_points or f"{tuned.set_point - tuned.step!r},{tuned.set_point!r}"
     wanted, told = driven_by(given, tuned.output, unit, duration or tuned.seconds or SECONDS, s.period)
     times = wanted.t - wanted.t[0]
-    sentence = f"Driven from {tuned.output} by the {tuned.form} of {tuned.name}, every {s.period:g} s; set points: {told}"
+    sentence = (
+        f"Driven from {tuned.output} by the {tuned.form} of {tuned.name}, every {s.period:g} s; set points: {told}"
+    )
     return Loop(
-        tuned.running(), s.period, tuned.output, tuned.output_unit, tuned.input, tuned.input_unit, s.lower, s.upper, times,
+        tuned.running(), s.period, tuned.output, tuned.output_unit, tuned.input, tuned.input_unit, s.lower, s.upper,
+        times,
         wanted[tuned.output], duration or float(times[-1]), sentence,
     )  # fmt: skip

@@ -19,14 +19,17 @@ ROWWISE = ("subtract", "scale", "convert_units", "duty_to_voltage")
 
 
 def track(
-    given: str, recording: str, follow: bool, idle: str | None, place: str | None, every: str | None, false_alarm: float,
+    given: str, recording: str, follow: bool, idle: str | None, place: str | None, every: str | None,
+    false_alarm: float,
     like: str | None, store: str, workers: str | None, force: bool, json: bool,
 ) -> None:  # fmt: skip
     """Track a recording with a study's filter; the study is fitted first if the store has no answer of it."""
     wait, step = quantity("--idle", idle, "s"), quantity("--every", every, "s")
     grows = follow or recording == "-"
     if recording != "-" and not Path(recording).is_file():
-        raise RecordingError(f"There is no recording {recording!r}; name a file of measurements, or - for standard input.")
+        raise RecordingError(
+            f"There is no recording {recording!r}; name a file of measurements, or - for standard input."
+        )
     if idle is not None and not grows:
         raise RecordingError("--idle is for a recording that grows; give --follow too, or leave it out.")
     if place is not None and Path(place).exists() and not force:
@@ -53,7 +56,8 @@ def track(
         alarms = [RaisedAlarm(**{**vars(a), "alike": list(a.alike)}, sentence=a.sentence) for a in tracker.alarms]
         end = dict[str, float | None](tracker.rows[-1]) if tracker.rows else None
         made = Tracked(
-            study=numbers[given], samples=tracker.samples, looks=tracker.changes.looks, false_alarm=false_alarm, alarms=alarms, end=end,
+            study=numbers[given], samples=tracker.samples, looks=tracker.changes.looks, false_alarm=false_alarm,
+            alarms=alarms, end=end,
             sentence=tracker.sentence, written=written,
         )  # fmt: skip
         return print_json(made.printed())
@@ -104,7 +108,8 @@ def _reader(study: Any, like: str | None, grows: bool) -> Callable[[Path], Any]:
     steps = [s.get("step") for s in table.clean if s.get("step") not in ROWWISE]
     if grows and steps:
         raise SpecError(
-            f"{study.path.name}: recording.{name}.clean has {steps[0]!r}, which looks at neighbouring rows, and rows still to come are not "
+            f"{study.path.name}: recording.{name}.clean has {steps[0]!r}, which looks at neighbouring rows, and rows "
+            f"still to come are not "
             "known; track the finished file without --follow, or leave the step out of the study."
         )
 
@@ -114,7 +119,9 @@ def _reader(study: Any, like: str | None, grows: bool) -> Callable[[Path], Any]:
     return read
 
 
-def _source(recording: str, read: Callable[[Path], Any], grows: bool, wait: float | None, stop: Callable[[], bool]) -> Iterator[Any]:
+def _source(
+    recording: str, read: Callable[[Path], Any], grows: bool, wait: float | None, stop: Callable[[], bool]
+) -> Iterator[Any]:
     if not grows:
         yield read(Path(recording))
     elif recording == "-":
@@ -155,7 +162,9 @@ class _Standard:
         return b"".join(pieces)
 
 
-def _grown(source: Any, read: Callable[[Path], Any], name: str, wait: float | None, stop: Callable[[], bool]) -> Iterator[Any]:
+def _grown(
+    source: Any, read: Callable[[Path], Any], name: str, wait: float | None, stop: Callable[[], bool]
+) -> Iterator[Any]:
     from plantfit.recording.readers.formats.text.growing import GrowingTable
 
     table, came = GrowingTable(source, read, Path(name).stem or "recording"), time.monotonic()

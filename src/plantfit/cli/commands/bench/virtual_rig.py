@@ -22,7 +22,10 @@ def listed(name: str | None, json: bool) -> None:
         if name is None:
             out.print(f"    --set {', '.join(n.name for n in rig.numbers)}", markup=False)
     if name is None:
-        return out.print("\n`plantfit rig NAME --list` shows the numbers of one, `plantfit rig NAME` writes a record of it.", markup=False)
+        return out.print(
+            "\n`plantfit rig NAME --list` shows the numbers of one, `plantfit rig NAME` writes a record of it.",
+            markup=False,
+        )
     from rich.table import Table
 
     table = Table("number", "unit", "value", "what it is", box=None, pad_edge=False)
@@ -30,7 +33,10 @@ def listed(name: str | None, json: bool) -> None:
         table.add_row(f"[bold]{n.name}[/bold]", n.unit, "" if n.value is None else f"{n.value:.6g}", n.sentence)
     out.print(table, soft_wrap=False)
     (rig,) = rigs
-    out.print(f"\n{rig.duration:g} s, a sample every {rig.period:g} s, unless --duration and --period say otherwise.", markup=False)
+    out.print(
+        f"\n{rig.duration:g} s, a sample every {rig.period:g} s, unless --duration and --period say otherwise.",
+        markup=False,
+    )
     out.print(f"--excitation: {rig.excitation or 'none, its controller moves it'}.", markup=False)
     if rig.loop:
         out.print(f"--controller: a PID that {rig.loop}.", markup=False)
@@ -38,8 +44,11 @@ def listed(name: str | None, json: bool) -> None:
         out.print(f"--without: {', '.join(rig.optional)}.", markup=False)
 
 
-def record(name: str, settings: Sequence[str], asked: dict[str, Any], place: str | None, files: dict[str, bool], json: bool) -> None:
-    """Record the rig `name` with NAME=VALUE `settings` to `place`; `asked` are the other arguments of `record_rig` as typed."""
+def record(
+    name: str, settings: Sequence[str], asked: dict[str, Any], place: str | None, files: dict[str, bool], json: bool
+) -> None:
+    """Record the rig `name` with NAME=VALUE `settings` to `place`; `asked` are the other arguments of `record_rig`
+    as typed."""
     from plantfit.rig.offered import record_rig
 
     times = {key: quantity(f"--{key}", asked[key], "s") for key in ("duration", "period")}
@@ -47,7 +56,12 @@ def record(name: str, settings: Sequence[str], asked: dict[str, Any], place: str
     written = made.save(place or f"{name}.csv", **files)
     if json:
         return print_json(
-            {"rig": name, "samples": len(made.recording), "truth": made.truth, "files": {k: str(p) for k, p in written.items()}}
+            {
+                "rig": name,
+                "samples": len(made.recording),
+                "truth": made.truth,
+                "files": {k: str(p) for k, p in written.items()},
+            }
         )
     for line in made.recording.log:
         out.print(line, markup=False)
@@ -82,10 +96,19 @@ def _settings(texts: Sequence[str]) -> dict[str, str]:
 
 def _record_of(rig: Any) -> dict[str, Any]:
     numbers = [
-        {"name": n.name, "unit": n.unit, "value": n.value, "kind": n.kind, "sentence": n.sentence, "least": n.least, "most": n.most}
+        {
+            "name": n.name,
+            "unit": n.unit,
+            "value": n.value,
+            "kind": n.kind,
+            "sentence": n.sentence,
+            "least": n.least,
+            "most": n.most,
+        }
         for n in rig.numbers
     ]
     return {
-        "name": rig.name, "sentence": rig.sentence, "numbers": numbers, "duration_s": rig.duration, "period_s": rig.period,
+        "name": rig.name, "sentence": rig.sentence, "numbers": numbers, "duration_s": rig.duration,
+        "period_s": rig.period,
         "excitation": rig.excitation, "without": list(rig.optional), "controller": rig.loop,
     }  # fmt: skip

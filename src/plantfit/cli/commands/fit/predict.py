@@ -15,7 +15,14 @@ if TYPE_CHECKING:
 
 
 def predict(
-    spec: str, place: str, values: list[str], study: int | None, recording: str | None, level: str | None, store: str, json: bool
+    spec: str,
+    place: str,
+    values: list[str],
+    study: int | None,
+    recording: str | None,
+    level: str | None,
+    store: str,
+    json: bool,
 ) -> None:
     """Write measured and simulated outputs over a whole recording, with bands at `level` where it is given."""
     from plantfit import recording as rec
@@ -26,7 +33,10 @@ def predict(
     loaded = specs.load(spec)
     share = None if level is None else fraction("--level", level)
     if share is not None and values:
-        raise SpecError("--bands are made for the parameters of the study; they cannot be used with --set, so leave one of the two out.")
+        raise SpecError(
+            "--bands are made for the parameters of the study; they cannot be used with --set, so leave one of the two "
+            "out."
+        )
     problem = choose_substeps(loaded.problem)
     named = values_at(problem.space.names, values, loaded.name, study, store)
     vector = problem.space.vector(named)
@@ -44,7 +54,10 @@ def predict(
         for output, band in found.items():
             unit = source.signals[output].unit
             signals |= {f"{output}_low": rec.Signal(band.low, unit), f"{output}_high": rec.Signal(band.high, unit)}
-            signals |= {f"{output}_read_low": rec.Signal(band.read_low, unit), f"{output}_read_high": rec.Signal(band.read_high, unit)}
+            signals |= {
+                f"{output}_read_low": rec.Signal(band.read_low, unit),
+                f"{output}_read_high": rec.Signal(band.read_high, unit),
+            }
             held[output] = band.held(source[output])
     path = rec.to_csv(rec.Recording(source.t, signals, source.name), place) or place
     scores = {}
@@ -55,23 +68,34 @@ def predict(
 
         made = Predicted(file=str(path), recording=name, parameters=named, rmse=dict(scores), step_error=error)
         return print_json(
-            made.printed(bands=PredictedBands(level=share or 0.0, held=dict(held), scatters=scatters)) if held else made.printed()
+            made.printed(bands=PredictedBands(level=share or 0.0, held=dict(held), scatters=scatters))
+            if held
+            else made.printed()
         )
     for output, rmse in scores.items():
-        out.print(f"{output}: RMSE {rmse:.4g} {source.signals[output].unit or ''} over {len(source)} samples of {name}", markup=False)
+        out.print(
+            f"{output}: RMSE {rmse:.4g} {source.signals[output].unit or ''} over {len(source)} samples of {name}",
+            markup=False,
+        )
     say_inexact(error)
     for output, part in held.items():
-        out.print(f"{output}: {100 * part:.3g} % of the readings lie in the band of {100 * (share or 0):g} %.", markup=False)
+        out.print(
+            f"{output}: {100 * part:.3g} % of the readings lie in the band of {100 * (share or 0):g} %.", markup=False
+        )
     if scatters:
         which = ", ".join(scatters)
-        out.print(f"Recordings of this plant scatter in {which}: the bands are those of the plant in another recording.", markup=False)
+        out.print(
+            f"Recordings of this plant scatter in {which}: the bands are those of the plant in another recording.",
+            markup=False,
+        )
     out.print(f"Written: {path}", markup=False)
 
 
 def _bands(
     name: str, number: int | None, store: str, experiment: "Experiment", level: float, json: bool
 ) -> "tuple[dict[str, Band], list[str]]":
-    """Bands of the newest study of that name, or of study `number`, over an experiment; the parameters that scatter between recordings."""
+    """Bands of the newest study of that name, or of study `number`, over an experiment; the parameters that scatter
+    between recordings."""
     from plantfit.reopen import open_study
     from plantfit.study import Store
 

@@ -22,8 +22,8 @@ def run(
     paths: Sequence[str], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None,
     additions: Sequence[str] = (), pieces: float | None = None, diagnose: bool = True,
 ) -> None:  # fmt: skip
-    """Run study files from their beginning; with `additions` the one file with these added to its model, with `pieces` (s) the one file
-    with its recordings in pieces."""
+    """Run study files from their beginning; with `additions` the one file with these added to its model, with
+    `pieces` (s) the one file with its recordings in pieces."""
     from plantfit import spec as specs
 
     worker_count(workers, scheduler)  # what cannot work is said before anything is read
@@ -47,7 +47,8 @@ def run(
     solved = [study for study in read if study.regression is not None]
     if solved and len(solved) < len(read):
         raise SpecError(
-            f"{solved[0].path.name} has a table [regression] and is solved at once, the others are searched; run them by themselves."
+            f"{solved[0].path.name} has a table [regression] and is solved at once, the others are searched; run them "
+            f"by themselves."
         )
     if solved:
         return _solve(solved, place, json)
@@ -71,7 +72,13 @@ def _solve(read: Sequence[Any], place: str | None, json: bool) -> None:
 
 
 def resume(
-    numbers: Sequence[int], store: str, place: str | None, json: bool, workers: str | None, scheduler: str | None, diagnose: bool = True
+    numbers: Sequence[int],
+    store: str,
+    place: str | None,
+    json: bool,
+    workers: str | None,
+    scheduler: str | None,
+    diagnose: bool = True,
 ) -> None:
     """Go on with unfinished studies."""
     from plantfit.study import Store
@@ -111,7 +118,9 @@ def listed(store: str, json: bool) -> None:
 
     table = Table("id", "name", "created", "state", "methods", "runs", box=None)
     for r in records:
-        table.add_row(str(r.id), r.name, r.created[:19], r.state, ", ".join(r.plan["methods"]), f"{r.runs_done}/{r.runs_total}")
+        table.add_row(
+            str(r.id), r.name, r.created[:19], r.state, ", ".join(r.plan["methods"]), f"{r.runs_done}/{r.runs_total}"
+        )
     out.print(table)
 
 
@@ -135,7 +144,14 @@ def stored_answer(number: int | None, store: str) -> "tuple[Study, Answer]":
 
 
 def _work(
-    chosen, opened, store: str, places: Sequence[Path], json: bool, workers: str | None, scheduler: str | None, diagnose: bool
+    chosen,
+    opened,
+    store: str,
+    places: Sequence[Path],
+    json: bool,
+    workers: str | None,
+    scheduler: str | None,
+    diagnose: bool,
 ) -> None:
     started = time.perf_counter()
     numbers, stopped = search(opened, chosen, workers, scheduler, json)
@@ -191,7 +207,8 @@ def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bo
 
 
 def _diagnosed(answer, study, quiet: bool) -> None:
-    """Look for what is missing in the model where the findings ask for it. The answer is kept already: Ctrl-C ends the diagnosis alone."""
+    """Look for what is missing in the model where the findings ask for it. The answer is kept already: Ctrl-C ends
+    the diagnosis alone."""
     from plantfit.spec import before_filter
     from plantfit.trust.diagnosis import asked_for
 
@@ -200,7 +217,9 @@ def _diagnosed(answer, study, quiet: bool) -> None:
         said_line(quiet) as tell,
         stoppable("Stopping the diagnosis; the answer is kept. Ctrl-C again stops at once.", lambda: _KEPT) as stop,
     ):
-        answer.diagnose(progress=None if tell is None else lambda text: tell(f"diagnosis: {text}"), stop=stop, regression=regression)
+        answer.diagnose(
+            progress=None if tell is None else lambda text: tell(f"diagnosis: {text}"), stop=stop, regression=regression
+        )
 
 
 _KEPT = "Stopped at once; the study is kept, and `plantfit report` writes its report."
@@ -221,7 +240,9 @@ def _record(opened, number: int | None, store: str, unfinished: bool = False):
     chosen = [r for r in records if r.state != "done"] if unfinished else records
     if not chosen:
         what = "no unfinished study" if unfinished else "no study"
-        raise StoreError(f"{shown(store)} holds {what}; see `plantfit list` or start one with `plantfit run STUDY.toml`.")
+        raise StoreError(
+            f"{shown(store)} holds {what}; see `plantfit list` or start one with `plantfit run STUDY.toml`."
+        )
     return chosen[-1]
 
 

@@ -1,11 +1,14 @@
-"""`plantfit export`: the plant of a finished study for another program; without --to a study, as `plantfit export-study`."""
+"""`plantfit export`: the plant of a finished study for another program; without --to a study, as `plantfit
+export-study`."""
 
 from pathlib import Path
 
 from plantfit.errors import SpecError
 
 
-def export(study: str | None, to: str, recording: str | None, number: int | None, json: bool, out: str | None, store: str) -> None:
+def export(
+    study: str | None, to: str, recording: str | None, number: int | None, json: bool, out: str | None, store: str
+) -> None:
     """Write the plant of a finished study for another program."""
     if study is None:
         raise SpecError(f"--to {to} needs a study file; write for example `plantfit export heater.toml --to {to}`.")
@@ -30,7 +33,8 @@ def export_study(study: str | None, json: bool, parquet: bool, out: str | None, 
 
     if study is not None and not (study.isascii() and study.isdigit()):
         raise SpecError(
-            f"What is {study} to be exported to? Write for example `plantfit export {study} --to python`; a study of the store "
+            f"What is {study} to be exported to? Write for example `plantfit export {study} --to python`; a study of "
+            f"the store "
             f"is written by "
             "`plantfit export-study NUMBER`."
         )

@@ -13,7 +13,8 @@ def design(
     spec: str, limits: Mapping[str, Sequence[str]], wanted: str | None, asked: Mapping[str, Any], against: str | None,
     study: int | None, out: str | None, page: str | None, force: bool, store: str, json: bool,
 ) -> None:  # fmt: skip
-    """The input that tells most about a study's parameters, or tells two models apart, within limits: a CSV for `record`, and a page."""
+    """The input that tells most about a study's parameters, or tells two models apart, within limits: a CSV for
+    `record`, and a page."""
     from plantfit.cli.arguments.file_names import file_name
     from plantfit.cli.arguments.quantities import ranges_by_name, texts_by_name
     from plantfit.cli.commands.next_step.tuned_study import answer_for, read_tables
@@ -37,7 +38,8 @@ def design(
 
     with said_line(quiet=json) as say:
         found = designed(
-            answer, against=rival, inputs=inputs, limits=kept, slew=slew, noise=noise, parameters=parameters, progress=_progress(say),
+            answer, against=rival, inputs=inputs, limits=kept, slew=slew, noise=noise, parameters=parameters,
+            progress=_progress(say),
             **asked,
         )  # fmt: skip
     files = _written(found, target, drawn)

@@ -9,14 +9,34 @@ def tune(
     spec: str, set_points: Sequence[str], wishes: Mapping[str, Any], tolerance: Sequence[str], budget: int, seed: int,
     study: int | None, out: str | None, c: str | None, store: str, json: bool,
 ) -> None:  # fmt: skip
-    """A controller (PID to MPC) from a finished study, tuned on every plant that the data allow: table, page, NAME-tune.json, C file."""
-    from plantfit.cli.commands.next_step.tuned_study import asked_of, front_in, held_in, levels_in, named_in, tolerances_of, weights_in
+    """A controller (PID to MPC) from a finished study, tuned on every plant that the data allow: table, page,
+    NAME-tune.json, C file."""
+    from plantfit.cli.commands.next_step.tuned_study import (
+        asked_of,
+        front_in,
+        held_in,
+        levels_in,
+        named_in,
+        tolerances_of,
+        weights_in,
+    )
 
-    more = {"tolerances": tolerances_of(tolerance), "minimise": weights_in(wishes["minimise"]), "front": front_in(wishes["front"])}
+    more = {
+        "tolerances": tolerances_of(tolerance),
+        "minimise": weights_in(wishes["minimise"]),
+        "front": front_in(wishes["front"]),
+    }
     more["levels"] = levels_in(wishes["levels"])
-    more |= {"hold": held_in(wishes["hold"]), "full_scale": named_in("--full-scale", wishes["full_scale"], "T=100 degC")}
+    more |= {
+        "hold": held_in(wishes["hold"]),
+        "full_scale": named_in("--full-scale", wishes["full_scale"], "T=100 degC"),
+    }
     loaded, wishes = asked_of(spec, set_points, {**wishes, **more})
-    if wishes["hold"] or (loaded.control.hold and wishes["controller"] in (None, "lqr")) or wishes["controller"] == "lqr":
+    if (
+        wishes["hold"]
+        or (loaded.control.hold and wishes["controller"] in (None, "lqr"))
+        or wishes["controller"] == "lqr"
+    ):
         return hold(spec, loaded, wishes, seed, study, out, c, store, json)
     from plantfit.cli.arguments.file_names import file_name
     from plantfit.cli.commands.next_step.tuned_study import answer_for, refuse_regression
@@ -33,7 +53,8 @@ def tune(
         from plantfit.controllers import tune as tuned
 
         found = tuned(
-            answer, budget=budget, seed=seed, progress=tell, control=loaded.control.model_dump(exclude_unset=True), **wishes
+            answer, budget=budget, seed=seed, progress=tell, control=loaded.control.model_dump(exclude_unset=True),
+            **wishes
         )  # fmt: skip
         from plantfit.cli.commands.next_step.tuned_study import show, written
         from plantfit.cli.terminal.out import print_json
@@ -49,7 +70,15 @@ def tune(
 
 
 def hold(
-    spec: str, loaded: Any, wishes: Mapping[str, Any], seed: int, study: int | None, out: str | None, c: str | None, store: str, json: bool
+    spec: str,
+    loaded: Any,
+    wishes: Mapping[str, Any],
+    seed: int,
+    study: int | None,
+    out: str | None,
+    c: str | None,
+    store: str,
+    json: bool,
 ) -> None:
     """`tune --hold`: a regulator that holds an equilibrium."""
     from plantfit.cli.arguments.file_names import file_name

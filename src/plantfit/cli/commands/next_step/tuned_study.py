@@ -1,4 +1,5 @@
-"""What `plantfit tune` and `plantfit export --to` share: the finished study of a study file, wishes from the command line, files."""
+"""What `plantfit tune` and `plantfit export --to` share: the finished study of a study file, wishes from the command
+line, files."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
@@ -29,7 +30,10 @@ def asked_of(spec: str, set_points: Sequence[str], wishes: Mapping[str, Any]) ->
     for text in set_points:
         name, sign, value = text.partition("=")
         if sign and found.get("output") not in (None, name.strip()):
-            raise SpecError(f"--set-point {text!r} names {name.strip()!r}, but the output is {found['output']!r}; tune one loop at a time.")
+            raise SpecError(
+                f"--set-point {text!r} names {name.strip()!r}, but the output is {found['output']!r}; tune one loop at "
+                f"a time."
+            )
         if sign:
             found["output"] = name.strip()
         found["set_point"] = value if sign else text
@@ -59,7 +63,9 @@ def weights_in(text: str | None) -> dict[str, float] | None:
         try:
             found[name.strip()] = float(value) if sign else 1.0
         except ValueError:
-            raise SpecError(f"--minimise {part.strip()!r} gives no weight; write for example iae=1,travel=0.2.") from None
+            raise SpecError(
+                f"--minimise {part.strip()!r} gives no weight; write for example iae=1,travel=0.2."
+            ) from None
     return found
 
 
@@ -95,13 +101,15 @@ def refuse_regression(table: SpecTable, spec: str) -> None:
     """Raises SpecError for a regression, which is solved at once and has no loop of one output."""
     if table.regression is not None:
         raise SpecError(
-            f"{spec} is a regression, which is solved at once and closes no loop of one output; say where its plant is held, as in "
+            f"{spec} is a regression, which is solved at once and closes no loop of one output; say where its plant is "
+            f"held, as in "
             '--hold "theta1=90 deg" ([control] hold).'
         )
 
 
 def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> "Answer":
-    """The finished study of a study file. Raises StoreError with what to run where there is none, or where it was another problem."""
+    """The finished study of a study file. Raises StoreError with what to run where there is none, or where it was
+    another problem."""
     from plantfit.study import Store
     from plantfit.study.store.addresses import shown, store_option
 
@@ -111,24 +119,30 @@ def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> 
     except StoreError as error:
         if "://" not in store and not Path(store).exists():
             raise StoreError(
-                f"There is no store {store} here, so the study {table.name!r} has not been run; run it first: `plantfit run {spec}{where}`."
+                f"There is no store {store} here, so the study {table.name!r} has not been run; run it first: "
+                f"`plantfit run {spec}{where}`."
             ) from None
         raise error
     records = [r for r in opened.studies() if (r.id == number if number is not None else r.name == table.name)]
     if not records:
         raise StoreError(
-            f"{shown(store)} holds no study {number if number is not None else repr(table.name)}; run it first: `plantfit run "
+            f"{shown(store)} holds no study {number if number is not None else repr(table.name)}; run it first: "
+            f"`plantfit run "
             f"{spec}{where}`."
         )
     record = records[-1]
     if record.runs_done == 0:
-        raise StoreError(f"Study {record.id} ({record.name}) has no finished run yet; go on with `plantfit resume {record.id}{where}`.")
+        raise StoreError(
+            f"Study {record.id} ({record.name}) has no finished run yet; go on with `plantfit resume "
+            f"{record.id}{where}`."
+        )
     if record.spec_text and record.name == table.name:
         stored = validated(record.spec_text, spec)
         changed = [n for n in ("model", "parameters", "recording") if getattr(stored, n) != getattr(table, n)]
         if changed:
             raise StoreError(
-                f"{spec} has another [{changed[0]}] than study {record.id} in {shown(store)} was run with; run it again: "
+                f"{spec} has another [{changed[0]}] than study {record.id} in {shown(store)} was run with; run it "
+                f"again: "
                 f"`plantfit run {spec}{where}`."
             )
     from plantfit.reopen import open_study
@@ -159,7 +173,9 @@ def _files(found: "Controller | Held", page: Path, folder: Path, write_page: Cal
         raise StoreError(f"{data} exists and was not written by plantfit; move it, or name another page with --out.")
     folder.mkdir(parents=True, exist_ok=True)
     c = found.to_c(folder)
-    data.write_text(json.dumps({"made_by": "plantfit", **plain(found.record)}, indent=1, allow_nan=False) + "\n", "utf-8")
+    data.write_text(
+        json.dumps({"made_by": "plantfit", **plain(found.record)}, indent=1, allow_nan=False) + "\n", "utf-8"
+    )
     return [write_page(found.typed, found.curves, page), data, c.source, c.header]
 
 

@@ -85,7 +85,10 @@ def models(name: str | None, json: bool) -> None:
                 "source": model.source,
                 "options": [str(p) for p in inspect.signature(function).parameters.values()],
                 "outputs": dict(model.outputs),
-                "parameters": [{"name": p.name, "unit": p.unit, "bounds": p.bounds, "sentence": p.sentence} for p in model.parameters],
+                "parameters": [
+                    {"name": p.name, "unit": p.unit, "bounds": p.bounds, "sentence": p.sentence}
+                    for p in model.parameters
+                ],
             }
         )
     if json:

@@ -26,7 +26,8 @@ def tune_search(
     objective = prepare(study.problem).objective
     with progress_line(json) as tell, stoppable() as stop:
         found = tune(
-            objective, method, outer, only=names, ranges=narrowed, held=held, budget=study.plan.budget if budget is None else budget,
+            objective, method, outer, only=names, ranges=narrowed, held=held,
+            budget=study.plan.budget if budget is None else budget,
             runs=runs, trials=trials, seed=seed, progress=tell, stop=stop,
         )  # fmt: skip
     if place is not None and found.trials:
@@ -43,7 +44,9 @@ def _ranges(written: Sequence[str]) -> dict[str, Sequence[Any]]:
         name, _, value = text.partition("=")
         parts = [p.strip() for p in value.split(":" if ":" in value else ",")]
         if not name.strip() or not all(parts):
-            raise SearchError(f"--range {text!r} cannot be read; write inertia=0.4:0.9, or topology=global,ring for words.")
+            raise SearchError(
+                f"--range {text!r} cannot be read; write inertia=0.4:0.9, or topology=global,ring for words."
+            )
         found[name.strip()] = parts
     return found
 
@@ -76,13 +79,16 @@ def _say(found: Any, place: str | None, json: bool) -> None:
     out.print(_table(found), soft_wrap=False)
     made = sum(t.runs for t in found.trials)
     out.print(
-        f"{len(found.trials)} settings tried by {found.outer} with {made} runs of {found.budget} evaluations in {found.seconds:.0f} s; "
+        f"{len(found.trials)} settings tried by {found.outer} with {made} runs of {found.budget} evaluations in "
+        f"{found.seconds:.0f} s; "
         f"{sum(t.dropped for t in found.trials)} left a race early.",
         markup=False,
     )
     first, last = found.search_runs
     begin, end = found.fresh_runs
-    out.print(f"Chosen on runs {first} to {last} of seed {found.seed}, compared on runs {begin} to {end}.\n", markup=False)
+    out.print(
+        f"Chosen on runs {first} to {last} of seed {found.seed}, compared on runs {begin} to {end}.\n", markup=False
+    )
     if not found.interrupted:
         out.print(found.sentence, markup=False)
         out.print()
@@ -96,7 +102,11 @@ def _table(found: Any) -> Any:
 
     table = Table("setting", "default", "best found", "searched", box=None, pad_edge=False)
     for d in found.dials:
-        searched = ", ".join(_plain(v) for v in d["values"]) if "values" in d else f"{_plain(d['range'][0])} to {_plain(d['range'][1])}"
+        searched = (
+            ", ".join(_plain(v) for v in d["values"])
+            if "values" in d
+            else f"{_plain(d['range'][0])} to {_plain(d['range'][1])}"
+        )
         table.add_row(f"[bold]{d['name']}[/bold]", _plain(d["default"]), _plain(found.best[d["name"]]), searched)
     return table
 

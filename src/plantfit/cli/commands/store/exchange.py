@@ -27,7 +27,9 @@ def export(number: int | None, json: bool, parquet: bool, place: str | None, sto
     study = records[0]
     kinds = [kind for kind, asked in (("json", json), ("parquet", parquet)) if asked]
     if place is not None and len(kinds) == 2:
-        raise StoreError(f"--out {place} names one file, but --json and --parquet ask for two; leave one of the three out.")
+        raise StoreError(
+            f"--out {place} names one file, but --json and --parquet ask for two; leave one of the three out."
+        )
     if not kinds:
         kinds = ["parquet" if place is not None and place.endswith(".parquet") else "json"]
     for kind in kinds:
@@ -35,7 +37,9 @@ def export(number: int | None, json: bool, parquet: bool, place: str | None, sto
         if place is None and file.exists() and not _is_export(file):
             raise StoreError(f"{file} exists already and is not an exported study; name another file with --out.")
         (opened.export_json if kind == "json" else opened.export_parquet)(study.id, file)
-        out.print(f"Study {study.id} ({study.name}), {study.runs_done} of {study.runs_total} runs: {file}", markup=False)
+        out.print(
+            f"Study {study.id} ({study.name}), {study.runs_done} of {study.runs_total} runs: {file}", markup=False
+        )
 
 
 def import_(files: list[str], spec: str | None, store: str, json: bool) -> None:
@@ -52,12 +56,20 @@ def import_(files: list[str], spec: str | None, store: str, json: bool) -> None:
         same = opened.find_same(whole)
         number = opened.add_whole(whole, spec_path=path)
         study = opened.study(number)
-        told.append({"file": file, "study": number, "runs_done": study.runs_done, "runs": study.runs_total, "same_as": same})
+        told.append(
+            {"file": file, "study": number, "runs_done": study.runs_done, "runs": study.runs_total, "same_as": same}
+        )
         if same is not None:
-            warn(f"Study {same} is the same study as {file}: `plantfit merge {shlex.quote(file)}` would have united them.")
+            warn(
+                f"Study {same} is the same study as {file}: `plantfit merge {shlex.quote(file)}` would have united "
+                f"them."
+            )
         if not json:
             more = "" if study.state == "done" else f"; go on with `plantfit resume {number}{store_option(store)}`"
-            out.print(f"{file}: study {number} ({study.name}), {study.runs_done} of {study.runs_total} runs{more}", markup=False)
+            out.print(
+                f"{file}: study {number} ({study.name}), {study.runs_done} of {study.runs_total} runs{more}",
+                markup=False,
+            )
     if json:
         print_json(told)
 
@@ -89,7 +101,9 @@ def _studies(source: str, target: "Store") -> Iterator["WholeStudy"]:
         return
     other = Store.open(source, create=False)
     if other.address == target.address:
-        raise StoreError(f"{shown(source)} is the store to merge into; name another one, or choose the target with --store.")
+        raise StoreError(
+            f"{shown(source)} is the store to merge into; name another one, or choose the target with --store."
+        )
     for study in other.studies():
         yield other.whole(study.id)
 
@@ -107,11 +121,15 @@ def _is_sqlite(path: Path) -> bool:
 
 
 def _tell(whole: "WholeStudy", source: str, found: "Merged") -> None:
-    there = f"{source}: study {whole.study.id} ({whole.study.name})" if whole.study.id else f"{source} ({whole.study.name})"
+    there = (
+        f"{source}: study {whole.study.id} ({whole.study.name})" if whole.study.id else f"{source} ({whole.study.name})"
+    )
     if found.new:
         return out.print(f"{there} is new here: study {found.study} with {found.added} runs", markup=False)
     out.print(
-        f"{there} is study {found.study} here: {found.added} runs added, {found.equal} the same, {found.different} kept", markup=False
+        f"{there} is study {found.study} here: {found.added} runs added, {found.equal} the same, {found.different} "
+        f"kept",
+        markup=False,
     )
     if found.different:
         warn(found.notes[-1])

@@ -9,7 +9,8 @@ from plantfit.errors import SearchError
 
 
 def compare(
-    given: Sequence[str], store: str, place: str, latex: str | None, table: str | None, asked: Sequence[float], floor: float | None,
+    given: Sequence[str], store: str, place: str, latex: str | None, table: str | None, asked: Sequence[float],
+    floor: float | None,
     optimum: float | None, seed: int, models: bool | None, linear: bool, workers: str | None, json: bool,
 ) -> None:  # fmt: skip
     """Models where study files are given, or studies of different models that one method searched; else methods."""
@@ -19,7 +20,8 @@ def compare(
     files = [g for g in given if not is_number(g) and (g.endswith(".toml") or Path(g).is_file())]
     if files and models is False:
         raise SearchError(
-            f"--methods compares the runs of stored studies, and {files[0]!r} is a study file; give numbers or names of studies."
+            f"--methods compares the runs of stored studies, and {files[0]!r} is a study file; give numbers or names "
+            f"of studies."
         )
     if files or models:
         for option, value in (
@@ -39,7 +41,8 @@ def compare(
 
 
 def _of_models(numbers: Sequence[int], store: str) -> bool:
-    """Whether stored studies are different models of the same data that one method searched: methods cannot be what is asked for."""
+    """Whether stored studies are different models of the same data that one method searched: methods cannot be what
+    is asked for."""
     if len(set(numbers)) < 2:
         return False
     from plantfit.errors import PlantfitError

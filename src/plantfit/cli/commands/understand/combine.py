@@ -23,7 +23,9 @@ def combine(number: int | None, place: str | None, force: bool, store: str, json
     try:
         target.write_text(new.text, encoding="utf-8")
     except OSError as error:
-        raise SpecError(f"{str(target)!r} cannot be written ({error.strerror}); give another place with --out.") from None
+        raise SpecError(
+            f"{str(target)!r} cannot be written ({error.strerror}); give another place with --out."
+        ) from None
     if json:
         return print_json({"file": str(target), "made": dict(new.made), "held": dict(new.held), "left": dict(new.left)})
     for name, formula in new.made.items():

@@ -54,8 +54,9 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
 
 
 def added(path: str, names: Sequence[str], json: bool) -> str:
-    """The study file with these additions, named from here, written beside `path` as `plantfit diagnose --try` does; one that is there is
-    kept if it says the same. Raises ModelError for a name that is none, before anything is fitted, and SpecError for another file there."""
+    """The study file with these additions, named from here, written beside `path` as `plantfit diagnose --try` does;
+    one that is there is kept if it says the same. Raises ModelError for a name that is none, before anything is
+    fitted, and SpecError for another file there."""
     from plantfit import spec
     from plantfit.trust.diagnosis import asked_changes, clean_steps
 
@@ -84,7 +85,10 @@ def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
             study.problem, search.methods[0], runs=search.runs, budget=search.budget, seed=search.seed,
             settings=search.settings.get(search.methods[0]), shooting=study.table.search.shooting, progress=tell,
         )  # fmt: skip
-    with said_line(json) as say, stoppable("Stopping; what was tried until now is told. Ctrl-C again stops at once.") as stop:
+    with (
+        said_line(json) as say,
+        stoppable("Stopping; what was tried until now is told. Ctrl-C again stops at once.") as stop,
+    ):
         meter = Meter(stop=stop, winds_up=True)
         return tried(answer.problem, answer.best.x, progress=say, only=only or None, regression=regression, meter=meter)
 
@@ -112,10 +116,13 @@ def _written(study: "Study", found: "Diagnosis", place: str | None, force: bool,
 
 
 def _text(study: "Study", changes: "Sequence[Change]", clean: Mapping[str, Any]) -> str:
-    """The changed study file; its name says what was added, so that its report and its study do not take the place of the first."""
+    """The changed study file; its name says what was added, so that its report and its study do not take the place
+    of the first."""
     from plantfit.spec import with_additions
 
-    return with_additions(study.text, study.path, changes, clean, f"{study.name} with {' and '.join(_parts(changes, bool(clean)))}")
+    return with_additions(
+        study.text, study.path, changes, clean, f"{study.name} with {' and '.join(_parts(changes, bool(clean)))}"
+    )
 
 
 def _target(study: "Study", changes: "Sequence[Change]", clean: bool) -> Path:
@@ -128,14 +135,17 @@ def _parts(changes: "Sequence[Change]", clean: bool) -> list[str]:
 
 
 def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
-    """The changed study fitted from what the diagnosis found: RMSE of its fitted and unseen samples and the new parameters."""
+    """The changed study fitted from what the diagnosis found: RMSE of its fitted and unseen samples and the new
+    parameters."""
     import numpy as np
 
     from plantfit.problem.accuracy.steps import choose_substeps
     from plantfit.trust.finish.refit import refit
     from plantfit.trust.finish.smoothing_strength import choose_strengths
 
-    scales = found.carrier.given.scales  # of several outputs those that the fit estimated, or figures could not be compared
+    scales = (
+        found.carrier.given.scales
+    )  # of several outputs those that the fit estimated, or figures could not be compared
     problem, known = choose_substeps(study.problem).with_scales(scales), found.answer_values()
     values = np.array([known.get(n, c) for n, c in zip(problem.space.names, _middle(problem), strict=True)])
     start = np.clip(np.asarray(problem.space.cube(values)), 0.0, 1.0)
@@ -152,7 +162,10 @@ def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
             error = (predicted[o] - e.recording[o]) / (1.0 if one else problem.scales[o])
             for part, own in squares.items():
                 own.append(error[e.mask(part) & np.isfinite(error)] ** 2)
-    rmse = {part: float(np.sqrt(np.mean(np.concatenate(own)))) if sum(map(len, own)) else None for part, own in squares.items()}
+    rmse = {
+        part: float(np.sqrt(np.mean(np.concatenate(own)))) if sum(map(len, own)) else None
+        for part, own in squares.items()
+    }
     old = set(found.carrier.given.space.names)
     own = zip(problem.space.coordinates, at, strict=True)
     new = {c.name: float(v) for c, v in own if c.name not in old and not c.index}  # of a curve in time there are many

@@ -19,7 +19,13 @@ STATES, LONGEST = "States by the", 200  # what a file of states begins with, wit
 
 
 def estimate(
-    given: str, methods: Sequence[str], store: str, place: str | None, states: str | None, workers: str | None, json: bool
+    given: str,
+    methods: Sequence[str],
+    store: str,
+    place: str | None,
+    states: str | None,
+    workers: str | None,
+    json: bool,
 ) -> None:
     """Estimate the parameters of a study; fits it first if the store has no answer of it."""
     from plantfit.report.html import check_place
@@ -44,7 +50,10 @@ def estimate(
     written = {} if place is None else {"report": str(found.report(Path(place)))}
     if states is not None:
         files = _states_files(found.problem, Path(states))
-        written |= {f"states over {n}" if len(files) > 1 else "states": str(to_csv(found.states(n), file)) for n, file in files.items()}
+        written |= {
+            f"states over {n}" if len(files) > 1 else "states": str(to_csv(found.states(n), file))
+            for n, file in files.items()
+        }
     if json:
         return print_json(found.typed.printed(study=numbers[given], written=written))
     out.print(found.table() + "\n", markup=False)
@@ -62,17 +71,21 @@ def estimate(
 def _states_files(problem: "Problem", file: Path) -> dict[str, Path]:
     """The file of states of each fitted recording: `file` of one, with the recording's name added of several."""
     names = [n for n, e in problem.experiments.items() if e.mask("fit").any()]
-    return {n: file if len(names) == 1 else file.with_name(file_name(f"{file.stem}-{n}", file.suffix.lstrip(".") or "csv")) for n in names}
+    return {
+        n: file if len(names) == 1 else file.with_name(file_name(f"{file.stem}-{n}", file.suffix.lstrip(".") or "csv"))
+        for n in names
+    }
 
 
 def _check_states(files: Iterable[Path], methods: Sequence[str]) -> None:
-    """Before anything is computed: raise StoreError where states could not be written, or would be written over something else, SpecError
-    where no filter is among the methods."""
+    """Before anything is computed: raise StoreError where states could not be written, or would be written over
+    something else, SpecError where no filter is among the methods."""
     from plantfit.estimate.methods.filtered import FILTERS
 
     if not FILTERS.keys() & set(methods):
         raise SpecError(
-            f"--states: no filter is among the methods {list(methods)}, so there are no states; add --method ekf, ukf or kalman."
+            f"--states: no filter is among the methods {list(methods)}, so there are no states; add --method ekf, ukf "
+            f"or kalman."
         )
     for file in files:
         if not file.parent.is_dir():

@@ -25,8 +25,11 @@ class Fitted:
     fitted: bool
 
 
-def one_given(given: str, store: str, check: Callable[["Problem"], object] = lambda problem: None) -> tuple["Store", Fitted]:
-    """The store and the study that a file, a number or a name gives; `check` refuses problems before anything is prepared or made.
+def one_given(
+    given: str, store: str, check: Callable[["Problem"], object] = lambda problem: None
+) -> tuple["Store", Fitted]:
+    """The store and the study that a file, a number or a name gives; `check` refuses problems before anything is
+    prepared or made.
 
     Raises SpecError, StoreError, and what `check` raises.
     """
@@ -69,7 +72,9 @@ def from_store(opened: "Store", name: str, number: int) -> Fitted:
     return Fitted(name, ready(study_of(record), number), record.state == "done")
 
 
-def answers_of(opened: "Store", chosen: Sequence[Fitted], workers: str | None, json: bool) -> tuple[dict[str, Any], dict[str, int | None]]:
+def answers_of(
+    opened: "Store", chosen: Sequence[Fitted], workers: str | None, json: bool
+) -> tuple[dict[str, Any], dict[str, int | None]]:
     """The answers and the numbers of their studies by name; fits what has none."""
     from plantfit.reopen import answer_of
 

@@ -5,7 +5,8 @@ from pathlib import Path
 
 
 def intervals(
-    given: str, kinds: str, posterior: bool, only: str | None, level: str, numbers: Mapping[str, int], prior: Sequence[str],
+    given: str, kinds: str, posterior: bool, only: str | None, level: str, numbers: Mapping[str, int],
+    prior: Sequence[str],
     out: str | None, save_draws: str | None, store: str, workers: str | None, json: bool,
 ) -> None:  # fmt: skip
     """Intervals by covariance, profile likelihood, bootstrap and posterior, side by side, and where they disagree."""
@@ -29,7 +30,9 @@ def intervals(
 
         need_h5netcdf()
     if save_draws and (Path(save_draws).exists() or not Path(save_draws).absolute().parent.is_dir()):
-        what = "is there already" if Path(save_draws).exists() else "cannot be written, because its folder does not exist"
+        what = (
+            "is there already" if Path(save_draws).exists() else "cannot be written, because its folder does not exist"
+        )
         raise StoreError(f"{save_draws} {what}; give another place with --save-draws.")
     opened, one = one_given(given, store)
     to = Path(out or file_name(f"{one.ready.study.name}-intervals", "html"))
@@ -42,7 +45,9 @@ def intervals(
     normal_priors(one.ready.prepared.problem.space, priors)  # a slip is told before anything is fitted
     unknown = [n for n in names if n not in one.ready.prepared.problem.space.names]
     if unknown:
-        raise SpecError(f"There is no free parameter {unknown[0]!r}; there are {', '.join(one.ready.prepared.problem.space.names)}.")
+        raise SpecError(
+            f"There is no free parameter {unknown[0]!r}; there are {', '.join(one.ready.prepared.problem.space.names)}."
+        )
     answers, stored = answers_of(opened, [one], workers, json)
     with said_line(json) as say:
         found = compare_intervals(

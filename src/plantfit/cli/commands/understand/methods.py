@@ -62,7 +62,9 @@ def _reproduction(opened: Any, chosen: Sequence[int], store: str, seed: int) -> 
     versions = dict.fromkeys(", ".join(f"{k} {v}" for k, v in r.versions.items()) for r in records)
     return {
         "command": f"plantfit compare {' '.join(map(str, chosen))} --store {shlex.quote(shown(store))} --seed {seed}",
-        "studies": "; ".join(f"{r.id} {r.name}, {r.runs_done} of {r.runs_total} runs, {r.created[:19]}" for r in records),
+        "studies": "; ".join(
+            f"{r.id} {r.name}, {r.runs_done} of {r.runs_total} runs, {r.created[:19]}" for r in records
+        ),
         "seeds": "; ".join(f"{r.id}: {r.plan['seed']}" for r in records),
         "processor": "; ".join(dict.fromkeys(r.cpu for r in records)),
         "versions": "; ".join(versions),

@@ -27,7 +27,10 @@ def compare_models(
     read = {g: specs.load(g) for g in given if g in files}
     opened = Store.open(store, create=bool(files))
     names = _names(given, files)
-    chosen = [from_file(opened, names[g], read[g]) if g in read else from_store(opened, names[g], number_of(g, store)) for g in given]
+    chosen = [
+        from_file(opened, names[g], read[g]) if g in read else from_store(opened, names[g], number_of(g, store))
+        for g in given
+    ]
     _same_data(chosen)  # said before anything is fitted
     answers, numbers = answers_of(opened, chosen, workers, json)
     from plantfit.which_model import compare_models as compared

@@ -13,7 +13,8 @@ METHODS = ("morris", "sobol")
 
 
 def sensitivity(
-    spec: str, method: str, radius: float | None, box: bool, groups: Sequence[str], counts: Mapping[str, int], confidence: float,
+    spec: str, method: str, radius: float | None, box: bool, groups: Sequence[str], counts: Mapping[str, int],
+    confidence: float,
     values: Sequence[str], study: int | None, page: str | None, store: str, json: bool,
 ) -> None:  # fmt: skip
     """Say which parameters the cost reacts to: Morris screening around an answer, or Sobol indices over the box."""
@@ -53,7 +54,10 @@ def sensitivity(
 def _inside(space: Any, given: dict[str, float], point: Any) -> None:
     for c, z in zip(space.coordinates, point, strict=True):
         if not 0.0 <= z <= 1.0:
-            raise SpaceError(f"{c.name} = {given[c.name]:g} lies outside of its bounds [{c.lower:g}, {c.upper:g}]; give a value inside.")
+            raise SpaceError(
+                f"{c.name} = {given[c.name]:g} lies outside of its bounds [{c.lower:g}, {c.upper:g}]; give a value "
+                f"inside."
+            )
 
 
 def _groups(texts: Sequence[str]) -> dict[str, list[str]] | None:
@@ -63,7 +67,9 @@ def _groups(texts: Sequence[str]) -> dict[str, list[str]] | None:
         name, _, members = (part.strip() for part in text.partition("="))
         wanted = [m.strip() for m in members.split(",")]
         if not name or not all(wanted) or name in found:
-            raise SpaceError(f"--group {text!r} cannot be read, or comes twice; write NAME=PARAMETER,PARAMETER, as in gains=K,Kt.")
+            raise SpaceError(
+                f"--group {text!r} cannot be read, or comes twice; write NAME=PARAMETER,PARAMETER, as in gains=K,Kt."
+            )
         found[name] = wanted
     return found or None
 
@@ -73,7 +79,11 @@ def _page(found: Any, name: str, place: str) -> Path:
     from plantfit.report.pages.sensitivity import screening_section, sobol_section
     from plantfit.trust import Screening
 
-    section = screening_section({"answer" if found.radius else "box": found}) if isinstance(found, Screening) else sobol_section(found)
+    section = (
+        screening_section({"answer" if found.radius else "box": found})
+        if isinstance(found, Screening)
+        else sobol_section(found)
+    )
     return write_case_page({"title": name, "subtitle": "Sensitivity", "sections": [section]}, place)
 
 
@@ -87,10 +97,19 @@ def _say(found: Any) -> None:
     keys: list[str] = list(rows[0])
     table = Table(*[named.get(key, key) for key in keys], box=None, pad_edge=False)
     for row in rows:
-        table.add_row(*(f"{row[k]:.4g}" if isinstance(row[k], float) else "nan" if row[k] is None else str(row[k]) for k in keys))
+        table.add_row(
+            *(f"{row[k]:.4g}" if isinstance(row[k], float) else "nan" if row[k] is None else str(row[k]) for k in keys)
+        )
     out.print(table)
-    where = "over the whole box" if made.radius is None else f"within {100 * made.radius:g} % of the bounds around the point"
-    what = {"morris": "Change of the cost when a group moves through the width", "sobol": "Shares of the variance of the cost"}
+    where = (
+        "over the whole box"
+        if made.radius is None
+        else f"within {100 * made.radius:g} % of the bounds around the point"
+    )
+    what = {
+        "morris": "Change of the cost when a group moves through the width",
+        "sobol": "Shares of the variance of the cost",
+    }
     out.print(f"\n{what[made.method]}, {where}; {made.evaluations} evaluations.", markup=False)
     if made.dropped:
         counted = f"{made.dropped} of {made.trajectories or made.samples}"

@@ -5,7 +5,15 @@ import os
 from collections.abc import Mapping
 from string import Template
 
-from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, write_c
+from plantfit.control.c_export.files import (
+    CFiles,
+    checked_finite,
+    checked_name,
+    checked_number,
+    clipped,
+    literal,
+    write_c,
+)
 from plantfit.control.c_export.pids.pid_parts import pid_law_in_c, pid_state
 from plantfit.control.linear.cascade import Cascade
 from plantfit.control.pid import Gains, Settings, checked
@@ -71,17 +79,20 @@ def cascade_to_c(
     units: Mapping[str, str] | None = None,
     note: str = "",
 ) -> CFiles:
-    """Write the `linear.cascade` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and NAME_update.
+    """Write the `linear.cascade` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and
+    NAME_update.
 
-    `number`: "double" or "float"; `signals` names both measurements, `inner_unit`, `units` of "measurement" and "command" and `note` go
-    into the header's comment. No memory is allocated, no library called. Raises SimulationError for what the controller refuses, and for
-    numbers that do not fit.
+    `number`: "double" or "float"; `signals` names both measurements, `inner_unit`, `units` of "measurement" and
+    "command" and `note` go into the header's comment. No memory is allocated, no library called. Raises SimulationError
+    for what the controller refuses, and for numbers that do not fit.
     """
     checked_name(name)
     checked_number(number, ("double", "float"))
     settings = checked(Settings(float(period), float(lower), float(upper), anti_windup, tracking_time))
     if not inner_lower < inner_upper:
-        raise SimulationError(f"The inner set point's limits are [{inner_lower:g}, {inner_upper:g}]; give lower below upper.")
+        raise SimulationError(
+            f"The inner set point's limits are [{inner_lower:g}, {inner_upper:g}]; give lower below upper."
+        )
     both = [Gains(*(float(v) for v in g)) for g in parameters]
     for g in both:
         checked_finite(g._asdict(), number)
@@ -100,8 +111,10 @@ def cascade_to_c(
     y, u = (units or {}).get("measurement", "its unit"), (units or {}).get("command", "its unit")
     v = inner_unit or "its unit"
     told = [
-        f"Cascade every {settings.period:g} s: a PID of {signals[0]} in {y} gives the set point of a PI of {signals[1]} in {v}.",
-        f"Reference in {y}, command in {u}, limited to [{settings.lower:g}, {settings.upper:g}], anti-windup: {settings.anti_windup}.",
+        f"Cascade every {settings.period:g} s: a PID of {signals[0]} in {y} gives the set point of a PI of "
+        f"{signals[1]} in {v}.",
+        f"Reference in {y}, command in {u}, limited to [{settings.lower:g}, {settings.upper:g}], anti-windup: "
+        f"{settings.anti_windup}.",
         f"Set point of the inner loop within [{inner_lower:g}, {inner_upper:g}].",
         *note.splitlines(),
     ]

@@ -97,7 +97,9 @@ static int64_t fraction_of(int64_t value, int64_t part)
 ADDED = "{0}state->integral = integral;\n{0}state->remainder += added - whole * (INT64_C(1) << KI_SHIFT);\n"
 
 
-def fixed_pid(name: str, gains: Gains, settings: Settings, number: str, full_scale: Mapping[str, float] | None) -> tuple[str, str, Scaling]:
+def fixed_pid(
+    name: str, gains: Gains, settings: Settings, number: str, full_scale: Mapping[str, float] | None
+) -> tuple[str, str, Scaling]:
     """Declarations and definitions in "q15" or "q31", and the scaling."""
     scaling = scaled(gains, settings, BITS[number], full_scale)
     more = ""
@@ -114,7 +116,13 @@ def fixed_pid(name: str, gains: Gains, settings: Settings, number: str, full_sca
         bound=literal(scaling.bound, "double"),
     )
     p, i, d = scaling.proportional, scaling.integral, scaling.derivative
-    whole = {"p_r": p.mantissas[0], "p_y": p.mantissas[1], "i": i.mantissas[0], "d_r": d.mantissas[0], "d_y": d.mantissas[1]}
+    whole = {
+        "p_r": p.mantissas[0],
+        "p_y": p.mantissas[1],
+        "i": i.mantissas[0],
+        "d_r": d.mantissas[0],
+        "d_y": d.mantissas[1],
+    }
     defined = DEFINED.substitute(
         common,
         **{key: f"INT64_C({value})" if value >= 0 else f"(-INT64_C({-value}))" for key, value in whole.items()},
@@ -139,5 +147,11 @@ def _windup(kind: str) -> str:
         return ADDED.format(" " * 4)
     if kind == "clamping":
         why = "    /* the integral rests while it would drive the command further beyond a limit */\n"
-        return f"{why}    if (!((wanted > UPPER && added > 0) || (wanted < LOWER && added < 0))) {{\n{ADDED.format(' ' * 8)}    }}\n"
-    return ADDED.format(" " * 4) + "    state->integral = within(integral + fraction_of(limited - wanted, FOLLOW), -LARGEST, LARGEST);\n"
+        return (
+            f"{why}    if (!((wanted > UPPER && added > 0) || (wanted < LOWER && added < 0))) "
+            f"{{\n{ADDED.format(' ' * 8)}    }}\n"
+        )
+    return (
+        ADDED.format(" " * 4)
+        + "    state->integral = within(integral + fraction_of(limited - wanted, FOLLOW), -LARGEST, LARGEST);\n"
+    )

@@ -5,7 +5,16 @@ from string import Template
 
 import numpy as np
 
-from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, table, write_c
+from plantfit.control.c_export.files import (
+    CFiles,
+    checked_finite,
+    checked_name,
+    checked_number,
+    clipped,
+    literal,
+    table,
+    write_c,
+)
 from plantfit.control.c_export.pids.pid_parts import pid_law_in_c, pid_state
 from plantfit.control.linear.design import Design
 from plantfit.control.pid import Gains
@@ -59,13 +68,18 @@ ${clip}    for (i = 0; i < OUTPUTS; i++) /* by the limits of the sum: parts beyo
 """)
 
 
-def per_output_to_c(design: Design, folder: str | os.PathLike[str], *, name: str, number: str = "double", note: str = "") -> CFiles:
-    """Write a `pid_per_output` design as C99, NAME.h and NAME.c: struct NAME, NAME_init, NAME_update; see `design_to_c`."""
+def per_output_to_c(
+    design: Design, folder: str | os.PathLike[str], *, name: str, number: str = "double", note: str = ""
+) -> CFiles:
+    """Write a `pid_per_output` design as C99, NAME.h and NAME.c: struct NAME, NAME_init, NAME_update; see
+    `design_to_c`."""
     checked_name(name)
     checked_number(number, ("double", "float"))
     plant = design.plant
     if design.limits is None or set(design.parameters) != set(plant.outputs):
-        raise SimulationError(f"The design's PIDs are those of {sorted(design.parameters)}; give one made by pid_per_output.")
+        raise SimulationError(
+            f"The design's PIDs are those of {sorted(design.parameters)}; give one made by pid_per_output."
+        )
     every = [Gains(*(float(v) for v in design.parameters[n])) for n in plant.outputs]
     for g in every:
         checked_finite(g._asdict(), number)
@@ -74,14 +88,23 @@ def per_output_to_c(design: Design, folder: str | os.PathLike[str], *, name: str
     law = pid_law_in_c(name, every, design.period, "clamping", 0.0, number)
     begin = law.index("/* at rest at a measurement")  # the sum of the PIDs rests at the command of the point, each at 0
     law = law[:begin] + law[law.index("/* the command before any limit") :]
-    common = {"name": name, "UPPER": name.upper(), "real": number, "n": len(every), "zero": zero, "one": literal(1.0, number)}
+    common = {
+        "name": name,
+        "UPPER": name.upper(),
+        "real": number,
+        "n": len(every),
+        "zero": zero,
+        "one": literal(1.0, number),
+    }
     defined = DEFINED.substitute(
         common, held=table(np.asarray(plant.y0), number), law=law, rest=literal(float(plant.u0[0]), number),
         clip=clipped("command", low, high, number),
     )  # fmt: skip
     told = [
-        f"A PID of each of {', '.join(plant.outputs)} every {design.period:g} s; their commands add up to {plant.inputs[0]}.",
-        f"Measurements and references in the order {', '.join(plant.outputs)}; linearised at {np.asarray(plant.y0).tolist()} with "
+        f"A PID of each of {', '.join(plant.outputs)} every {design.period:g} s; their commands add up to "
+        f"{plant.inputs[0]}.",
+        f"Measurements and references in the order {', '.join(plant.outputs)}; linearised at "
+        f"{np.asarray(plant.y0).tolist()} with "
         f"{plant.inputs[0]} = {float(plant.u0[0]):g}.",
         f"Command limited to [{low:g}, {high:g}]; an integral rests while it would drive the sum further beyond.",
         *note.splitlines(),

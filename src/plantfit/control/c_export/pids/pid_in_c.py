@@ -29,11 +29,12 @@ def pid_to_c(
     """Write the `pid` of these gains and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and NAME_update.
 
     `number`: "double", "float", or fixed point "q15", "q31" with 16- or 32-bit signals, which needs `full_scale`,
-    {"measurement": .., "command": ..}: a signal is the whole number of its full scale / 2^15 or 2^31. The header states how far
-    the fixed-point command can be from that of `pid` on the same signals. `units` by the same names and `note` go
-    into its comment.
+    {"measurement": .., "command": ..}: a signal is the whole number of its full scale / 2^15 or 2^31. The header states
+    how far the fixed-point command can be from that of `pid` on the same signals. `units` by the same names and `note`
+    go into its comment.
 
-    No memory is allocated, no library called. Raises SimulationError for what `pid` refuses, and for numbers that do not fit.
+    No memory is allocated, no library called. Raises SimulationError for what `pid` refuses, and for numbers that do
+    not fit.
     """
     checked_name(name)
     checked_number(number, ("double", "float", *BITS))
@@ -43,7 +44,9 @@ def pid_to_c(
     if plain.filter_time < 0:
         raise SimulationError(f"filter_time = {plain.filter_time:g}; give seconds of at least 0.")
     if number not in BITS and full_scale is not None:
-        raise SimulationError(f"full_scale belongs to fixed point; leave it out, or give number = 'q15' or 'q31' in place of {number!r}.")
+        raise SimulationError(
+            f"full_scale belongs to fixed point; leave it out, or give number = 'q15' or 'q31' in place of {number!r}."
+        )
     told = [*_story(plain, settings, units or {}), *note.splitlines()]
     if number not in BITS:
         declared, defined = floating_pid(name, plain, settings, number)
@@ -56,7 +59,10 @@ def pid_to_c(
         + (f", while its integral is within {scaling.integral_bound:.4g} steps." if anti_windup == "none" else "."),
     ]
     if anti_windup == "clamping":
-        told.append("Where the exact command is that near to a limit, one sample's part of the integral may be kept or left otherwise.")
+        told.append(
+            "Where the exact command is that near to a limit, one sample's part of the integral may be kept or left "
+            "otherwise."
+        )
     return write_c(folder, name, told, declared, defined, includes="#include <stdint.h>\n\n")
 
 

@@ -52,7 +52,8 @@ ${settle}}
 SETTLE = {
     "clamping": (
         "unless it would drive a limited command further",
-        "    if (!((wanted > command && added > {zero}) || (wanted < command && added < {zero})))\n        s->integral += added;\n",
+        "    if (!((wanted > command && added > {zero}) || (wanted < command && added < {zero})))\n        s->integral "
+        "+= added;\n",
     ),
     "back-calculation": (
         "and gives back a share of what a limit takes off",
@@ -77,6 +78,7 @@ def pid_law_in_c(name: str, every: Sequence[Gains], period: float, anti_windup: 
     why, settle = SETTLE[anti_windup]
     zero = literal(0.0, real)
     return LAW.substitute(
-        name=name, real=real, zero=zero, one=literal(1.0, real), count=len(rows), rows="{" + ", ".join(rows) + "}", windup=why,
+        name=name, real=real, zero=zero, one=literal(1.0, real), count=len(rows), rows="{" + ", ".join(rows) + "}",
+        windup=why,
         settle=settle.format(zero=zero, follow=literal(follow, real)),
     )  # fmt: skip

@@ -1,8 +1,8 @@
 """Coefficients of a PID as whole numbers with a shift, and how far its command can then be off.
 
-Signals are whole numbers of steps (full scale / 2^(bits - 1)), parts of the command carry FRACTION binary places more. A coefficient,
-in steps of the command per step of the measurement, is mantissa / 2^places. All worst cases below are those of signals
-at full scale, so that nothing can overflow 64 bits.
+Signals are whole numbers of steps (full scale / 2^(bits - 1)), parts of the command carry FRACTION binary places more.
+A coefficient, in steps of the command per step of the measurement, is mantissa / 2^places. All worst cases below are
+those of signals at full scale, so that nothing can overflow 64 bits.
 """
 
 import math
@@ -37,7 +37,8 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class Scaling:
-    """A PID in whole numbers: `steps` of measurement and command in their units, limits in steps, worst error in steps."""
+    """A PID in whole numbers: `steps` of measurement and command in their units, limits in steps, worst error in
+    steps."""
 
     bits: int
     steps: tuple[float, float]
@@ -68,7 +69,9 @@ def scaled(gains: Gains, settings: Settings, bits: int, full_scale: Mapping[str,
     steps = (measurement / top, command / top)
     low, high = settings.lower, settings.upper
     if (math.isfinite(low) and low < -command * (1 + 1e-9)) or (math.isfinite(high) and high > command * (1 + 1e-9)):
-        raise SimulationError(f"The limits [{low:g}, {high:g}] are beyond the command's full scale {command:g}; give a larger full scale.")
+        raise SimulationError(
+            f"The limits [{low:g}, {high:g}] are beyond the command's full scale {command:g}; give a larger full scale."
+        )
     limits = (max(low / steps[1], -top), min(high / steps[1], largest))
     unit, period, time = steps[0] / steps[1], settings.period, gains.filter_time + settings.period
     p = _coefficient("Kp", (unit * gains.Kp * gains.b, unit * gains.Kp))
@@ -76,14 +79,17 @@ def scaled(gains: Gains, settings: Settings, bits: int, full_scale: Mapping[str,
     d = _coefficient("Kd", (unit * gains.Kd * gains.c / time, unit * gains.Kd / time))
     kept, follow = round(gains.filter_time / time * 2**UNIT), round(settings.follow * 2**UNIT)
     if kept == 2**UNIT or (settings.follow and not follow):
-        raise SimulationError("The filter or tracking time is beyond 1e9 periods; give a shorter one, or export floating point.")
+        raise SimulationError(
+            "The filter or tracking time is beyond 1e9 periods; give a shorter one, or export floating point."
+        )
     worst_p, worst_d = (sum(map(abs, c.mantissas)) * 2.0**-c.places * top for c in (p, d))
     worst_d *= 2.0  # the filter's answer to any measurement within full scale
     added = abs(i.mantissas[0]) * 2.0**-i.places * 4.0 * top
     integral = max(map(abs, limits)) + worst_p + worst_d + (added * 2**UNIT / follow if follow else 0.0)
     if max(worst_p, worst_d, integral) * 2.0**FRACTION > 0.9 * LARGEST:
         raise SimulationError(
-            f"The gains drive parts of the command up to {integral / top:.3g} times its full scale at full-scale signals, beyond what "
+            f"The gains drive parts of the command up to {integral / top:.3g} times its full scale at full-scale "
+            f"signals, beyond what "
             f"{bits} bits are scaled for; give larger full scales, or export floating point."
         )
     place, rest = 2.0**-FRACTION, 1.0 - kept * 2.0**-UNIT
@@ -101,7 +107,8 @@ def scaled(gains: Gains, settings: Settings, bits: int, full_scale: Mapping[str,
 def _full_scales(given: Mapping[str, float] | None) -> tuple[float, float]:
     if given is None or set(given) != {"measurement", "command"}:
         raise SimulationError(
-            f"full_scale = {given!r}; fixed point needs the largest magnitudes as {{'measurement': .., 'command': ..}} in their units."
+            f"full_scale = {given!r}; fixed point needs the largest magnitudes as {{'measurement': .., 'command': ..}} "
+            f"in their units."
         )
     for name, value in given.items():
         if not (math.isfinite(value) and value > 0):
@@ -120,5 +127,7 @@ def _coefficient(name: str, values: tuple[float, ...]) -> Coefficient:
     places = min(max(places, FRACTION), FRACTION + 61)
     mantissas = tuple(round(value * 2.0**places) for value in values)
     if largest and not any(mantissas):
-        raise SimulationError(f"{name} is too small for fixed point ({largest:.3g} steps per step); give 0, or export floating point.")
+        raise SimulationError(
+            f"{name} is too small for fixed point ({largest:.3g} steps per step); give 0, or export floating point."
+        )
     return Coefficient(mantissas, places)

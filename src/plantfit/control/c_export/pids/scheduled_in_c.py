@@ -7,7 +7,16 @@ from string import Template
 
 import numpy as np
 
-from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, table, write_c
+from plantfit.control.c_export.files import (
+    CFiles,
+    checked_finite,
+    checked_name,
+    checked_number,
+    clipped,
+    literal,
+    table,
+    write_c,
+)
 from plantfit.control.c_export.pids.pid_parts import SETTLE
 from plantfit.control.pid import Gains, Settings, checked
 from plantfit.control.scheduling.law import Schedule
@@ -95,10 +104,12 @@ def scheduled_to_c(
     units: Mapping[str, str] | None = None,
     note: str = "",
 ) -> CFiles:
-    """Write the `scheduling.law` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and NAME_update.
+    """Write the `scheduling.law` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and
+    NAME_update.
 
-    `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go into the header's comment. No memory is allocated,
-    no library called. Raises SimulationError for what the controller refuses, and for numbers that do not fit.
+    `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go into the header's comment. No
+    memory is allocated, no library called. Raises SimulationError for what the controller refuses, and for numbers that
+    do not fit.
     """
     checked_name(name)
     checked_number(number, ("double", "float"))
@@ -110,10 +121,16 @@ def scheduled_to_c(
     checked_finite({"levels": levels, **gains._asdict()}, number)
     zero = literal(0.0, number)
     tables = gains._asdict() | {"Ki": 0.5 * settings.period * gains.Ki}
-    settle = SETTLE[anti_windup][1].format(zero=zero, follow=literal(settings.follow, number)).replace("s->integral", "state->held")
+    settle = (
+        SETTLE[anti_windup][1]
+        .format(zero=zero, follow=literal(settings.follow, number))
+        .replace("s->integral", "state->held")
+    )
     defined = DEFINED.substitute(
-        name=name, real=number, m=len(levels), levels=table(levels, number), period=literal(settings.period, number), zero=zero,
-        clip=clipped("command", settings.lower, settings.upper, number), settle=settle, **{k: table(v, number) for k, v in tables.items()},
+        name=name, real=number, m=len(levels), levels=table(levels, number), period=literal(settings.period, number),
+        zero=zero,
+        clip=clipped("command", settings.lower, settings.upper, number), settle=settle,
+        **{k: table(v, number) for k, v in tables.items()},
     )  # fmt: skip
     y, u = (units or {}).get("measurement", "its unit"), (units or {}).get("command", "its unit")
     told = [
@@ -122,5 +139,7 @@ def scheduled_to_c(
         f"Command limited to [{settings.lower:g}, {settings.upper:g}], anti-windup: {settings.anti_windup}.",
         *note.splitlines(),
     ]
-    declared = DECLARED.substitute(name=name, UPPER=name.upper(), real=number, period=literal(settings.period, "double"))
+    declared = DECLARED.substitute(
+        name=name, UPPER=name.upper(), real=number, period=literal(settings.period, "double")
+    )
     return write_c(folder, name, told, declared, defined)

@@ -1,4 +1,5 @@
-"""A Smith predictor as C: its PID, the plant without dead time, the outputs on their way and the filter of what is missed."""
+"""A Smith predictor as C: its PID, the plant without dead time, the outputs on their way and the filter of what is
+missed."""
 
 import os
 from collections.abc import Mapping
@@ -6,7 +7,16 @@ from string import Template
 
 import numpy as np
 
-from plantfit.control.c_export.files import CFiles, checked_finite, checked_name, checked_number, clipped, literal, table, write_c
+from plantfit.control.c_export.files import (
+    CFiles,
+    checked_finite,
+    checked_name,
+    checked_number,
+    clipped,
+    literal,
+    table,
+    write_c,
+)
 from plantfit.control.c_export.pids.pid_parts import pid_law_in_c, pid_state
 from plantfit.control.linear.smith import Smith
 from plantfit.control.pid import Gains, Settings, checked
@@ -104,11 +114,12 @@ def smith_to_c(
     units: Mapping[str, str] | None = None,
     note: str = "",
 ) -> CFiles:
-    """Write the `linear.smith` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and NAME_update.
+    """Write the `linear.smith` of these parameters and settings as C99, NAME.h and NAME.c: struct NAME, NAME_init and
+    NAME_update.
 
-    `ahead` samples of dead time; `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go into the header's
-    comment. No memory is allocated, no library called. Raises SimulationError for what the controller refuses, and for numbers that do
-    not fit.
+    `ahead` samples of dead time; `number`: "double" or "float"; `units` of "measurement" and "command" and `note` go
+    into the header's comment. No memory is allocated, no library called. Raises SimulationError for what the controller
+    refuses, and for numbers that do not fit.
     """
     checked_name(name)
     checked_number(number, ("double", "float"))
@@ -116,7 +127,14 @@ def smith_to_c(
     gains = Gains(*(float(v) for v in parameters.gains))
     s = Smith(gains, *(np.asarray(v, dtype=float) for v in parameters[1:]))
     checked_finite({k: v for k, v in s._asdict().items() if k != "gains"}, number)
-    common = {"name": name, "UPPER": name.upper(), "real": number, "m": len(s.A), "ahead": ahead, "zero": literal(0.0, number)}
+    common = {
+        "name": name,
+        "UPPER": name.upper(),
+        "real": number,
+        "m": len(s.A),
+        "ahead": ahead,
+        "zero": literal(0.0, number),
+    }
     defined = DEFINED.substitute(
         common,
         **{k: literal(float(getattr(s, k)), number) for k in ("u0", "y0", "taken")},
@@ -126,9 +144,12 @@ def smith_to_c(
     )
     y, u = (units or {}).get("measurement", "its unit"), (units or {}).get("command", "its unit")
     told = [
-        f"Smith predictor every {settings.period:g} s: a PID on what the measurement will be {ahead * settings.period:g} s later.",
-        f"Measurement and reference in {y}, command in {u}; linearised at {float(s.y0):g} {y} with {float(s.u0):g} {u}.",
-        f"Command limited to [{settings.lower:g}, {settings.upper:g}], which the model knows; anti-windup: {settings.anti_windup}.",
+        f"Smith predictor every {settings.period:g} s: a PID on what the measurement will be "
+        f"{ahead * settings.period:g} s later.",
+        f"Measurement and reference in {y}, command in {u}; linearised at {float(s.y0):g} {y} with {float(s.u0):g} "
+        f"{u}.",
+        f"Command limited to [{settings.lower:g}, {settings.upper:g}], which the model knows; anti-windup: "
+        f"{settings.anti_windup}.",
         *note.splitlines(),
     ]
     declared = DECLARED.substitute(common, period=literal(settings.period, "double"), pid=pid_state(name, number))

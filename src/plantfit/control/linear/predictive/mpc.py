@@ -18,7 +18,8 @@ import jax.numpy as jnp
 
 
 class Prediction(NamedTuple):
-    """Rows over the horizon: the inputs of every move, then the limited states after every move, as deviations from the reference."""
+    """Rows over the horizon: the inputs of every move, then the limited states after every move, as deviations from
+    the reference."""
 
     task: Prepared
     free: Any  # (rows, n): rows = free (x - x_ref) where no limit acts
@@ -45,13 +46,14 @@ def mpc(
 ) -> Design:
     """The controller that plans `horizon` moves of `hold` samples each, takes the first, and plans anew every sample.
 
-    Least sum over the moves of (x - x0)' Q (x - x0) + (u - u0)' R (u - u0), and after the last one the cost of the `lqr` that
-    has no limits: where none acts the command is that of `lqr` with a period of hold * period. `limits` of the inputs are
-    hard; `state_limits` by name are soft, a violation d costs 1/2 softness d^2 a move. The reference of now is taken to
-    last. Every sample takes `steps` steps of `control.linear.predictive.quadratic`, which begin where those of the last sample ended.
+    Least sum over the moves of (x - x0)' Q (x - x0) + (u - u0)' R (u - u0), and after the last one the cost of the
+    `lqr` that has no limits: where none acts the command is that of `lqr` with a period of hold * period. `limits` of
+    the inputs are hard; `state_limits` by name are soft, a violation d costs 1/2 softness d^2 a move. The reference of
+    now is taken to last. Every sample takes `steps` steps of `control.linear.predictive.quadratic`, which begin where
+    those of the last sample ended.
 
-    Source: Rawlings, Mayne, Diehl, Model Predictive Control, 2nd ed., sections 1.3, 2.5 and 8.8 (condensing about the regulator,
-    as Rossiter, Kouvaritakis, Rice, Automatica 34 (1998) 65). Q, R, `estimator` and errors as in `lqr`.
+    Source: Rawlings, Mayne, Diehl, Model Predictive Control, 2nd ed., sections 1.3, 2.5 and 8.8 (condensing about the
+    regulator, as Rossiter, Kouvaritakis, Rice, Automatica 34 (1998) 65). Q, R, `estimator` and errors as in `lqr`.
     """
     for name, value in (("horizon", horizon), ("hold", hold), ("steps", steps)):
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
@@ -67,9 +69,13 @@ def mpc(
     low_x, high_x = limits_of(state_limits or {}, plant.states)
     m, n, count = len(plant.inputs), len(plant.states), len(limited)
     task = prepared(
-        np.kron(np.eye(horizon), r + slow.B.T @ p @ slow.B), moved, np.r_[np.full(horizon * m, np.inf), np.full(horizon * count, softness)]
+        np.kron(np.eye(horizon), r + slow.B.T @ p @ slow.B),
+        moved,
+        np.r_[np.full(horizon * m, np.inf), np.full(horizon * count, softness)],
     )
-    which = np.concatenate([np.tile(np.eye(m + n)[:m], (horizon, 1)), np.tile(np.eye(m + n)[[m + i for i in limited]], (horizon, 1))])
+    which = np.concatenate(
+        [np.tile(np.eye(m + n)[:m], (horizon, 1)), np.tile(np.eye(m + n)[[m + i for i in limited]], (horizon, 1))]
+    )
     parameters = Prediction(
         task,
         jnp.asarray(free),
@@ -115,7 +121,10 @@ def _predictive(outputs: tuple[str, ...], inputs: tuple[str, ...], states: tuple
         x, u, last = state
         estimator = parameters.estimator
         x = estimator.corrected(x, stacked(measurement, outputs), u)
-        x_ref, u_ref = followed(reference, states, estimator.x0, inputs), followed(reference, inputs, estimator.u0, states)
+        x_ref, u_ref = (
+            followed(reference, states, estimator.x0, inputs),
+            followed(reference, inputs, estimator.u0, states),
+        )
         origin = parameters.inputs @ u_ref + parameters.states @ x_ref
         free = parameters.free @ (x - x_ref)
         split = solved(parameters.task, free, parameters.low - origin, parameters.high - origin, last, steps)

@@ -1,4 +1,5 @@
-"""Model-predictive control of outputs, without offset, through dead time: for plants that differ from their linear model."""
+"""Model-predictive control of outputs, without offset, through dead time: for plants that differ from their linear
+model."""
 
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -20,7 +21,8 @@ import jax.numpy as jnp
 
 
 class Tracking(NamedTuple):
-    """Parameters of the controller: the filter on z = (x - x0, past inputs - u0, w), the target for a level, the plan."""
+    """Parameters of the controller: the filter on z = (x - x0, past inputs - u0, w), the target for a level, the
+    plan."""
 
     F: Any  # (nz, nz)
     G: Any  # (nz, m)
@@ -52,16 +54,19 @@ def offset_free_mpc(
     hold: int = 1,
     steps: int = 15,
 ) -> Design:
-    """The controller that brings every output of a continuous `plant` to its level, one input for each output, limits respected.
+    """The controller that brings every output of a continuous `plant` to its level, one input for each output, limits
+    respected.
 
-    The plant's model is x' = A x + B (u(t - dead_time) + w): w is a load at the input that wanders by `disturbance` (unit of the input per
-    sqrt s), estimated by a Kalman filter with the states, so that at rest the level is met whatever the gain of the true plant. Least
-    sum over `horizon` moves of `hold` samples of (y - r)' Q (y - r) + (u - u_r)' R (u - u_r), u_r the input that rests at r with the w of
-    now. A larger R or a smaller `disturbance` makes a slower controller, which bears more difference. `process` and `measurement` as in
-    `kalman_observer`. Designs of one `longest_delay` (s) have parameters of one shape, so that one loop runs them all.
+    The plant's model is x' = A x + B (u(t - dead_time) + w): w is a load at the input that wanders by `disturbance`
+    (unit of the input per sqrt s), estimated by a Kalman filter with the states, so that at rest the level is met
+    whatever the gain of the true plant. Least sum over `horizon` moves of `hold` samples of (y - r)' Q (y - r) + (u -
+    u_r)' R (u - u_r), u_r the input that rests at r with the w of now. A larger R or a smaller `disturbance` makes a
+    slower controller, which bears more difference. `process` and `measurement` as in `kalman_observer`. Designs of one
+    `longest_delay` (s) have parameters of one shape, so that one loop runs them all.
 
-    In its loop the reference is a level, or levels by output. Source: G. Pannocchia, J. Rawlings, AIChE J. 49 (2003) 426, with the
-    disturbance at the input; dead time: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., section 2.3. Raises SimulationError.
+    In its loop the reference is a level, or levels by output. Source: G. Pannocchia, J. Rawlings, AIChE J. 49 (2003)
+    426, with the disturbance at the input; dead time: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., section
+    2.3. Raises SimulationError.
     """
     for name, value in (("horizon", horizon), ("hold", hold), ("steps", steps)):
         if isinstance(value, bool) or not isinstance(value, int) or value < 1:
@@ -69,7 +74,8 @@ def offset_free_mpc(
     n, m, p = len(plant.states), len(plant.inputs), len(plant.outputs)
     if m != p or np.any(plant.D):
         raise SimulationError(
-            f"The plant has {m} inputs and {p} outputs{' or D' if m == p else ''}; give one input for each output, D = 0."
+            f"The plant has {m} inputs and {p} outputs{' or D' if m == p else ''}; give one input for each output, D = "
+            f"0."
         )
     late = with_dead_time(plant, period, dead_time, longest_delay)
     size, sampled = late.A.shape[0], discretised(plant, period)
@@ -81,12 +87,15 @@ def offset_free_mpc(
     wander = np.r_[by_name("process", plant.states, process), by_name("disturbance", plant.inputs, disturbance)]
     noise, seen = sampled_noise(drive, np.diag(wander**2), period), by_name("measurement", plant.outputs, measurement)
     if not (np.all(seen > 0) and np.all(wander >= 0)):
-        raise SimulationError(f"measurement = {measurement}, disturbance = {disturbance}, process = {process}; give standard deviations.")
+        raise SimulationError(
+            f"measurement = {measurement}, disturbance = {disturbance}, process = {process}; give standard deviations."
+        )
     own = filter_gain(F[np.ix_(kept, kept)], H[:, kept], noise, np.diag(seen**2))
     rest = np.block([[sampled.A - np.eye(n), sampled.B], [plant.C, np.zeros((p, m))]])
     if own is None or np.linalg.matrix_rank(rest) < n + m:
         raise SimulationError(
-            f"The outputs {list(plant.outputs)} do not tell a load at the inputs {list(plant.inputs)} from the states, or no input holds "
+            f"The outputs {list(plant.outputs)} do not tell a load at the inputs {list(plant.inputs)} from the states, "
+            f"or no input holds "
             "them at another level; choose outputs that the inputs move, and disturbance above 0."
         )
     gain = np.zeros((size + m, p))
@@ -95,7 +104,9 @@ def offset_free_mpc(
     slow = _held(late, hold)
     solution = regulator_gain(slow.A, slow.B, q, r)
     if solution is None:
-        raise SimulationError(f"No regulator exists for the inputs {list(plant.inputs)} and these weights; weigh every output.")
+        raise SimulationError(
+            f"No regulator exists for the inputs {list(plant.inputs)} and these weights; weigh every output."
+        )
     free, moved = condensed(slow, solution[0], horizon, [])
     low, high = limits_of(limits, plant.inputs)
     task = prepared(np.kron(np.eye(horizon), r + slow.B.T @ solution[1] @ slow.B), moved)
@@ -111,7 +122,20 @@ def _held(plant: LinearPlant, samples: int) -> LinearPlant:
     for _ in range(samples):
         b, a = plant.A @ b + plant.B, plant.A @ a
     period = None if plant.period is None else samples * plant.period
-    return LinearPlant(a, b, plant.C, plant.D, plant.states, plant.inputs, plant.outputs, plant.x0, plant.u0, plant.y0, plant.units, period)
+    return LinearPlant(
+        a,
+        b,
+        plant.C,
+        plant.D,
+        plant.states,
+        plant.inputs,
+        plant.outputs,
+        plant.x0,
+        plant.u0,
+        plant.y0,
+        plant.units,
+        period,
+    )
 
 
 @lru_cache(maxsize=32)  # one identity per kind, so that loops compile once

@@ -4,7 +4,8 @@
 
 Rows may be soft: leaving their limits by d then costs 1/2 weight d^2. Alternating direction method of multipliers,
 which converges for every rho > 0 and relaxation in (0, 2): J. Eckstein, D. Bertsekas, Math. Programming 55 (1992) 293,
-theorem 8; rho by E. Ghadimi, A. Teixeira, I. Shames, M. Johansson, IEEE Trans. Automatic Control 60 (2015) 644, theorem 4.
+theorem 8; rho by E. Ghadimi, A. Teixeira, I. Shames, M. Johansson, IEEE Trans. Automatic Control 60 (2015) 644, theorem
+4.
 """
 
 from typing import Any, NamedTuple
@@ -27,7 +28,8 @@ class Prepared(NamedTuple):
 
 
 class Split(NamedTuple):
-    """Where an iteration ended, and one for another s may begin: rows inside their limits less s, scaled multipliers, (rows,) each.
+    """Where an iteration ended, and one for another s may begin: rows inside their limits less s, scaled multipliers,
+    (rows,) each.
 
     Zeros are the answer where no limit acts.
     """
@@ -37,7 +39,8 @@ class Split(NamedTuple):
 
 
 def prepared(w: Any, t: Any, soft: Any = None) -> Prepared:
-    """For W (n, n) positive definite and T (rows, n); `soft` (rows,) are weights, inf for hard rows (all if left out). jax-traceable."""
+    """For W (n, n) positive definite and T (rows, n); `soft` (rows,) are weights, inf for hard rows (all if left
+    out). jax-traceable."""
     xp: Any = np if isinstance(w, np.ndarray) and isinstance(t, np.ndarray) else jnp
     spread = xp.linalg.eigvalsh(t @ xp.linalg.solve(w, t.T))
     least = xp.min(xp.where(spread > 1e-12 * spread[-1], spread, spread[-1]))

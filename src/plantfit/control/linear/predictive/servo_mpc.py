@@ -1,4 +1,5 @@
-"""Predictive LQ servo: the feedback of `linear.servo`, and a plan that keeps limits of the input, of its rate and of the output."""
+"""Predictive LQ servo: the feedback of `linear.servo`, and a plan that keeps limits of the input, of its rate and of
+the output."""
 
 import math
 from typing import Any, NamedTuple
@@ -17,13 +18,13 @@ STEPS = 20  # of the iteration, every sample
 
 
 class Plan(NamedTuple):
-    """What a servo is to keep, rows of inputs first, then of their changes, then of outputs; z = (states when the inputs on their way
-    have arrived, less those at rest; input at rest without the load; output at rest).
+    """What a servo is to keep, rows of inputs first, then of their changes, then of outputs; z = (states when the
+    inputs on their way have arrived, less those at rest; input at rest without the load; output at rest).
 
         z = X x + Q (u[k-1], .., u[k-p]) + g s,   rows = free z where no limit acts, row 0 being the command
 
-    X (m, n), Q (m, p), g (m,), free (rows, m); `task` of the quadratic program; `low`, `high` (rows,) deviations; `rate` () the largest
-    change of the input from sample to sample.
+    X (m, n), Q (m, p), g (m,), free (rows, m); `task` of the quadratic program; `low`, `high` (rows,) deviations;
+    `rate` () the largest change of the input from sample to sample.
     """
 
     X: Any
@@ -46,10 +47,11 @@ class Predictive(NamedTuple):
 def servo_mpc(inputs: int, rated: bool, *, steps: int = STEPS) -> Controller:
     """The controller whose parameters are (`Predictive`, the input at which the loop rests before the first sample).
 
-    Its plans have `inputs` rows of inputs, then as many of changes where `rated`. Every sample takes `steps` steps of `quadratic.solved`
-    from where the last sample's ended; the command lies within the limits of input and rate whatever these steps reached. Where no
-    limit acts it is that of `linear.servo`. Source: Rawlings, Mayne, Diehl, Model Predictive Control, 2nd ed., sections 1.3, 1.5
-    (offset-free by an estimated load) and 8.8 (condensing about the regulator, as Rossiter, Kouvaritakis, Rice, Automatica 34 (1998) 65).
+    Its plans have `inputs` rows of inputs, then as many of changes where `rated`. Every sample takes `steps` steps of
+    `quadratic.solved` from where the last sample's ended; the command lies within the limits of input and rate whatever
+    these steps reached. Where no limit acts it is that of `linear.servo`. Source: Rawlings, Mayne, Diehl, Model
+    Predictive Control, 2nd ed., sections 1.3, 1.5 (offset-free by an estimated load) and 8.8 (condensing about the
+    regulator, as Rossiter, Kouvaritakis, Rice, Automatica 34 (1998) 65).
     """
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
         raise SimulationError(f"steps = {steps!r}; give a whole number of at least 1.")

@@ -20,10 +20,11 @@ import jax.numpy as jnp
 def cascade_form(
     outer: Reduced, inner: Reduced, names: tuple[str, str], wishes: Wishes, tracking_time: float | None
 ) -> Form:  # fmt: skip
-    """A PID of the output whose command is the set point of a PI of the inner output, of one plant reduced from the input to each of both.
+    """A PID of the output whose command is the set point of a PI of the inner output, of one plant reduced from the
+    input to each of both.
 
-    Searched in K, Ti, Td, set-point weight and filter of the outer and K, Ti of the inner one. Its starts are SIMC for the inner loop, and
-    for the outer one lags of the plant with the inner loop's time added to its dead time.
+    Searched in K, Ti, Td, set-point weight and filter of the outer and K, Ti of the inner one. Its starts are SIMC for
+    the inner loop, and for the outer one lags of the plant with the inner loop's time added to its dead time.
     """
     fast = rule_gains("SIMC", inner, derivative=False)
     assert fast is not None
@@ -44,7 +45,9 @@ def cascade_form(
     def built(z, data):
         values = space.physical(z)
         own = gain * values[place["k"]]
-        return Cascade(gains_of(z, data), Gains(own, own / values[place["ti"]], 0.0 * own, 1.0 + 0.0 * own, 0.0 * own, 0.0 * own))
+        return Cascade(
+            gains_of(z, data), Gains(own, own / values[place["ti"]], 0.0 * own, 1.0 + 0.0 * own, 0.0 * own, 0.0 * own)
+        )
 
     def response(parameters: Cascade, w, xp=np):
         outer, inner = (pid_response(g, wishes.period, w, xp) for g in parameters)
@@ -54,7 +57,8 @@ def cascade_form(
     usual = {"Ti": min(outer.first_order[1], 8.0 * late), "ratio": FILTER, "k": abs(fast.K), "ti": fast.Ti}
     known = [
         usual | {"K": size * share, "b": b, "Td": td, "k": abs(fast.K) * more}
-        for share in (0.25, 0.5, 1.0) for b in (0.0, 1.0) for td in (0.02 * late, 0.3 * late) for more in (0.5, 1.0, 2.0)
+        for share in (0.25, 0.5, 1.0) for b in (0.0, 1.0)
+        for td in (0.02 * late, 0.3 * late) for more in (0.5, 1.0, 2.0)
     ]  # fmt: skip
     rules = [space.cube(np.array([point[n] for n in space.names])) for point in known]
     starts = np.clip(np.concatenate([rules, spread(space)]), 0.0, 1.0)

@@ -19,11 +19,12 @@ STARTS = 64  # controllers spread evenly over the cube that are tried before a s
 class Form:
     """What a kind of controller is for a search.
 
-    `build(z, data)` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s controller, which
-    takes (these, the input at rest, *`given`); programs are compiled once for a `build` and a `response`, for all `data` and `given`.
-    `response(parameters, w, xp)` is C(e^(jwh)) (F,) from the error with no limit acting, that of a cascade (2, F); `unstable` counts the
-    controller's own poles outside the unit circle, `integrators` those at 1. `starts` (k, d) are points of the cube to begin with; `plan`
-    is that of an MPC, `ahead` the samples that a Smith predictor looks ahead, `inner` says that it measures an inner output too.
+    `build(z, data)` turns a point of the cube of `space` into parameters (a pytree; jax-traceable) of the `loop`'s
+    controller, which takes (these, the input at rest, *`given`); programs are compiled once for a `build` and a
+    `response`, for all `data` and `given`. `response(parameters, w, xp)` is C(e^(jwh)) (F,) from the error with no
+    limit acting, that of a cascade (2, F); `unstable` counts the controller's own poles outside the unit circle,
+    `integrators` those at 1. `starts` (k, d) are points of the cube to begin with; `plan` is that of an MPC, `ahead`
+    the samples that a Smith predictor looks ahead, `inner` says that it measures an inner output too.
     """
 
     name: str

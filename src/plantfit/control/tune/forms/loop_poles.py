@@ -19,7 +19,8 @@ FACTORS = np.geomspace(0.1, 10.0, 61)  # of the plant's gain; the middle one is 
 def loop_poles(plant: OneLoop, rest: Rest, form: Form, parameters: Any, level: float, period: float) -> np.ndarray:
     """Poles (F, m) in z of the loop of the first plant at rest at `level`, for its gain times every one of `FACTORS`.
 
-    No limit acts. The states are those of the plant, its inputs on their way through the dead time, and the controller's.
+    No limit acts. The states are those of the plant, its inputs on their way through the dead time, and the
+    controller's.
     """
     one = Rest(*(getattr(rest, name)[:1] for name in ("x", "u", "A", "B", "C", "D", "late")))
     a, b = input_matrices(one, period)

@@ -32,15 +32,32 @@ def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa]
         "b": Parameter((0.0, 1.0)),
     }
     if derivative:
-        ranges |= {"Td": Parameter((0.01 * dead, 2.0 * slow), scale="log"), "ratio": Parameter((2.0, 30.0), scale="log")}
+        ranges |= {
+            "Td": Parameter((0.01 * dead, 2.0 * slow), scale="log"),
+            "ratio": Parameter((2.0, 30.0), scale="log"),
+        }
     space = Space(ranges)
 
     loop = slewed(pid_of_limits(wishes.period, wishes.anti_windup), change(wishes))
     follow = checked(Settings(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time)).follow
     limits = Limits(wishes.lower, wishes.upper, follow)
     starts = np.stack([np.clip(space.cube(_coordinates(isa, space.names)), 0.0, 1.0) for isa in rules.values()])
-    name, build, response = "PID" if derivative else "PI", gains_built(tuple(space.names), tuple(space.log)), _pid_answer(wishes.period)
-    return Form(name, space, build, response, loop, lambda _: 0, starts, data=(space.lower, space.upper, float(sign)), given=(limits,))
+    name, build, response = (
+        "PID" if derivative else "PI",
+        gains_built(tuple(space.names), tuple(space.log)),
+        _pid_answer(wishes.period),
+    )
+    return Form(
+        name,
+        space,
+        build,
+        response,
+        loop,
+        lambda _: 0,
+        starts,
+        data=(space.lower, space.upper, float(sign)),
+        given=(limits,),
+    )
 
 
 @lru_cache(maxsize=32)
@@ -51,7 +68,11 @@ def gains_built(names: tuple[str, ...], log: tuple[bool, ...]) -> Callable[[Any,
     def built(z, data):
         lower, upper, sign = data
         low, high = jnp.log(jnp.where(logarithmic, lower, 1.0)), jnp.log(jnp.where(logarithmic, upper, 1.0))
-        v = dict(zip(names, jnp.where(logarithmic, jnp.exp(low + z * (high - low)), lower + z * (upper - lower)), strict=True))
+        v = dict(
+            zip(
+                names, jnp.where(logarithmic, jnp.exp(low + z * (high - low)), lower + z * (upper - lower)), strict=True
+            )
+        )
         gain = sign * v["K"]
         td = v.get("Td", 0.0)
         return Gains(gain, gain / v["Ti"], gain * td, v["b"], 0.0, td / v.get("ratio", FILTER))
@@ -74,4 +95,6 @@ def _coordinates(isa: Isa, names: Sequence[str]) -> np.ndarray:
 
 def isa_of(gains: Gains) -> Isa:
     """The ideal form of parallel gains."""
-    return Isa(gains.Kp, gains.Kp / gains.Ki if gains.Ki else math.inf, gains.Kd / gains.Kp if gains.Kp else 0.0, gains.b)
+    return Isa(
+        gains.Kp, gains.Kp / gains.Ki if gains.Ki else math.inf, gains.Kd / gains.Kp if gains.Kp else 0.0, gains.b
+    )

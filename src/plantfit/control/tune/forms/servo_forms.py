@@ -15,8 +15,9 @@ from plantfit.space import Parameter, Space
 
 
 def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
-    """An LQ servo on the linearised best fit, in the weight of its input, the loads that its filter expects and the speed of its set
-    point; spread evenly, its starts are tried for good regions of the cube, of which there are several."""
+    """An LQ servo on the linearised best fit, in the weight of its input, the loads that its filter expects and the
+    speed of its set point; spread evenly, its starts are tried for good regions of the cube, of which there are
+    several."""
     space = _weights(small)
 
     def built(z, _):
@@ -31,7 +32,8 @@ def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
 
 
 def mpc_form(plant: ServoPlant, small: Reduced, wishes: Wishes, starts: np.ndarray) -> Form:
-    """A predictive LQ servo in the same four numbers; `starts` are those of LQ servos, as it is one where no limit acts."""
+    """A predictive LQ servo in the same four numbers; `starts` are those of LQ servos, as it is one where no limit
+    acts."""
     space, plan = _weights(small), PlanShape.of(plant, small, wishes)
 
     def built(z, _):
@@ -46,7 +48,8 @@ def mpc_form(plant: ServoPlant, small: Reduced, wishes: Wishes, starts: np.ndarr
 
 
 def _weights(small: Reduced) -> Space:
-    """Weight of the input, loads and noise of the input that the filter expects, seconds in which the set point is followed."""
+    """Weight of the input, loads and noise of the input that the filter expects, seconds in which the set point is
+    followed."""
     total = slowest(small) + small.first_order[2]
     return Space({
         "rho": Parameter((1e-3, 1e2), scale="log"),

@@ -20,20 +20,23 @@ import jax.numpy as jnp
 
 
 def smith_form(plant: ServoPlant, small: Reduced, sign: int, wishes: Wishes, tracking_time: float | None) -> Form:
-    """A Smith predictor on the linearised best fit: a PID for the plant without its dead time, in K, Ti, Td, set-point weight and filter,
-    and the seconds in which it takes over what its model misses.
+    """A Smith predictor on the linearised best fit: a PID for the plant without its dead time, in K, Ti, Td, set-point
+    weight and filter, and the seconds in which it takes over what its model misses.
 
-    Raises SimulationError for a plant with an integrator, whose load it would never remove, and for one with no dead time of a sample.
+    Raises SimulationError for a plant with an integrator, whose load it would never remove, and for one with no dead
+    time of a sample.
     """
     if small.integrating:
         raise SimulationError(
-            "The plant has an integrator, and a Smith predictor never removes a load at its input; give controller = 'lqi' or 'mpc', "
+            "The plant has an integrator, and a Smith predictor never removes a load at its input; give controller = "
+            "'lqi' or 'mpc', "
             "which take dead time into account too."
         )
     ahead, advanced = plant.ahead, plant.advanced
     if not ahead:
         raise SimulationError(
-            f"The dead time is shorter than a sample of {wishes.period:g} s, so that a Smith predictor is a PID; give controller = 'pid', "
+            f"The dead time is shorter than a sample of {wishes.period:g} s, so that a Smith predictor is a PID; give "
+            f"controller = 'pid', "
             "or a shorter period."
         )
     simc = rule_gains("SIMC", small)
@@ -57,7 +60,9 @@ def smith_form(plant: ServoPlant, small: Reduced, sign: int, wishes: Wishes, tra
         return Smith._make([gains, *model, steady, taken, jnp.asarray(plant.u0), jnp.asarray(plant.y0)])
 
     def response(parameters: Smith, w, xp=np):
-        return smith_response(parameters, pid_response(parameters.gains, wishes.period, w, xp), ahead, wishes.period, w, xp)
+        return smith_response(
+            parameters, pid_response(parameters.gains, wishes.period, w, xp), ahead, wishes.period, w, xp
+        )
 
     law = smith(wishes.period, ahead, wishes.anti_windup)
     follow = checked(Settings(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time)).follow
@@ -70,6 +75,7 @@ def smith_form(plant: ServoPlant, small: Reduced, sign: int, wishes: Wishes, tra
     starts = np.clip(np.concatenate([rules, spread(space)]), 0.0, 1.0)
     return Form(
         "Smith predictor", space, built, response, slewed(law, change(wishes)),
-        lambda s: poles_outside(law, (s, s.u0, unlimited())), starts, ahead=ahead, data=(space.lower, space.upper, float(sign)),
+        lambda s: poles_outside(law, (s, s.u0, unlimited())), starts, ahead=ahead,
+        data=(space.lower, space.upper, float(sign)),
         given=(Limits(wishes.lower, wishes.upper, follow),),
     )  # fmt: skip

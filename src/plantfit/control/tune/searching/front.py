@@ -1,4 +1,5 @@
-"""Controllers none of which is better in every figure: a front of two or three, by one search for each of its points."""
+"""Controllers none of which is better in every figure: a front of two or three, by one search for each of its
+points."""
 
 from dataclasses import dataclass, replace
 from itertools import product
@@ -15,8 +16,8 @@ MOST_FIGURES = 3
 
 @dataclass(frozen=True, eq=False)
 class Front:
-    """`points` (k, d) of the cube, the first figure growing, and their `figures` (k, m) over all plants, counted in `sizes` (those of SIMC
-    on the best fit)."""
+    """`points` (k, d) of the cube, the first figure growing, and their `figures` (k, m) over all plants, counted in
+    `sizes` (those of SIMC on the best fit)."""
 
     names: tuple[str, ...]
     points: np.ndarray
@@ -26,13 +27,17 @@ class Front:
 def check_front(names: tuple[str, ...], points: int) -> None:
     """Raises SpecError for a front that cannot be drawn."""
     if len(set(names)) != len(names) or not 2 <= len(names) <= MOST_FIGURES:
-        raise SpecError(f"A front has two or three different figures, not {', '.join(names) or 'none'}; write for example iae,input_noise.")
+        raise SpecError(
+            f"A front has two or three different figures, not {', '.join(names) or 'none'}; write for example "
+            f"iae,input_noise."
+        )
     if not 3 <= points <= 100:
         raise SpecError(f"A front of {points} points cannot be searched; give 3 to 100.")
 
 
 def directions(figures: int, count: int) -> np.ndarray:
-    """Shares (k, figures) that add up to 1, about `count` of them: evenly along a line for two, on a triangle for three."""
+    """Shares (k, figures) that add up to 1, about `count` of them: evenly along a line for two, on a triangle for
+    three."""
     parts = count - 1
     if figures > 2:
         parts = next(p for p in range(1, count + 1) if (p + 1) * (p + 2) // 2 >= count)
@@ -46,8 +51,9 @@ def front_of(
 ) -> Front:  # fmt: skip
     """The front of these figures over the plants of a search, from the points `begin` (k, d) of the cube on.
 
-    First each figure alone, which gives the ideal and how far the others go; between them every direction minimises its worst figure,
-    begun at all points found so far (augmented weighted Chebyshev: R. Steuer, E. Choo, Math. Programming 26 (1983) 326).
+    First each figure alone, which gives the ideal and how far the others go; between them every direction minimises its
+    worst figure, begun at all points found so far (augmented weighted Chebyshev: R. Steuer, E. Choo, Math. Programming
+    26 (1983) 326).
     """
     search = replace(search, weights=dict.fromkeys(names, 1.0 / len(names)))
     m = len(names)
@@ -56,7 +62,9 @@ def front_of(
     ones = np.ones(m)
     for i in range(m):
         alone = Goal(np.zeros(m), ones, np.where(np.arange(m) == i, 1.0, EDGE))
-        z = search.nearest(alone, known[np.argsort(seen[:, i])[:3]], budget, seed + i, searches.next(f"front, least {names[i]}"))
+        z = search.nearest(
+            alone, known[np.argsort(seen[:, i])[:3]], budget, seed + i, searches.next(f"front, least {names[i]}")
+        )
         known = np.r_[known, z[None]]
         seen = np.r_[seen, search.figures(z[None])]
     between = directions(m, count)

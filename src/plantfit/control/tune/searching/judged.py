@@ -1,4 +1,5 @@
-"""Controllers judged on the plants that they have to keep the wishes on: every figure, each wish alone, and a row of the table."""
+"""Controllers judged on the plants that they have to keep the wishes on: every figure, each wish alone, and a row of
+the table."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,8 +19,9 @@ from plantfit.errors import SimulationError
 
 
 class Judged(NamedTuple):
-    """Controllers on plants, arrays (controllers, plants): `scores`, `ms`, `stable`, standard deviation `input_noise` of the input by the
-    noise (share of its range), `kept` whether all wishes are, `meets` (controllers, plants, k) which `specifications` are, each alone."""
+    """Controllers on plants, arrays (controllers, plants): `scores`, `ms`, `stable`, standard deviation
+    `input_noise` of the input by the noise (share of its range), `kept` whether all wishes are, `meets`
+    (controllers, plants, k) which `specifications` are, each alone."""
 
     scores: LoopScores
     ms: np.ndarray
@@ -31,8 +33,9 @@ class Judged(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One controller of the table: its name, `form`, `parameters` and `source`; `scores` and `margins` on the best fit, the `share` of
-    plants that keep the wishes and the `worst` tenth of overshoot, Ms and IAE (their 90 % quantiles)."""
+    """One controller of the table: its name, `form`, `parameters` and `source`; `scores` and `margins` on the best
+    fit, the `share` of plants that keep the wishes and the `worst` tenth of overshoot, Ms and IAE (their 90 %
+    quantiles)."""
 
     name: str
     form: Form
@@ -47,15 +50,19 @@ class Row:
     def gains(self) -> Gains:
         """Of a PID, in parallel form; raises SimulationError for another form."""
         if not isinstance(self.parameters, Gains):
-            raise SimulationError(f"An {self.form.name} has no Kp, Ki and Kd; its parameters are {', '.join(self.parameters._fields)}.")
+            raise SimulationError(
+                f"An {self.form.name} has no Kp, Ki and Kd; its parameters are {', '.join(self.parameters._fields)}."
+            )
         return self.parameters
 
 
 def judged_on(
-    judge: Judge, form: Form, controllers: Sequence[Any], h: np.ndarray, w: np.ndarray, wishes: Wishes, count: Any, outside: Any = 0
+    judge: Judge, form: Form, controllers: Sequence[Any], h: np.ndarray, w: np.ndarray, wishes: Wishes, count: Any,
+    outside: Any = 0
 ) -> Judged:  # fmt: skip
-    """`Judged` of controllers of a form on the plants of a judge whose sampled responses are `h` (n, F), or (n, 2, F); `count` poles of
-    every loop lie at 1, and `outside` the unit circle those of the plants, numbers for all or (n,)."""
+    """`Judged` of controllers of a form on the plants of a judge whose sampled responses are `h` (n, F), or (n, 2,
+    F); `count` poles of every loop lie at 1, and `outside` the unit circle those of the plants, numbers for all or
+    (n,)."""
     scores = judge.scores(stacked_controllers(list(controllers)))
     scores = LoopScores(*(np.asarray(v) for v in scores))
     ms, stable, moved, wide = [], [], [], []
@@ -72,7 +79,8 @@ def judged_on(
     with np.errstate(invalid="ignore"):
         met = [
             stable, scores.overshoot <= wishes.overshoot, ms <= wishes.ms, scores.left <= wishes.settled,
-            scores.outside <= wishes.tolerated, np.array(wide)[..., 0], np.array(wide)[..., 1], scores.settling <= wishes.settling,
+            scores.outside <= wishes.tolerated, np.array(wide)[..., 0], np.array(wide)[..., 1],
+            scores.settling <= wishes.settling,
             scores.travel <= wishes.travel,
         ]  # fmt: skip
     meets = np.stack(met, axis=-1)
@@ -93,8 +101,8 @@ def specifications(wishes: Wishes) -> dict[str, int]:
 
 
 def row_of(i: int, named: tuple[str, Form, Any, str], found: Judged, w: np.ndarray, h: np.ndarray, poles: int) -> Row:
-    """A row of the table: name, form, parameters and source of controller number `i` of `found`; `h` is the sampled response of the best
-    fit, `poles` count those of its loop at 1."""
+    """A row of the table: name, form, parameters and source of controller number `i` of `found`; `h` is the sampled
+    response of the best fit, `poles` count those of its loop at 1."""
     name, form, parameters, source = named
     first = LoopScores(*(float(v[i, 0]) for v in found.scores))
     own = loop_margins(form.response(parameters, w), h, w, poles, form.unstable(parameters))

@@ -11,7 +11,8 @@ Tell = Callable[[Any], None]
 
 @dataclass(frozen=True)
 class PartProgress(Progress):
-    """Where one `part` of a design stands, its figures those of this part alone; `begins` where nothing of it is counted yet."""
+    """Where one `part` of a design stands, its figures those of this part alone; `begins` where nothing of it is
+    counted yet."""
 
     part: str
     begins: bool = False

@@ -25,15 +25,18 @@ from plantfit.optimize.loop.nested import Nested
 import jax
 import jax.numpy as jnp
 
-TAIL = 0.5  # of the plants that may miss a limit: the worst that the search looks at, so that fresh ones miss it no more often
-AUGMENTED = 0.02  # how much the sum of the figures counts beside the worst of them, so that no point of a front is dominated
+# of the plants that may miss a limit: the worst that the search looks at, so that fresh ones miss it no more often
+TAIL = 0.5
+AUGMENTED = (
+    0.02  # how much the sum of the figures counts beside the worst of them, so that no point of a front is dominated
+)
 ROOM = 0.95  # of a limit: what the search keeps, so that plants that it has not seen keep the limit
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Controllers of a form over the plants of `judge`, whose sampled responses are `h` (n, F) at w (F,); `sizes` are what figures are
-    counted in, `weights` those that are made small, by name, their shares."""
+    """Controllers of a form over the plants of `judge`, whose sampled responses are `h` (n, F) at w (F,); `sizes`
+    are what figures are counted in, `weights` those that are made small, by name, their shares."""
 
     judge: Judge
     h: np.ndarray
@@ -48,10 +51,13 @@ class Search:
         return replace(self, judge=self.judge.part(slice(0, 1)), h=self.h[:1])
 
     def found(self, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None) -> np.ndarray:
-        """The point (d,) of the cube of least cost; `starts` (k, d) are tried too. Raises SearchError where none keeps all loops finite."""
+        """The point (d,) of the cube of least cost; `starts` (k, d) are tried too. Raises SearchError where none
+        keeps all loops finite."""
         return self._least(self._costs(False), starts, budget, seed, progress)
 
-    def nearest(self, goal: "Goal", starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None) -> np.ndarray:
+    def nearest(
+        self, goal: "Goal", starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None
+    ) -> np.ndarray:
         """The point of the cube whose worst figure, counted by `goal`, is least (augmented Chebyshev)."""
         return self._least(self._costs(True, goal), starts, budget, seed, progress)
 
@@ -61,15 +67,25 @@ class Search:
         found = [self._costs(True, Goal(0.0 * ones, ones, np.eye(len(ones))[i])) for i in range(len(ones))]
         return np.stack([_in_rows(costs, points) for costs in found], axis=1)
 
-    def _least(self, costs: CostOfData, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None) -> np.ndarray:
+    def _least(
+        self, costs: CostOfData, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None
+    ) -> np.ndarray:
         form = self.form
         first = _in_rows(costs, starts)
         best = starts[np.argsort(first)[:1]]
-        runs = minimise(Objective(form.space.dimension, costs, start=best), _Cmaes(), budget=budget, runs=1, seed=seed, progress=progress)
+        runs = minimise(
+            Objective(form.space.dimension, costs, start=best),
+            _Cmaes(),
+            budget=budget,
+            runs=1,
+            seed=seed,
+            progress=progress,
+        )
         run = min(runs, key=lambda r: r.cost)
         if min(run.cost, np.min(first)) >= 1e5:
             raise SearchError(
-                f"No {form.name} within the bounds of the search keeps the loops of all plants finite; give a longer period or "
+                f"No {form.name} within the bounds of the search keeps the loops of all plants finite; give a longer "
+                f"period or "
                 "wider limits, or measure again."
             )
         return np.asarray(run.x if run.cost < np.min(first) else best[0])
@@ -94,7 +110,8 @@ class Search:
         shares = np.array(list(self.weights.values()))
         found = {
             "loop": self.judge.data(), "form": self.form.data, "h": self.h, "w": self.w, "weights": weights,
-            "sizes": {n: self.sizes[n] for n in self.weights}, "shares": shares, "half": 0.5 * self.judge.course.seconds,
+            "sizes": {n: self.sizes[n] for n in self.weights}, "shares": shares,
+            "half": 0.5 * self.judge.course.seconds,
             "limits": limits, "noise": noises(wishes, self.form.inner),
         }  # fmt: skip
         if goal is not None:
@@ -104,8 +121,8 @@ class Search:
 
 @dataclass(frozen=True)
 class _Cmaes:
-    """`cmaes` driven from outside of the compiled program: a loop over plants takes seconds to compile, and so it is compiled once for the
-    search and for points on their own, and the method once for all loops."""
+    """`cmaes` driven from outside of the compiled program: a loop over plants takes seconds to compile, and so it is
+    compiled once for the search and for points on their own, and the method once for all loops."""
 
     needs: ClassVar[Needs] = CmaEs.needs
 
@@ -141,7 +158,8 @@ def demand_of(wishes: Wishes) -> Demand:
 
 
 def noises(wishes: Wishes, inner: bool) -> Any:
-    """Standard deviations of the measurements' noise over the range of the input: of the output, with an inner one of both (2,)."""
+    """Standard deviations of the measurements' noise over the range of the input: of the output, with an inner one
+    of both (2,)."""
     span = wishes.upper - wishes.lower
     return np.array([wishes.noise, wishes.inner_noise]) / span if inner else wishes.noise / span
 
@@ -155,10 +173,12 @@ def _in_rows(costs: CostOfData, points: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _costs_of(
-    program: Program, build: Callable[[Any, Any], Any], respond: Callable[..., Any], demand: Demand, figures: tuple[str, ...],
+    program: Program, build: Callable[[Any, Any], Any], respond: Callable[..., Any], demand: Demand,
+    figures: tuple[str, ...],
     limited: tuple[str, ...], front: bool,
 ) -> Callable[[Any, Any], Any]:  # fmt: skip
-    """The cost of points (n, d) of the cube, given `Search._data`; one identity for a choice, so that it is compiled once."""
+    """The cost of points (n, d) of the cube, given `Search._data`; one identity for a choice, so that it is compiled
+    once."""
 
     def over(value, limit):
         return STEEPNESS * jnp.maximum(value / limit - 1.0, 0.0)
@@ -194,7 +214,12 @@ def _costs_of(
         parts = [figure(name, scores, moved, data["half"]) / sizes[name] for name in figures]
 
         def punished(cost):
-            cost = cost * (1.0 + over(scores.overshoot, limits["overshoot"]) + over(ms, limits["ms"]) + over(moved, limits["moved"]))
+            cost = cost * (
+                1.0
+                + over(scores.overshoot, limits["overshoot"])
+                + over(ms, limits["ms"])
+                + over(moved, limits["moved"])
+            )
             cost = cost * (1.0 + over(scores.outside, limits["outside"]))
             cost = cost * (1.0 + STEEPNESS * jnp.maximum(scores.left - limits["left"], 0.0))
             cost = cost * more_than_asked(scores, 1.0 / s - 1.0, limits) if limited else cost

@@ -1,4 +1,5 @@
-"""From the weights of an LQ servo to a predictive one: how far it looks ahead, its moves, and the program of every sample."""
+"""From the weights of an LQ servo to a predictive one: how far it looks ahead, its moves, and the program of every
+sample."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -22,14 +23,15 @@ SOFTNESS = 1e3  # a violation of the output's limits, over an error of the set p
 
 
 def look_ahead(plant_dead: float, small: Reduced) -> float:
-    """Seconds that a plan is proposed to look ahead: its dead time, and then as long as the plant takes (lag and dead time)."""
+    """Seconds that a plan is proposed to look ahead: its dead time, and then as long as the plant takes (lag and
+    dead time)."""
     return plant_dead + slowest(small)
 
 
 @dataclass(frozen=True, eq=False)
 class PlanShape:
-    """Moves of a plan: `lengths` (k,) in samples, from the first input that is not on its way yet; `rated` and `watched` say whether the
-    rate of the input and the output have limits."""
+    """Moves of a plan: `lengths` (k,) in samples, from the first input that is not on its way yet; `rated` and
+    `watched` say whether the rate of the input and the output have limits."""
 
     plant: ServoPlant
     lengths: np.ndarray
@@ -46,13 +48,16 @@ class PlanShape:
         samples = round(seconds / plant.period) - plant.ahead
         if samples < 2:
             raise SimulationError(
-                f"The plan looks {seconds:.4g} s ahead and an input acts after {dead:.4g} s of dead time, so that it sees nothing of what "
-                f"it does; give a prediction of at least {dead + 2 * plant.period:.4g} s ([control] prediction, or --prediction), such as "
+                f"The plan looks {seconds:.4g} s ahead and an input acts after {dead:.4g} s of dead time, so that it "
+                f"sees nothing of what "
+                f"it does; give a prediction of at least {dead + 2 * plant.period:.4g} s ([control] prediction, or "
+                f"--prediction), such as "
                 f"{look_ahead(dead, small):.3g} s, or leave it out."
             )
         if samples > MOST_AHEAD and wishes.prediction is not None:
             raise SimulationError(
-                f"A prediction of {seconds:.4g} s is {samples} samples of {plant.period:g} s after the dead time; give at most "
+                f"A prediction of {seconds:.4g} s is {samples} samples of {plant.period:g} s after the dead time; give "
+                f"at most "
                 f"{MOST_AHEAD * plant.period + dead:.4g} s, or a longer period."
             )
         change = wishes.rate * plant.period
@@ -69,15 +74,17 @@ class PlanShape:
     def predictive(self, rho: Any, wander: Any, shake: Any, seconds: Any) -> Predictive:
         """The servo of these weights (`ServoPlant.servo`) with its plan; jax-traceable.
 
-        Least cost of the servo within the limits, inputs u = u of the servo + v, v constant over each move: after the last move the servo
-        goes on without limits. Inputs and their changes are hard at the begin of each move, outputs soft at the end of each.
+        Least cost of the servo within the limits, inputs u = u of the servo + v, v constant over each move: after the
+        last move the servo goes on without limits. Inputs and their changes are hard at the begin of each move, outputs
+        soft at the end of each.
         """
         plant, lengths = self.plant, self.lengths
         servo, ahead = plant.servo(rho, wander, shake, seconds), plant.advanced
         k, cost = plant.regulator(rho)
         total, size = int(np.sum(lengths)), len(ahead.moves)
         closed = jnp.asarray(ahead.moves) - jnp.asarray(ahead.drive) @ k[None, :]
-        # u at sample j = -k closed^j z + sum of v_i by[j - i],  y after it = seen closed^(j + 1) z + sum of v_i out[j - i]
+        # u at sample j = -k closed^j z + sum of v_i by[j - i],  y after it = seen closed^(j + 1) z + sum of v_i out[j -
+        # i]
         _, powers = lax.scan(lambda at, _: (closed @ at, at), jnp.eye(size), None, length=total + 1)
         u_free, y_free = -k @ powers[:-1], ahead.seen @ powers[1:]
         by = jnp.concatenate([jnp.ones(1), u_free[:-1] @ ahead.drive[:, 0]])
@@ -97,7 +104,9 @@ class PlanShape:
         if self.rated:
             first = with_rest(u_free[:1], 1.0, 0.0)
             free.append(jnp.concatenate([first, with_rest(u_free[starts[1:]] - u_free[starts[1:] - 1], 0.0, 0.0)]))
-            moved.append(jnp.concatenate([answered(by, starts[:1]), answered(by, starts[1:]) - answered(by, starts[1:] - 1)]))
+            moved.append(
+                jnp.concatenate([answered(by, starts[:1]), answered(by, starts[1:]) - answered(by, starts[1:] - 1)])
+            )
             low.append(np.full(count, self.low[1]))
             high.append(np.full(count, self.high[1]))
             weights.append(np.full(count, np.inf))
@@ -108,14 +117,17 @@ class PlanShape:
             high.append(np.full(count, self.high[2]))
             weights.append(np.full(count, SOFTNESS / plant.step**2))
         weight = rho / plant.u_size**2 + ahead.drive[:, 0] @ cost @ ahead.drive[:, 0]
-        task = prepared(jnp.diag(jnp.asarray(lengths, dtype=float)) * weight, jnp.concatenate(moved), np.concatenate(weights))
+        task = prepared(
+            jnp.diag(jnp.asarray(lengths, dtype=float)) * weight, jnp.concatenate(moved), np.concatenate(weights)
+        )
         x, q, g = self._from_state()
         least, most = (jnp.asarray(np.concatenate(v)) for v in (low, high))
         plan = Plan(x, q, g, jnp.concatenate(free), task, least, most, jnp.asarray(self.high[1]))
         return Predictive(servo, plan)
 
     def _from_state(self) -> tuple[Any, Any, Any]:
-        """X, Q, g of `Plan`: the states when the inputs on their way have arrived, the load as good as an input that never changes."""
+        """X, Q, g of `Plan`: the states when the inputs on their way have arrived, the load as good as an input that
+        never changes."""
         plant, ahead = self.plant, self.plant.advanced
         n, size = len(plant.A), len(ahead.moves)
         past = np.concatenate([ahead.ways, ahead.later[:, n:]], axis=1)

@@ -1,4 +1,5 @@
-"""From four numbers to an LQ servo for one identified plant: sampled matrices with dead time, both Riccati equations, the set point."""
+"""From four numbers to an LQ servo for one identified plant: sampled matrices with dead time, both Riccati
+equations, the set point."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -22,8 +23,9 @@ MOST_PAST = 300  # inputs on their way through dead time
 
 
 class Advanced(NamedTuple):
-    """x+ = moves x + drive u, y = seen x: states of the plant, then inputs that act late on some of its ways. The state after the inputs
-    ahead is later x + ways (u[k-1], .., u[k-ahead]); x there as the plant had it without dead time."""
+    """x+ = moves x + drive u, y = seen x: states of the plant, then inputs that act late on some of its ways. The
+    state after the inputs ahead is later x + ways (u[k-1], .., u[k-ahead]); x there as the plant had it without dead
+    time."""
 
     moves: np.ndarray
     drive: np.ndarray
@@ -34,11 +36,12 @@ class Advanced(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ServoPlant:
-    """One plant at rest as `linear.servo` takes it: A (n, n), B (n, p + 1), C (n,), D (), u0, y0, and what its weights are counted in.
+    """One plant at rest as `linear.servo` takes it: A (n, n), B (n, p + 1), C (n,), D (), u0, y0, and what its weights
+    are counted in.
 
-    `wander` and `shake` (n + 1, n + 1) are covariances, of states and load, that a load which wanders by `u_size` in `slow` seconds and a
-    white noise on the input of that size add in a period; `target` (n + 1,) states and input at rest where the output is 1 higher; the
-    first `ahead` of the past inputs have not yet reached any state.
+    `wander` and `shake` (n + 1, n + 1) are covariances, of states and load, that a load which wanders by `u_size` in
+    `slow` seconds and a white noise on the input of that size add in a period; `target` (n + 1,) states and input at
+    rest where the output is 1 higher; the first `ahead` of the past inputs have not yet reached any state.
     """
 
     A: np.ndarray
@@ -58,13 +61,15 @@ class ServoPlant:
 
     @classmethod
     def of(cls, rest: Rest, small: Reduced, wishes: Wishes, at: int = 0) -> "ServoPlant":
-        """Plant number `at`; raises SimulationError for a dead time of too many samples, and for what no servo can hold."""
+        """Plant number `at`; raises SimulationError for a dead time of too many samples, and for what no servo can
+        hold."""
         period, n = wishes.period, rest.A.shape[-1]
         one = Rest(*(getattr(rest, name)[at : at + 1] for name in ("x", "u", "A", "B", "C", "D", "late")))
         a, b = input_matrices(one, period)
         if len(b) - 1 > MOST_PAST:
             raise SimulationError(
-                f"The dead time is {len(b) - 1} samples of {period:g} s, and LQI keeps as many past inputs; give a longer period "
+                f"The dead time is {len(b) - 1} samples of {period:g} s, and LQI keeps as many past inputs; give a "
+                f"longer period "
                 f"([control] period, or --period), such as {period * len(b) / 50:.2g} s."
             )
         d = float(rest.D[at])
@@ -76,7 +81,8 @@ class ServoPlant:
         whole = np.block([[a - np.eye(n), b.sum(axis=1)[:, None]], [c[None, :], np.array([[d]])]])
         if np.linalg.matrix_rank(whole) < n + 1:
             raise SimulationError(
-                "No input holds the output at another level: LQI needs a plant whose states the output and the input fix."
+                "No input holds the output at another level: LQI needs a plant whose states the output and the input "
+                "fix."
             )
         k, slow = small.first_order[0], slowest(small)
         u_size = abs(wishes.step / (k * slow if small.integrating else k))
@@ -107,18 +113,21 @@ class ServoPlant:
         return Advanced(moves, drive, seen, later, ways)
 
     def regulator(self, rho: Any) -> tuple[Any, Any]:
-        """Gain (m,) and cost-to-go (m, m) on the states of `advanced`, of least sum of (y/step)^2 + rho (u/u_size)^2; jax-traceable."""
+        """Gain (m,) and cost-to-go (m, m) on the states of `advanced`, of least sum of (y/step)^2 + rho
+        (u/u_size)^2; jax-traceable."""
         ahead = self.advanced
         q, r = jnp.asarray(np.outer(ahead.seen, ahead.seen)) / self.step**2, jnp.reshape(rho / self.u_size**2, (1, 1))
         gain, cost = doubled(jnp.asarray(ahead.moves), jnp.asarray(ahead.drive), q, r)
         return gain[0], cost
 
     def servo(self, rho: Any, wander: Any, shake: Any, seconds: Any) -> Servo:
-        """The servo of least sum of (y/step)^2 + rho (u/u_size)^2, with the filter for a load that wanders and an input that is shaken by
-        these multiples of `u_size`, and a measurement noise of a step; the set point is followed within `seconds`. jax-traceable.
+        """The servo of least sum of (y/step)^2 + rho (u/u_size)^2, with the filter for a load that wanders and an input
+        that is shaken by these multiples of `u_size`, and a measurement noise of a step; the set point is followed
+        within `seconds`. jax-traceable.
 
-        The inputs that are still ahead of the plant cannot be changed: the gain is that of the plant without this dead time, on the state
-        that they lead to. Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., sections 11.2 - 11.4.
+        The inputs that are still ahead of the plant cannot be changed: the gain is that of the plant without this dead
+        time, on the state that they lead to. Source: Astrom, Wittenmark, Computer-Controlled Systems, 3rd ed., sections
+        11.2 - 11.4.
         """
         n, size, ahead = len(self.A), self.B.shape[1], self.advanced
         k = self.regulator(rho)[0]

@@ -1,8 +1,8 @@
 """Declared units that contradict each other whatever the units are that nobody declared.
 
-Who declares few units leaves coefficients of one out: in x' = u - x/tau with u and x in V, u has a hidden 1/s. Such equations are left
-alone, for numbers are computed with time in seconds. What is refused makes a value wrong in its own unit: tau in min, whose numbers are
-taken as seconds.
+Who declares few units leaves coefficients of one out: in x' = u - x/tau with u and x in V, u has a hidden 1/s. Such
+equations are left alone, for numbers are computed with time in seconds. What is refused makes a value wrong in its own
+unit: tau in min, whose numbers are taken as seconds.
 """
 
 import math
@@ -19,7 +19,15 @@ from plantfit.models.text.dimensions.relations import Relation, Relations
 OF_LETTERS = ("parameter", "constant")  # their units are looked at first: whatever the signals' units are
 _SHARE = math.log(100.0)
 _WORD = re.compile(r"[A-Za-zµμ]+")
-_SI = {"[time]": "s", "[length]": "m", "[mass]": "kg", "[current]": "A", "[temperature]": "K", "[substance]": "mol", "[luminosity]": "cd"}
+_SI = {
+    "[time]": "s",
+    "[length]": "m",
+    "[mass]": "kg",
+    "[current]": "A",
+    "[temperature]": "K",
+    "[substance]": "mol",
+    "[luminosity]": "cd",
+}
 _EQUAL = 1e-6  # of a number and a ratio of units
 _FEW = 3
 _MANY = 12
@@ -63,10 +71,16 @@ class Contradiction:
         what = self.relation.what
         if self.turned:
             number = f"{self.relation.node.number:.12g}"
-            return f"{what}: {number} converts a unit the wrong way round; divide by it where it multiplies, or multiply where it divides."
+            return (
+                f"{what}: {number} converts a unit the wrong way round; divide by it where it multiplies, or "
+                f"multiply where it divides."
+            )
         if not self.needed:
             named = sorted(n for n in self.relation.node.names() if any(key[1] == n for key in declared))
-            return f"{what}: the declared units contradict each other{f'; check those of {_listed(named)}' if named else ''}."
+            return (
+                f"{what}: the declared units contradict each "
+                f"other{f'; check those of {_listed(named)}' if named else ''}."
+            )
         key, *rest = self._likely(declared)
         (kind, name), known, unit, alike = key, declared[key], self._spelled(key, declared), self.alike(key, declared)
         said = f"{what}: {kind} {name!r} has the unit {known.unit!r}"
@@ -90,12 +104,18 @@ class Contradiction:
         return f"{said}, but {needs}: {why}. Declare it in {unit}, to which recordings are converted{other}."
 
     def _likely(self, declared: Mapping[Key, Known]) -> list[Key]:
-        """Most likely first: a time that is not in s, then what would be in units without factors, then what can be spelled."""
+        """Most likely first: a time that is not in s, then what would be in units without factors, then what can be
+        spelled."""
 
         def rank(key: Key) -> tuple[bool, ...]:
             known, form = declared[key], self.needed[key]
             coherent = abs(form.size) < NEAR < abs(known.form.size)
-            return not other_time(known.unit), not coherent, self._spelled(key, declared) is None, key[0] not in OF_LETTERS
+            return (
+                not other_time(known.unit),
+                not coherent,
+                self._spelled(key, declared) is None,
+                key[0] not in OF_LETTERS,
+            )
 
         return sorted(self.needed, key=rank)
 
@@ -113,9 +133,14 @@ def contradiction(relations: Relations, declared: Mapping[Key, Known]) -> Contra
     hidden = System()
     # what functions of numbers say comes last, so that it is seen where it alone does not hold
     said = sorted(relations.all, key=lambda r: r.plain)
-    fair = [r for r in said if hidden.add(r.form) is None]  # the others need a hidden coefficient whatever the units are
+    fair = [
+        r for r in said if hidden.add(r.form) is None
+    ]  # the others need a hidden coefficient whatever the units are
     letters = {k: known for k, known in declared.items() if k[0] in OF_LETTERS and not known.form.pure}
-    for known, forgiven in ((letters, _in_percent), (declared, lambda r, left: _in_percent(r, left) or _hidden(r, left))):
+    for known, forgiven in (
+        (letters, _in_percent),
+        (declared, lambda r, left: _in_percent(r, left) or _hidden(r, left)),
+    ):
         found = _contradiction(fair, relations, known, forgiven)
         if found is not None:
             return found
@@ -125,7 +150,9 @@ def contradiction(relations: Relations, declared: Mapping[Key, Known]) -> Contra
 Forgiven = Callable[[Relation, Form], bool]
 
 
-def _contradiction(said: Sequence[Relation], relations: Relations, known: Mapping[Key, Known], forgiven: Forgiven) -> Contradiction | None:
+def _contradiction(
+    said: Sequence[Relation], relations: Relations, known: Mapping[Key, Known], forgiven: Forgiven
+) -> Contradiction | None:
     system = _with_units(known)
     for k, relation in enumerate(said):
         left = system.add(relation.form)
@@ -152,8 +179,11 @@ def _with_units(known: Mapping[Key, Known]) -> System:
     return system
 
 
-def _needed(said: Sequence[Relation], known: Mapping[Key, Known], forgiven: Forgiven, involved: Collection[Key]) -> dict[Key, Form]:
-    """The units that would make all relations hold, each in place of one that is declared and `involved`; of many the likeliest."""
+def _needed(
+    said: Sequence[Relation], known: Mapping[Key, Known], forgiven: Forgiven, involved: Collection[Key]
+) -> dict[Key, Form]:
+    """The units that would make all relations hold, each in place of one that is declared and `involved`; of many
+    the likeliest."""
     found: dict[Key, Form] = {}
     names = said[-1].node.names()
 
@@ -170,7 +200,8 @@ def _needed(said: Sequence[Relation], known: Mapping[Key, Known], forgiven: Forg
 
 
 def _no_conversion(number: float, size: float) -> bool:
-    """Whether a number between quantities of one kind, whose units differ in size, converts nothing: 2, where minutes should be seconds."""
+    """Whether a number between quantities of one kind, whose units differ in size, converts nothing: 2, where
+    minutes should be seconds."""
     converts = math.isclose(number * size, 1.0, rel_tol=_EQUAL)
     return not converts and ((number < 10 and number * 2 == int(number * 2)) or number == 0.25)
 
@@ -180,17 +211,25 @@ def _in_percent(relation: Relation, left: Form) -> bool:
 
 
 def _hidden(relation: Relation, left: Form) -> bool:
-    """Whether a coefficient of one that nobody wrote explains it: per second, or of any unit in a function that takes numbers."""
+    """Whether a coefficient of one that nobody wrote explains it: per second, or of any unit in a function that
+    takes numbers."""
     if relation.plain and left.dimensions:
         return True
     return set(left.dimensions) == {"[time]"} and Form({}, {}, left.size).pure
 
 
 def spelled(form: Form, like: str, beside: Iterable[str] = ()) -> str | None:
-    """A unit as people write it: like another one with its times in s, or with a unit that stands `beside`, or of up to three SI units."""
+    """A unit as people write it: like another one with its times in s, or with a unit that stands `beside`, or of up
+    to three SI units."""
     words = [*_COMMON, *sorted({word for text in beside for word in _WORD.findall(text)})]
     starts = like, with_seconds(like)
-    swapped = (text.replace(old, new) for text in starts for old in _WORD.findall(text) for new in words if old != new and _alike(old, new))
+    swapped = (
+        text.replace(old, new)
+        for text in starts
+        for old in _WORD.findall(text)
+        for new in words
+        if old != new and _alike(old, new)
+    )
     for text in (starts[1], *swapped, _in_si(form)):
         if text is not None and units.known(text) and form_of(units.parse(text)).over(form).pure:
             return text

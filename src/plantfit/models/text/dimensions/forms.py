@@ -1,4 +1,5 @@
-"""Units as products of powers of units that are not known, of base dimensions and of a size; and linear systems of such products."""
+"""Units as products of powers of units that are not known, of base dimensions and of a size; and linear systems of
+such products."""
 
 import functools
 import math
@@ -23,7 +24,11 @@ class Form:
 
     def times(self, other: "Form", power: Fraction | int = 1) -> "Form":
         """This unit times a power of another."""
-        return Form(_sum(self.powers, other.powers, power), _sum(self.dimensions, other.dimensions, power), self.size + power * other.size)
+        return Form(
+            _sum(self.powers, other.powers, power),
+            _sum(self.dimensions, other.dimensions, power),
+            self.size + power * other.size,
+        )
 
     def over(self, other: "Form") -> "Form":
         return self.times(other, -1)
@@ -69,7 +74,8 @@ class System:
         return self._reduced(form)[0]
 
     def add(self, form: Form, source: Key | None = None) -> Form | None:
-        """Say that a product is 1. Returns what is left of it if that contradicts what was said before, and does not take it then."""
+        """Say that a product is 1. Returns what is left of it if that contradicts what was said before, and does not
+        take it then."""
         form, used = self._reduced(form)
         used = used if source is None else used | {source}
         if not form.powers:

@@ -1,4 +1,5 @@
-"""What equations say about units, as products that must be 1: every sum, comparison, derivative and output says something."""
+"""What equations say about units, as products that must be 1: every sum, comparison, derivative and output says
+something."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,7 +13,8 @@ TIME = "t"
 
 @dataclass(frozen=True)
 class Relation:
-    """A product of units that must be 1. `what` begins a sentence; a `plain` one comes of a function that takes numbers."""
+    """A product of units that must be 1. `what` begins a sentence; a `plain` one comes of a function that takes
+    numbers."""
 
     form: Form
     what: str
@@ -21,10 +23,11 @@ class Relation:
 
 
 class Relations:
-    """Collects relations; `numbers` are the values of constants, for exponents. None is the unit of zero, which fits beside any other.
+    """Collects relations; `numbers` are the values of constants, for exponents. None is the unit of zero, which fits
+    beside any other.
 
-    Numbers in the text may carry units that nobody wrote, so each has an unknown unit of its own; `factors` are those that multiply or
-    divide, by key.
+    Numbers in the text may carry units that nobody wrote, so each has an unknown unit of its own; `factors` are those
+    that multiply or divide, by key.
     """
 
     def __init__(self, numbers: Mapping[str, float], axes: Mapping[str, tuple[Key, ...]]):
@@ -79,7 +82,13 @@ class Relations:
         if node.op == "number":
             return None if node.number == 0 else self._fresh()
         if node.op == "name":
-            return SECOND if node.name == TIME else unknown(self._scope[node.name]) if node.name in self._scope else self._fresh()
+            return (
+                SECOND
+                if node.name == TIME
+                else unknown(self._scope[node.name])
+                if node.name in self._scope
+                else self._fresh()
+            )
         if node.table is not None:
             for arg, axis in zip(node.args, self.axes[node.name], strict=True):
                 self.relate(arg, SECOND if axis[0] == "time" else unknown(axis))
@@ -103,7 +112,10 @@ class Relations:
             return NUMBER
         if rule == "law":
             own = FUNCTIONS[node.op].like_result
-            return [self._alike(tuple(a for k, a in enumerate(node.args) if (k in own) == inside)) for inside in (False, True)][1]
+            return [
+                self._alike(tuple(a for k, a in enumerate(node.args) if (k in own) == inside))
+                for inside in (False, True)
+            ][1]
         if rule == "choose":
             self.form(node.args[0])
         shared = self._alike(node.args[1:] if rule == "choose" else node.args)

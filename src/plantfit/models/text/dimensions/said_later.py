@@ -1,4 +1,5 @@
-"""Units that stand beside a model of equations: those that a problem gives to its parameters, and those of recordings."""
+"""Units that stand beside a model of equations: those that a problem gives to its parameters, and those of
+recordings."""
 
 from collections.abc import Callable, Mapping
 
@@ -12,7 +13,8 @@ _CHECK = "_units_said_later"  # no field: a copy made by `dataclasses.replace` i
 
 
 def check_said_later(model: Model, parameters: Mapping[str, str | None], recorded: Mapping[str, str]) -> None:
-    """Check units of parameters, and recorded units of signals, that the model has without unit: dead times are in s, equations agree.
+    """Check units of parameters, and recorded units of signals, that the model has without unit: dead times are in s,
+    equations agree.
 
     Of a model that is not of equations nothing is known but that its times are in s.
 
@@ -29,7 +31,8 @@ def check_said_later(model: Model, parameters: Mapping[str, str | None], recorde
         units.parse(unit)
         if other_time(unit):
             raise UnitError(
-                f"Parameter {name!r} is given in {unit!r}, but the model has no unit for it, and computes with time in s; "
+                f"Parameter {name!r} is given in {unit!r}, but the model has no unit for it, and computes with time in "
+                f"s; "
                 f"give its numbers in {with_seconds(unit)!r}."
             )
 

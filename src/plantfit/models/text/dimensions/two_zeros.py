@@ -1,7 +1,8 @@
-"""Temperatures in degC and in K whose difference is multiplied, divided, a rate or the condition of an event: 273.15 K are missing, and the
-units agree. So are those of a multiple of degC and an output in K.
+"""Temperatures in degC and in K whose difference is multiplied, divided, a rate or the condition of an event: 273.15 K
+are missing, and the units agree. So are those of a multiple of degC and an output in K.
 
-A sum alone says nothing: a rise in K may be taken off a temperature in degC. A product of it is of differences, which both zeros spoil.
+A sum alone says nothing: a rise in K may be taken off a temperature in degC. A product of it is of differences, which
+both zeros spoil.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -14,7 +15,8 @@ from plantfit.models.text.expression import Node
 
 
 class Zeros(NamedTuple):
-    """How often a sum counts temperatures from a zero of their own, and from the absolute one; `sure`: no other term could be a zero."""
+    """How often a sum counts temperatures from a zero of their own, and from the absolute one; `sure`: no other term
+    could be a zero."""
 
     own: float = 0
     absolute: float = 0
@@ -27,10 +29,12 @@ class Zeros(NamedTuple):
 def refuse_two_zeros(
     named: Mapping[str, Unit], values: Mapping[str, Node], others: Iterable[Node], ends: Iterable[Node], text: str
 ) -> None:
-    """Raise EquationError where a difference of degC and K is multiplied, divided, raised to a power or one of the `ends`: the rate of a
-    state, the condition of an event; and where a value in K is a multiple of degC, or the other way round.
+    """Raise EquationError where a difference of degC and K is multiplied, divided, raised to a power or one of the
+    `ends`: the rate of a state, the condition of an event; and where a value in K is a multiple of degC, or the other
+    way round.
 
-    `named` are the units of signals, parameters, constants and tables, None for unknown ones; `values` are in the order of their use.
+    `named` are the units of signals, parameters, constants and tables, None for unknown ones; `values` are in the order
+    of their use.
     """
     zeros = {name: _of_unit(unit) for name, unit in named.items()}
     plain = _without_dimension(named)
@@ -49,13 +53,15 @@ def refuse_two_zeros(
 
 
 def refuse_multiple(what: str, node: Node, named: Mapping[str, Unit], wanted: Unit, text: str) -> None:
-    """Raise EquationError where `what`, in K, is a sum of multiples of temperatures in degC alone, or the other way round, or a difference
-    of both. A rise in K may be taken off a temperature in degC."""
+    """Raise EquationError where `what`, in K, is a sum of multiples of temperatures in degC alone, or the other way
+    round, or a difference of both. A rise in K may be taken off a temperature in degC."""
     zeros = {name: _of_unit(unit) for name, unit in named.items()}
     found, kind = _of(node, zeros, _without_dimension(named)), temperature(wanted)
     if not found.sure or kind is None:
         return
-    alone = (kind == "absolute" and found.own and not found.absolute) or (kind == "from its own zero" and found.absolute and not found.own)
+    alone = (kind == "absolute" and found.own and not found.absolute) or (
+        kind == "from its own zero" and found.absolute and not found.own
+    )
     opposed = found.own * found.absolute < 0 and not (kind == "from its own zero" and found.own > 0)
     names = {temperature(named.get(n)): n for n in sorted(node.names())}
     own, other = names.get("from its own zero"), names.get("absolute")
@@ -65,17 +71,23 @@ def refuse_multiple(what: str, node: Node, named: Mapping[str, Unit], wanted: Un
     if not alone or name is None:
         return
     raise EquationError(
-        f"{what} is in {shown(wanted)}, but this counts temperatures in {shown(named[name])}, and 0 degC is 273.15 K: write ({name} {sign} "
-        f"zero) for {name!r}, with zero = '273.15 K' in constants, or declare both in one unit (recordings are converted to it).",
+        f"{what} is in {shown(wanted)}, but this counts temperatures in {shown(named[name])}, and 0 degC is 273.15 K: "
+        f"write ({name} {sign} "
+        f"zero) for {name!r}, with zero = '273.15 K' in constants, or declare both in one unit (recordings are "
+        f"converted to it).",
         text,
         *node.place,
     )
 
 
-def _two_zeros(begin: str, own: str, other: str, named: Mapping[str, Unit], node: Node, text: str, end: str = "") -> EquationError:
+def _two_zeros(
+    begin: str, own: str, other: str, named: Mapping[str, Unit], node: Node, text: str, end: str = ""
+) -> EquationError:
     return EquationError(
-        f"{begin} {own!r} in {shown(named[own])} and {other!r} in {shown(named[other])}{end}, and 0 degC is 273.15 K; declare both in one "
-        f'unit, as in {own} = "K", to which recordings are converted. If {other!r} is a difference of temperatures, its unit is '
+        f"{begin} {own!r} in {shown(named[own])} and {other!r} in {shown(named[other])}{end}, and 0 degC is 273.15 K; "
+        f"declare both in one "
+        f'unit, as in {own} = "K", to which recordings are converted. If {other!r} is a difference of temperatures, '
+        f"its unit is "
         "delta_degC.",
         text,
         *node.place,
@@ -87,7 +99,12 @@ def _without_dimension(named: Mapping[str, Unit]) -> set[str]:
 
 
 def _check(
-    node: Node, zeros: Mapping[str, Zeros], plain: Collection[str], named: Mapping[str, Unit], values: Mapping[str, Node], text: str
+    node: Node,
+    zeros: Mapping[str, Zeros],
+    plain: Collection[str],
+    named: Mapping[str, Unit],
+    values: Mapping[str, Node],
+    text: str,
 ) -> None:
     found = _of(node, zeros, plain)
     if not found.sure or found.own * found.absolute >= 0:

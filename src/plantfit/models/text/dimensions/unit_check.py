@@ -42,7 +42,8 @@ def unit_of(text: str | None, what: str) -> Unit:
 def same(a: Unit, b: Unit, *, shifted: bool = False) -> bool:
     """Whether numbers in unit a can stand beside numbers in unit b; unknown units and zero always can.
 
-    A temperature in degC and one in K cannot, unless `shifted`: added or subtracted, where one of them may be a difference.
+    A temperature in degC and one in K cannot, unless `shifted`: added or subtracted, where one of them may be a
+    difference.
     """
     if a is None or b is None or a is ZERO or b is ZERO:
         return True
@@ -107,7 +108,9 @@ class UnitChecker:
         """Raise EquationError unless the expression has the unit that `what` needs."""
         found = self.unit(node)
         if not same(found, wanted):
-            raise self._fail(f"{what} must be in {shown(wanted)}, but this is in {shown(found)}{_how(found, wanted)}.", node.start)
+            raise self._fail(
+                f"{what} must be in {shown(wanted)}, but this is in {shown(found)}{_how(found, wanted)}.", node.start
+            )
 
     def _plain_unit(self) -> Unit:
         return units.parse("")
@@ -136,7 +139,8 @@ class UnitChecker:
     def _literal(self, number: Node, unit: Unit) -> EquationError:
         message = (
             f"The number {number.number:g} has no unit, but is combined with a quantity in {shown(unit)}; "
-            f"give it a name and a unit in constants, as in offset = '{number.number:g} {shown(unit)}', and use that name here."
+            f"give it a name and a unit in constants, as in offset = '{number.number:g} {shown(unit)}', and use that "
+            f"name here."
         )
         return self._fail(message, number.place)
 
@@ -158,13 +162,18 @@ class UnitChecker:
         """Some arguments share the unit of the result, the others share one of their own."""
         own = FUNCTIONS[node.op].like_result
         groups = [[k for k in range(len(given)) if (k in own) == inside] for inside in (False, True)]
-        return [self._common(node, tuple(node.args[k] for k in group), [given[k] for k in group]) for group in groups][1]
+        return [self._common(node, tuple(node.args[k] for k in group), [given[k] for k in group]) for group in groups][
+            1
+        ]
 
     def _plain_arguments(self, node: Node, given: list[Unit]) -> Unit:
         for arg, unit in zip(node.args, given, strict=True):
             if not _pure_number(unit):
                 wants = "an angle in rad" if FUNCTIONS[node.op].rule == "angle" else "a number without unit"
-                raise self._fail(f"{node.op}() takes {wants}, but this is in {shown(unit)}; divide by a quantity of that unit.", arg.start)
+                raise self._fail(
+                    f"{node.op}() takes {wants}, but this is in {shown(unit)}; divide by a quantity of that unit.",
+                    arg.start,
+                )
         return self._plain_unit()
 
     def _times(self, node: Node, given: list[Unit]) -> Unit:
@@ -179,7 +188,8 @@ class UnitChecker:
             return ZERO
         if self._counts_from_own_zero(node.args[1]):
             raise self._fail(
-                f"This divides by a temperature in {shown(self._own_zero(node.args[1]))}, whose zero is not absolute; add a constant "
+                f"This divides by a temperature in {shown(self._own_zero(node.args[1]))}, whose zero is not absolute; "
+                f"add a constant "
                 "first, as in (T + zero) with zero = '273.15 K' in constants, or declare it in K.",
                 node.args[1].start,
             )
@@ -203,20 +213,24 @@ class UnitChecker:
     def _power(self, node: Node, given: list[Unit]) -> Unit:
         (base, exponent), number = given, self._exponent(node.args[1])
         if not _pure_number(exponent):
-            raise self._fail(f"An exponent must be a number without unit, but this is in {shown(exponent)}.", node.args[1].start)
+            raise self._fail(
+                f"An exponent must be a number without unit, but this is in {shown(exponent)}.", node.args[1].start
+            )
         if base is None or base is ZERO:
             return base
         if number is not None:
             if (number == 4 or number % 1 or number < 0) and self._counts_from_own_zero(node.args[0]):
                 raise self._fail(
-                    f"This power is of a temperature in {shown(base)}, whose zero is not absolute; add a constant first, as in "
+                    f"This power is of a temperature in {shown(base)}, whose zero is not absolute; add a constant "
+                    f"first, as in "
                     "(T + zero)^4 with zero = '273.15 K' in constants, or declare it in K.",
                     node.place,
                 )
             return _raised(base, number)
         if not _pure_number(base):
             message = (
-                f"A quantity in {shown(base)} has a power that is not a fixed number; divide it by a reference in {shown(base)} first."
+                f"A quantity in {shown(base)} has a power that is not a fixed number; divide it by a reference "
+                f"in {shown(base)} first."
             )
             raise self._fail(message, node.place)
         return self._plain_unit()
@@ -228,15 +242,26 @@ class UnitChecker:
 
 
 def temperature(unit: Unit) -> str | None:
-    """What kind of temperature a unit tells: "absolute" (K), "from its own zero" (degC), "difference" (delta_degC), None: none."""
-    if unit is None or unit is ZERO or list(unit._units.values()) != [1] or units.dimension(unit) != units.dimension("K"):
+    """What kind of temperature a unit tells: "absolute" (K), "from its own zero" (degC), "difference" (delta_degC),
+    None: none."""
+    if (
+        unit is None
+        or unit is ZERO
+        or list(unit._units.values()) != [1]
+        or units.dimension(unit) != units.dimension("K")
+    ):
         return None
     return "difference" if units.is_difference(unit) else "from its own zero" if units.is_point(unit) else "absolute"
 
 
 def _difference(unit: Unit) -> Unit:
     """A temperature that came of a product or a difference, which may stand beside degC and K."""
-    if unit is None or unit is ZERO or units.dimension(unit) != units.dimension("K") or not math.isclose(_factor(unit), 1.0, rel_tol=1e-9):
+    if (
+        unit is None
+        or unit is ZERO
+        or units.dimension(unit) != units.dimension("K")
+        or not math.isclose(_factor(unit), 1.0, rel_tol=1e-9)
+    ):
         return unit
     return units.parse("delta_degC")
 
@@ -273,16 +298,21 @@ def _how(found: Unit, wanted: Unit) -> str:
         return "; these are different kinds of quantity, check the equation and the declared units"
     if _turns_against_radians(found, wanted):
         return f"; these do not say how many radians one of them is: {units.turns_said(found, wanted)}"
-    if {temperature(found), temperature(wanted)} == {"from its own zero", "absolute"} and same(found, wanted, shifted=True):
+    if {temperature(found), temperature(wanted)} == {"from its own zero", "absolute"} and same(
+        found, wanted, shifted=True
+    ):
         sign = "+" if temperature(wanted) == "absolute" else "-"
         return (
-            f"; 0 degC is 273.15 K and equations convert nothing by themselves: write it {sign} zero, with zero = '273.15 K' in "
+            f"; 0 degC is 273.15 K and equations convert nothing by themselves: write it {sign} zero, with zero = "
+            f"'273.15 K' in "
             "constants, or "
             "declare both in one unit (recordings are converted to it)"
         )
     ratio = _factor(found / wanted)
     return (
-        f"; 1 {shown(found)} is {ratio:.6g} {shown(wanted)} and equations convert nothing by themselves, so declare both in the same unit"
+        f"; 1 {shown(found)} is {ratio:.6g} {shown(wanted)} and equations convert nothing by themselves, so "
+        f"declare "
+        f"both in the same unit"
     )
 
 

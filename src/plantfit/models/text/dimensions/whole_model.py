@@ -14,20 +14,25 @@ from plantfit.models.text.parse import Statement, When
 
 
 class WholeModel:
-    """Gathers what the statements of a model say about units. `channels` are delayed signals and what they are copies of."""
+    """Gathers what the statements of a model say about units. `channels` are delayed signals and what they are
+    copies of."""
 
     def __init__(self, declared: Declarations, text: str, values: Iterable[str], channels: Mapping[str, str]):
         d = self.declared = declared
         self.text = text
         keys: dict[str, Key] = {n: ("value", n) for n in values}
         kinds: tuple[tuple[str, Iterable[str]], ...] = (
-            ("output", d.outputs), ("state", d.states), ("input", d.inputs), ("parameter", d.parameters), ("constant", d.constants),
+            ("output", d.outputs), ("state", d.states), ("input", d.inputs), ("parameter", d.parameters),
+            ("constant", d.constants),
         )  # fmt: skip
         for kind, names in kinds:
             keys |= {n: (kind, n) for n in names}
         self.scope = keys | {channel: keys[signal] for channel, signal in channels.items()}
         self.at_start = keys | {n: ("output", n) for n in d.outputs}
-        axes = {n: tuple(("time", TIME) if s == TIME else self.at_start[s] for s in table.over) for n, table in d.tables.items()}
+        axes = {
+            n: tuple(("time", TIME) if s == TIME else self.at_start[s] for s in table.over)
+            for n, table in d.tables.items()
+        }
         self.relations = Relations({n: c.value for n, c in d.constants.items()}, axes)
         self._started: dict[int, str] = {}  # the text that a relation stands in, where it is not that of the equations
 
@@ -47,7 +52,12 @@ class WholeModel:
 
     def derivatives(self, derivatives: Mapping[str, Statement]) -> None:
         for state, statement in derivatives.items():
-            self._say(f"The derivative of {state!r}", statement.right, self.relations.relate, unknown(("state", state)).over(SECOND))
+            self._say(
+                f"The derivative of {state!r}",
+                statement.right,
+                self.relations.relate,
+                unknown(("state", state)).over(SECOND),
+            )
 
     def plays_and_events(self, plays: Mapping[str, Statement], events: Iterable[When]) -> None:
         for state, play in plays.items():
@@ -55,7 +65,12 @@ class WholeModel:
         for event in events:
             self._say("The condition of an event", event.condition, lambda node, _: self.relations.form(node), None)
             for reset in event.resets:
-                self._say(f"The new value of {reset.target!r}", reset.right, self.relations.relate, unknown(("state", reset.target)))
+                self._say(
+                    f"The new value of {reset.target!r}",
+                    reset.right,
+                    self.relations.relate,
+                    unknown(("state", reset.target)),
+                )
 
     def initial(self, initial: Mapping[str, Node | float]) -> None:
         for state, node in initial.items():
@@ -77,16 +92,20 @@ class WholeModel:
             raise self._error(*found)
 
     def check_beside(self, parameters: Mapping[str, str], recorded: Mapping[str, str]) -> None:
-        """Raise EquationError where units that a problem gives to parameters, or recordings to signals, contradict the declared ones.
+        """Raise EquationError where units that a problem gives to parameters, or recordings to signals, contradict the
+        declared ones.
 
-        A recorded unit of another kind may be misread (C for Celsius is a coulomb) and is left alone; one of another size is refused.
+        A recorded unit of another kind may be misread (C for Celsius is a coulomb) and is left alone; one of another
+        size is refused.
         """
         recorded = {n: unit for n, unit in recorded.items() if units.known(unit)}
         if not parameters and not recorded:
             return
         known = self._known(parameters, recorded)
         found = contradiction(self.relations, known)
-        if found is not None and any(k[1] in parameters or (k[1] in recorded and found.alike(k, known)) for k in found.needed):
+        if found is not None and any(
+            k[1] in parameters or (k[1] in recorded and found.alike(k, known)) for k in found.needed
+        ):
             raise self._error(found, known)
 
     def _error(self, found: Contradiction, known: dict[Key, Known]) -> EquationError:
@@ -100,9 +119,12 @@ class WholeModel:
         d, found = self.declared, {}
         found |= {("state", n): (unit, None, None) for n, unit in d.states.items()}
         for kind, signals in (("input", d.inputs), ("output", d.outputs)):
-            found |= {(kind, n): (unit if unit is not None else recorded.get(n), None, None) for n, unit in signals.items()}
+            found |= {
+                (kind, n): (unit if unit is not None else recorded.get(n), None, None) for n, unit in signals.items()
+            }
         found |= {
-            ("parameter", n): (p.unit if p.unit is not None else parameters.get(n), p.value, p.bounds) for n, p in d.parameters.items()
+            ("parameter", n): (p.unit if p.unit is not None else parameters.get(n), p.value, p.bounds)
+            for n, p in d.parameters.items()
         }
         found |= {("constant", n): (c.unit, c.value, None) for n, c in d.constants.items()}
         return {

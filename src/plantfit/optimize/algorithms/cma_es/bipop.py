@@ -21,15 +21,18 @@ class BipopCmaEs:
     """CMA-ES with two restart regimes (Hansen 2009, Benchmarking a BI-Population CMA-ES on the BBOB-2009 Function
     Testbed, GECCO companion, 2389).
 
-    After a first run, the regime that has spent less goes next. The large one doubles its population each time. The small
-    one draws a population between the first one and half the last large one, and a first step size down to a hundredth,
-    and may spend half of what the last large run spent. Converged when the large one has used up its restarts.
+    After a first run, the regime that has spent less goes next. The large one doubles its population each time. The
+    small one draws a population between the first one and half the last large one, and a first step size down to a
+    hundredth, and may spend half of what the last large run spent. Converged when the large one has used up its
+    restarts.
 
     Small populations are rounded to first * 2^(k / 2), because every new one compiles anew.
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=4)
-    population: int | None = integer(None, 4, 100_000, "candidates per generation of the first run; by default 4 + 3 ln(d)")
+    population: int | None = integer(
+        None, 4, 100_000, "candidates per generation of the first run; by default 4 + 3 ln(d)"
+    )
     sigma: float | None = number(None, 1e-6, 1.0, "first step size, as a share of each range; by default as in cmaes")
     restarts: int = integer(9, 0, 20, "how many times the population of the large regime is doubled")
 

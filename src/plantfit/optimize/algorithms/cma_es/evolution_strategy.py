@@ -1,4 +1,5 @@
-"""What the covariance matrix adaptation strategies share: mean, step size, bounds, foreign points, stop rules, restarts."""
+"""What the covariance matrix adaptation strategies share: mean, step size, bounds, foreign points, stop rules,
+restarts."""
 
 import math
 from abc import ABC, abstractmethod
@@ -84,14 +85,16 @@ class EvolutionStrategy(ABC):
         None,
         1e-6,
         1.0,
-        "first step size, as a share of each range; by default 0.3, around a warm start 0.4 / sqrt(d), 0.1 / sqrt(d) from 300 parameters, "
+        "first step size, as a share of each range; by default 0.3, around a warm start 0.4 / sqrt(d), 0.1 / sqrt(d) "
+        "from 300 parameters, "
         "and at most 0.2",
     )
     restarts: int = integer(9, 0, 1_000_000, "how many times the search may begin anew, anywhere, after it converged")
     bounds: str = choice(
         "auto",
         ("auto", "penalty", "mirror"),
-        "at a bound: clip and pay for the distance, or fold back; by default every second restart folds back, and all from 300 parameters",
+        "at a bound: clip and pay for the distance, or fold back; by default every second restart folds back, and all "
+        "from 300 parameters",
     )
     steps: str = choice(
         "auto",
@@ -130,7 +133,9 @@ class EvolutionStrategy(ABC):
     def tell(self, state: Search, x: Array, f: Array) -> tuple[Search, Info]:
         n = x.shape[1]
         foreign = jnp.any(x != self._inside(state.raw, state), axis=1)
-        y, white = lax.cond(jnp.any(foreign), self._taken_in, lambda s, x, _: ((s.raw - s.mean) / s.sigma, s.z), state, x, foreign)
+        y, white = lax.cond(
+            jnp.any(foreign), self._taken_in, lambda s, x, _: ((s.raw - s.mean) / s.sigma, s.z), state, x, foreign
+        )
         cost = f
         if self._mirrors(n) != "always":
             paid = penalties(state.penalty, state.mean + state.sigma * y, self.variances(state.shape))
@@ -142,7 +147,9 @@ class EvolutionStrategy(ABC):
             mu_eff = weights(*x.shape).mu_eff
             penalty = adapted(state.penalty, f, learned.mean, learned.sigma, self.variances(learned.shape), mu_eff)
             learned = learned._replace(penalty=penalty)
-        updated = jax.tree.map(lambda a, b: jnp.where(jump, a, b), moved, learned)._replace(memory=remember(state.memory, f))
+        updated = jax.tree.map(lambda a, b: jnp.where(jump, a, b), moved, learned)._replace(
+            memory=remember(state.memory, f)
+        )
         alive = jnp.any(jnp.isfinite(f))
         kept = jax.tree.map(lambda new, old: jnp.where(alive, new, old), updated, state)
         done = ~alive | exhausted(kept.memory, f, n) | self._degenerate(kept)
@@ -221,7 +228,9 @@ class EvolutionStrategy(ABC):
         parents = jnp.where(usable, jnp.asarray(s.parents), 0.0)
         parents = parents / jnp.maximum(jnp.sum(parents), 1e-300)
         step, white_step = parents @ y[order], parents @ white[order]
-        path = (1 - s.c_sigma) * state.path_sigma + math.sqrt(s.c_sigma * (2 - s.c_sigma) * s.mu_eff) * white_step  # eq. 43
+        path = (1 - s.c_sigma) * state.path_sigma + math.sqrt(
+            s.c_sigma * (2 - s.c_sigma) * s.mu_eff
+        ) * white_step  # eq. 43
         length = jnp.linalg.norm(path)
         fade = jnp.sqrt(1 - (1 - s.c_sigma) ** (2.0 * (state.memory.generation + 1)))
         h = jnp.where(length / fade < (1.4 + 2 / (n + 1)) * s.chi, 1.0, 0.0)

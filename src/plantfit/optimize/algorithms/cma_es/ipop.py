@@ -21,7 +21,9 @@ class IpopCmaEs:
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=4)
-    population: int | None = integer(None, 4, 100_000, "candidates per generation of the first run; by default 4 + 3 ln(d)")
+    population: int | None = integer(
+        None, 4, 100_000, "candidates per generation of the first run; by default 4 + 3 ln(d)"
+    )
     sigma: float | None = number(None, 1e-6, 1.0, "first step size, as a share of each range; by default as in cmaes")
     restarts: int = integer(9, 0, 20, "how many times the population is doubled")
 

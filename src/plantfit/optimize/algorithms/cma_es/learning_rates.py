@@ -8,7 +8,8 @@ import numpy as np
 
 
 class Rates(NamedTuple):
-    """How fast one matrix learns: rank-one c_1, rank-mu c_mu, path c_c, and the weights (rows,) with their negative part."""
+    """How fast one matrix learns: rank-one c_1, rank-mu c_mu, path c_c, and the weights (rows,) with their negative
+    part."""
 
     c_1: float
     c_mu: float
@@ -75,7 +76,8 @@ def separable_rates(rows: int, dimension: int) -> Rates:
 
 @lru_cache(maxsize=64)
 def decoding_rates(rows: int, dimension: int, unknowns: float) -> Rates:
-    """Rates of a matrix with `unknowns` degrees of freedom: Akimoto and Hansen 2020, Evolutionary Computation 28:405."""
+    """Rates of a matrix with `unknowns` degrees of freedom: Akimoto and Hansen 2020, Evolutionary Computation
+    28:405."""
     n, s = dimension, weights(rows, dimension)
     mu = s.mu_eff + 1 / s.mu_eff - 2 + rows / (2 * (rows + 5))
     c_1 = 1 / (2 * (unknowns / n + 1) * (n + 1) ** 0.75 + s.mu_eff / 2)

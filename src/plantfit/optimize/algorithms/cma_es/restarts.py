@@ -41,7 +41,9 @@ class Restarts:
         Raises what the counter raises.
         """
         start = np.clip(self.objective.start, 0.0, 1.0) if self.runs == 0 and self._warm else None  # type: ignore[arg-type]
-        facts = Facts(self.objective.dimension, int(self.counter.budget), self.objective.lower, self.objective.upper, start)
+        facts = Facts(
+            self.objective.dimension, int(self.counter.budget), self.objective.lower, self.objective.upper, start
+        )
         method = CmaEs(population=population, sigma=self.sigma if start is not None else self._cold(), restarts=0)
         nested = Nested(method, facts, jax.random.fold_in(self.key, self.runs))
         if shrink != 1.0:

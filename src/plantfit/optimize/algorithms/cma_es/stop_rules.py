@@ -48,7 +48,9 @@ def exhausted(memory: Memory, f: Array, dimension: int) -> Array:
     return level | (memory.since_improvement > 100 + 100 * dimension**1.5 / len(f))
 
 
-def degenerate(mean: Array, sigma: Array, first: Array, variances: Array, path: Array, lengths: Array, axis: Array) -> Array:
+def degenerate(
+    mean: Array, sigma: Array, first: Array, variances: Array, path: Array, lengths: Array, axis: Array
+) -> Array:
     """TolX, TolXUp, condition, NoEffectAxis and NoEffectCoord, or numbers that are not finite.
 
     `lengths` (d,) are the axes of the distribution up to sigma, `axis` (d,) the one to look along.

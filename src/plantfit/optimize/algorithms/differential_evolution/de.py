@@ -35,16 +35,21 @@ class DifferentialEvolution:
     Mutants, with r1, r2, r3 distinct and not the target: "rand/1" x_r1 + F (x_r2 - x_r3), "best/1"
     x_best + F (x_r1 - x_r2), "current-to-best/1" x_i + F (x_best - x_i) + F (x_r1 - x_r2). A coordinate outside
     the cube goes halfway back from the bound to where the mutant started (bounce-back; Price, Storn and Lampinen 2005,
-    Differential Evolution, section 4.3): with the target in its place, runs in 310 dimensions cost six times as much. A member
-    that could not be simulated is no parent: its row searches from one that could. A collapsed population begins anew.
+    Differential Evolution, section 4.3): with the target in its place, runs in 310 dimensions cost six times as much. A
+    member that could not be simulated is no parent: its row searches from one that could. A collapsed population begins
+    anew.
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=SMALLEST)
     population: int | None = integer(None, SMALLEST, 100_000, "members; by default 5 d, from 20 to 100")
-    strategy: str = choice("rand/1", ("rand/1", "best/1", "current-to-best/1"), "which mutant: how greedy the search is")
+    strategy: str = choice(
+        "rand/1", ("rand/1", "best/1", "current-to-best/1"), "which mutant: how greedy the search is"
+    )
     factor: float = number(0.5, 0.0, 2.0, "F, the share of a difference between members that is added")
     rate: float = number(0.9, 0.0, 1.0, "CR, probability that a coordinate comes from the mutant")
-    restarts: int = integer(9, 0, MOST_RESTARTS, "how many times the search may begin anew after its population collapsed")
+    restarts: int = integer(
+        9, 0, MOST_RESTARTS, "how many times the search may begin anew after its population collapsed"
+    )
 
     def rows(self, facts: Facts) -> int:
         return self.population if self.population is not None else min(max(5 * facts.dimension, 20), 100)

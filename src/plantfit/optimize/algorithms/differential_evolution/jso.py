@@ -19,7 +19,8 @@ FIXED = 0.9  # what the last slot of the memory reads as, for F and CR
 
 @dataclass(frozen=True)
 class Jso(LShade):
-    """Single objective real-parameter optimization: algorithm jSO (Brest, Maucec and Boskovic 2017, IEEE CEC, pp. 1311-1318).
+    """Single objective real-parameter optimization: algorithm jSO (Brest, Maucec and Boskovic 2017, IEEE CEC, pp.
+    1311-1318).
 
     The mutation is current-to-pbest-w/1: F_w = 0.7 F, 0.8 F, then 1.2 F. CR is at least 0.7 and then 0.6 in the first
     half, F at most 0.7 while t < 0.6, p falls linearly from `greed` to `last_greed`. The memory begins at

@@ -19,16 +19,18 @@ LEAST_GENERATIONS = 100  # of the first population that the budget must cover
 class LShade(SuccessHistory):
     """SHADE with linear population size reduction (Tanabe and Fukunaga 2014, IEEE CEC, pp. 1658-1665).
 
-    N = N0 - (N0 - 4) t with t the share of the budget that is spent (eq. 10), the archive in proportion. The paper rounds
-    N to the nearest number, `rounding` "nearest". Here N is rounded down: the smallest populations gain the most digits
-    for an evaluation, and then they have twice as many (docs/bbob.md). A memory slot whose successes all had CR = 0
-    stays at CR = 0 (algorithm 1). N0 = 18 d, but no more than lets the budget cover 100 generations of N0 (at least
+    N = N0 - (N0 - 4) t with t the share of the budget that is spent (eq. 10), the archive in proportion. The paper
+    rounds N to the nearest number, `rounding` "nearest". Here N is rounded down: the smallest populations gain the most
+    digits for an evaluation, and then they have twice as many (docs/bbob.md). A memory slot whose successes all had CR
+    = 0 stays at CR = 0 (algorithm 1). N0 = 18 d, but no more than lets the budget cover 100 generations of N0 (at least
     50): in 310 dimensions 18 d would be 5580.
     """
 
     needs: ClassVar[Needs] = Needs(schedule_bound=True, minimum_population=SMALLEST)
     archive: float = number(2.6, 0.0, 10.0, "size of the archive of beaten parents, in populations")
-    rounding: str = choice("down", ("down", "nearest"), "how the size of the shrinking population is rounded; nearest is the paper's")
+    rounding: str = choice(
+        "down", ("down", "nearest"), "how the size of the shrinking population is rounded; nearest is the paper's"
+    )
     greed: float = number(0.11, 0.0, 1.0, "share of the population that counts as best in the mutation")
 
     def default_population(self, facts: Facts) -> int:

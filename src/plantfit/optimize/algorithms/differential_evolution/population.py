@@ -129,7 +129,8 @@ class Archive(NamedTuple):
 
 
 def remember(archive: Archive, beaten: Array, x: Array, priority: Array, limit: Array) -> Archive:
-    """Add the rows of x that are `beaten`; a surplus over `limit` is removed at random by `priority` (capacity + rows,)."""
+    """Add the rows of x that are `beaten`; a surplus over `limit` is removed at random by `priority` (capacity +
+    rows,)."""
     capacity = len(archive.x)
     if capacity == 0:
         return archive

@@ -74,10 +74,14 @@ class SuccessHistory(ABC):
     needs: ClassVar[Needs] = Needs(minimum_population=SMALLEST)
     first_factor: ClassVar[float] = 0.5
     first_rate: ClassVar[float] = 0.5
-    population: int | None = integer(None, SMALLEST, 100_000, "members at the start; the default grows with the dimension")
+    population: int | None = integer(
+        None, SMALLEST, 100_000, "members at the start; the default grows with the dimension"
+    )
     history: int = integer(6, 2, 1000, "slots of the memory of successful F and CR")
     archive: float = number(1.0, 0.0, 10.0, "size of the archive of beaten parents, in populations")
-    restarts: int = integer(9, 0, MOST_RESTARTS, "how many times the search may begin anew after its population collapsed")
+    restarts: int = integer(
+        9, 0, MOST_RESTARTS, "how many times the search may begin anew after its population collapsed"
+    )
 
     @abstractmethod
     def default_population(self, facts: Facts) -> int:
@@ -135,7 +139,9 @@ class SuccessHistory(ABC):
         return Search(newcomers(rows, d, facts.budget), archive, self._blank(), half, half, jnp.zeros(capacity + rows))
 
     def _blank(self) -> Memory:
-        return Memory(jnp.full(self.history, self.first_factor), jnp.full(self.history, self.first_rate), jnp.zeros((), int))
+        return Memory(
+            jnp.full(self.history, self.first_factor), jnp.full(self.history, self.first_rate), jnp.zeros((), int)
+        )
 
     def ask(self, key: Array, state: Search) -> tuple[Array, Search]:
         control, mix, order, place = jax.random.split(key, 4)
@@ -179,7 +185,9 @@ class SuccessHistory(ABC):
         new = state._replace(members=told, archive=archive, memory=self._learn(state, better, x, f))
         over = collapsed(told)
         anew = restart(told, self.renewed(told.budget - told.evaluations, len(f)))
-        fresh = new._replace(members=anew, memory=self._blank(), archive=Archive(archive.x, jnp.zeros_like(archive.count)))
+        fresh = new._replace(
+            members=anew, memory=self._blank(), archive=Archive(archive.x, jnp.zeros_like(archive.count))
+        )
         stop = over & (told.restarts >= self.restarts)
         return jax.tree.map(lambda a, b: jnp.where(over, a, b), fresh, new), {"stop": stop}
 

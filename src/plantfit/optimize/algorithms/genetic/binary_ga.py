@@ -53,11 +53,11 @@ class BinaryGenetic:
     """Genetic algorithm on bit strings (Holland 1975, Adaptation in Natural and Artificial Systems; Gray code for it:
     Caruana and Schaffer 1988, ICML 5:153).
 
-    Every coordinate is a word of `bits` bits, so answers lie on a grid of 2^bits levels (warm starts are rounded to it).
-    Parents win tournaments, one-point crossover cuts the whole string, mutation turns one random bit, the best member
-    survives without a new evaluation: a generation evaluates N - 1 points, also the first, in which the survivor's place
-    is empty. Plain code stalls where neighbouring numbers differ in many bits (Hamming cliffs): on a 5-D sphere it ends
-    7 decades above Gray code.
+    Every coordinate is a word of `bits` bits, so answers lie on a grid of 2^bits levels (warm starts are rounded to
+    it). Parents win tournaments, one-point crossover cuts the whole string, mutation turns one random bit, the best
+    member survives without a new evaluation: a generation evaluates N - 1 points, also the first, in which the
+    survivor's place is empty. Plain code stalls where neighbouring numbers differ in many bits (Hamming cliffs): on a
+    5-D sphere it ends 7 decades above Gray code.
 
     Published rates such as "crossover 0.6, mutation 0.4" can be read in three ways. `rates` "individual": a child is
     crossed with one probability and mutated with the other. "fractions": a share `crossover_rate` of the children is
@@ -68,9 +68,13 @@ class BinaryGenetic:
     needs: ClassVar[Needs] = Needs()
     population: int = integer(50, 3, 100_000, "members, of which one survives a generation")
     bits: int = integer(16, 2, 30, "bits per coordinate")
-    coding: str = choice("gray", ("gray", "plain"), "gray: neighbouring numbers differ in one bit; plain: binary numbers")
+    coding: str = choice(
+        "gray", ("gray", "plain"), "gray: neighbouring numbers differ in one bit; plain: binary numbers"
+    )
     rates: str = choice(
-        "individual", ("individual", "fractions"), "what the two rates mean: probabilities for a child, or shares of the children"
+        "individual",
+        ("individual", "fractions"),
+        "what the two rates mean: probabilities for a child, or shares of the children",
     )
     crossover_rate: float = number(0.6, 0.0, 1.0, "probability that a child is crossed, or share of crossed children")
     mutation_rate: float = number(0.4, 0.0, 1.0, "probability that one bit of a child turns; not used with fractions")

@@ -38,15 +38,19 @@ class ContinuousGenetic:
     Replacement "steady_state" inserts `children` one after another, each in place of the worst member if it is better
     and no duplicate (Chu and Beasley 1997, Computers & Operations Research 24:17); the first ceil(N / children)
     generations are the initial population.
-    Blx keeps mixing widely: 5-D sphere after 20 000 evaluations 3e-6, sbx 9e-10 (medians of 11). On pure noise, 160 runs of
-    30 members in 25-D, blx leaves 24 % of the final coordinates in the central fifth; sbx shows no bias (20 %).
+    Blx keeps mixing widely: 5-D sphere after 20 000 evaluations 3e-6, sbx 9e-10 (medians of 11). On pure noise, 160
+    runs of 30 members in 25-D, blx leaves 24 % of the final coordinates in the central fifth; sbx shows no bias (20 %).
     Stagnated after `patience` populations of evaluations without a better point.
     """
 
     needs: ClassVar[Needs] = Needs()
     population: int | None = integer(None, 4, 100_000, "members; by default 10 d, at least 50 and at most 200")
-    crossover: str = choice("sbx", ("blx", "sbx"), "blx: blend, children reflected; sbx: simulated binary, children clipped")
-    replacement: str = choice("generational", ("generational", "steady_state"), "new generations with elites, or the worst is replaced")
+    crossover: str = choice(
+        "sbx", ("blx", "sbx"), "blx: blend, children reflected; sbx: simulated binary, children clipped"
+    )
+    replacement: str = choice(
+        "generational", ("generational", "steady_state"), "new generations with elites, or the worst is replaced"
+    )
     elite: float = number(0.05, 0.0, 0.5, "share of the population that survives, at least one; generational only")
     children: int = integer(16, 1, 100_000, "points evaluated side by side; steady state only")
     tournament: int = integer(3, 1, 100, "members that compete to be a parent")
@@ -70,7 +74,9 @@ class ContinuousGenetic:
 
     def init(self, key: Array, facts: Facts) -> Generation:
         zero = jnp.zeros((), int)
-        return Generation(operators.empty_pool(jax.random.uniform(key, (self.members(facts), facts.dimension))), zero, zero)
+        return Generation(
+            operators.empty_pool(jax.random.uniform(key, (self.members(facts), facts.dimension))), zero, zero
+        )
 
     def ask(self, key: Array, state: Generation) -> tuple[Array, Generation]:
         pool, n = state.pool, len(state.pool.f)

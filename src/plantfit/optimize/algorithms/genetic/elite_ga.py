@@ -28,25 +28,31 @@ class EliteGenetic:
     """Elite-pool genetic algorithm with immigration.
 
     One parent comes from the best e, the other from the rest, one-point crossover cuts between genes, one random gene
-    moves by U[-gamma, gamma], and m members are drawn anew ("The Use of a Statistical Filter and Metaheuristics to Model
-    and Control the DC Motor of the Mobile Robot Used on NXP Cup", 2018, eq. 14, 15 and 19). The best e survive without a
-    new evaluation: a generation evaluates N - e points, also the first, in which the places of the elite are empty.
+    moves by U[-gamma, gamma], and m members are drawn anew ("The Use of a Statistical Filter and Metaheuristics to
+    Model and Control the DC Motor of the Mobile Robot Used on NXP Cup", 2018, eq. 14, 15 and 19). The best e survive
+    without a new evaluation: a generation evaluates N - e points, also the first, in which the places of the elite are
+    empty.
 
-    `variant` "paper" takes that paper's numbers (500 members, elite 10, 10 immigrants, a gene moves with probability 0.2)
-    and keeps both children of a pair; "general" has 50 members, an elite of 20 %, 10 % immigrants, moves a gene of every
-    child and keeps one child of a pair at random. The paper draws first genes from [-lambda, lambda] and gives gamma in
-    units of the gene; here both follow the bounds, gamma as a share of each range.
-    A constant gamma sets the precision that can be reached (5-D sphere, cost over 20 000 evaluations: 8e-7 at 0.01, 2e-5
-    at 0.05, 4e-4 at 0.3); `schedule` "linear" lets it fall to 0 at the end of the budget. With one coordinate crossover
-    only copies.
+    `variant` "paper" takes that paper's numbers (500 members, elite 10, 10 immigrants, a gene moves with probability
+    0.2) and keeps both children of a pair; "general" has 50 members, an elite of 20 %, 10 % immigrants, moves a gene of
+    every child and keeps one child of a pair at random. The paper draws first genes from [-lambda, lambda] and gives
+    gamma in units of the gene; here both follow the bounds, gamma as a share of each range. A constant gamma sets the
+    precision that can be reached (5-D sphere, cost over 20 000 evaluations: 8e-7 at 0.01, 2e-5 at 0.05, 4e-4 at 0.3);
+    `schedule` "linear" lets it fall to 0 at the end of the budget. With one coordinate crossover only copies.
     """
 
     needs: ClassVar[Needs] = Needs()
-    variant: str = choice("general", ("general", "paper"), "general: these defaults; paper: numbers and pairs of the 2018 paper")
+    variant: str = choice(
+        "general", ("general", "paper"), "general: these defaults; paper: numbers and pairs of the 2018 paper"
+    )
     population: int | None = integer(None, 4, 100_000, "members; by default 50, in the paper 500")
     elite: int | None = integer(None, 1, 100_000, "members that breed and survive; by default 20 %, in the paper 10")
-    immigrants: int | None = integer(None, 0, 100_000, "uniform points per generation; by default 10 %, in the paper 10")
-    mutation_rate: float | None = number(None, 0.0, 1.0, "probability that one gene of a child moves; by default 1, in the paper 0.2")
+    immigrants: int | None = integer(
+        None, 0, 100_000, "uniform points per generation; by default 10 %, in the paper 10"
+    )
+    mutation_rate: float | None = number(
+        None, 0.0, 1.0, "probability that one gene of a child moves; by default 1, in the paper 0.2"
+    )
     gamma: float = number(0.05, 1e-12, 1.0, "largest move of a gene, as a share of its range")
     schedule: str = choice("constant", ("constant", "linear"), "gamma over the budget: constant, or falling to 0")
 

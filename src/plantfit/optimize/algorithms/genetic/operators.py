@@ -1,4 +1,5 @@
-"""Operators of genetic algorithms on the unit cube: selection, crossover, mutation, and the sorted population they work on.
+"""Operators of genetic algorithms on the unit cube: selection, crossover, mutation, and the sorted population they work
+on.
 
 Operators take uniform numbers u in [0, 1) instead of keys: `uniforms` draws all of a generation at once, because every
 call of the generator is compiled and dispatched by itself.
@@ -40,8 +41,8 @@ def replace_generation(pool: Pool, elite: int, x: Array, f: Array) -> Pool:
 def replace_worst(pool: Pool, x: Array, f: Array) -> Pool:
     """Insert the children one after another, each in place of the worst member if it costs less and is no duplicate.
 
-    That is the best n of pool and children together, so one sort does it: a child that equals a member pushed out before
-    it costs as much as that member did, which is more than the worst left.
+    That is the best n of pool and children together, so one sort does it: a child that equals a member pushed out
+    before it costs as much as that member did, which is more than the worst left.
     """
     same = jnp.all(x[:, None] == pool.x[None], axis=2).any(axis=1)
     twins = jnp.tril(jnp.all(x[:, None] == x[None], axis=2), -1).any(axis=1)

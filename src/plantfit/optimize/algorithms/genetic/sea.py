@@ -35,9 +35,15 @@ class SimpleEvolution:
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=3)
-    population: int | None = integer(None, 3, 100_000, "individuals; by default 10 + 2 d, at most a twentieth of the budget")
-    mutation: float = number(0.25, 1e-6, 1.0, "standard deviation of the noise, the largest of harmonic steps, as a share of each range")
-    steps: str = choice("harmonic", ("harmonic", "fixed"), "whether each child draws its own step, or all take the largest")
+    population: int | None = integer(
+        None, 3, 100_000, "individuals; by default 10 + 2 d, at most a twentieth of the budget"
+    )
+    mutation: float = number(
+        0.25, 1e-6, 1.0, "standard deviation of the noise, the largest of harmonic steps, as a share of each range"
+    )
+    steps: str = choice(
+        "harmonic", ("harmonic", "fixed"), "whether each child draws its own step, or all take the largest"
+    )
     tournament: int = integer(2, 1, 100, "individuals that compete to be a parent")
     elite: int = integer(1, 0, 1000, "best individuals that survive")
 

@@ -7,7 +7,13 @@ from typing import ClassVar
 import numpy as np
 
 from plantfit.errors import Status
-from plantfit.optimize.algorithms.hierarchic.sprouting import covered, far_enough, nearest_better, same_valley, spread_around
+from plantfit.optimize.algorithms.hierarchic.sprouting import (
+    covered,
+    far_enough,
+    nearest_better,
+    same_valley,
+    spread_around,
+)
 from plantfit.optimize.algorithms.hierarchic.tree_population import Deme, Level, climbers, explorers
 from plantfit.optimize.contract import Facts, Needs, Objective
 from plantfit.optimize.loop.counter import Counter
@@ -28,7 +34,9 @@ class Tree:
     key: Array
     demes: list[Deme] = field(default_factory=list)
 
-    def grow(self, level: int, seed: np.ndarray | None = None, step: float = 0.0, warm: np.ndarray | None = None) -> Deme:
+    def grow(
+        self, level: int, seed: np.ndarray | None = None, step: float = 0.0, warm: np.ndarray | None = None
+    ) -> Deme:
         """A new deme with a key of its own; `warm` points (k, d) join its first generation."""
         facts = self.facts if warm is None else self.facts._replace(start=np.clip(warm, 0.0, 1.0))
         deme = Deme(level, self.levels[level], facts, jax.random.fold_in(self.key, len(self.demes)), seed, step)
@@ -59,22 +67,34 @@ class Hms:
     goes on to its last digit. A root that stagnated begins anew, and the tree keeps its basins.
     On 6-D Rastrigin, 20 000 evaluations, medians of 21 runs at two places of the optimum: 2.0 and 1.0 with leaves of 18
     candidates that are looked at every 10 generations, 3.0 and 3.0 with 9 candidates and 20 generations.
-    With more than 100 parameters the leaves are `dd_cmaes`: on the 310 of a steam chamber, 10 000 evaluations, 4 runs, a median of
-    49 times the noise floor; 119 with `cmaes`, 770 with 10 generations in a metaepoch.
+    With more than 100 parameters the leaves are `dd_cmaes`: on the 310 of a steam chamber, 10 000 evaluations, 4 runs,
+    a median of 49 times the noise floor; 119 with `cmaes`, 770 with 10 generations in a metaepoch.
     """
 
     needs: ClassVar[Needs] = Needs(minimum_population=3)
-    population: int | None = integer(None, 3, 100_000, "individuals of the root; by default 10 + 2 d, at most a twentieth of the budget")
+    population: int | None = integer(
+        None, 3, 100_000, "individuals of the root; by default 10 + 2 d, at most a twentieth of the budget"
+    )
     mutation: float = number(0.25, 1e-6, 1.0, "steps of the root, as a share of each range")
-    leaf_population: int | None = integer(None, 4, 100_000, "candidates per generation of a leaf; by default 8 + 6 ln(d)")
-    leaf_generations: int | None = integer(None, 1, 10_000, "generations of a leaf in one metaepoch; by default d / 4 and at least 10")
+    leaf_population: int | None = integer(
+        None, 4, 100_000, "candidates per generation of a leaf; by default 8 + 6 ln(d)"
+    )
+    leaf_generations: int | None = integer(
+        None, 1, 10_000, "generations of a leaf in one metaepoch; by default d / 4 and at least 10"
+    )
     first_step: float = number(0.2, 1e-6, 1.0, "largest first step of a leaf, as a share of each range")
     levels: int = integer(2, 2, 4, "height of the tree")
     children: int = integer(4, 1, 1000, "most active demes of one level below the root")
     share: float = number(0.7, 0.01, 1.0, "share of the best individuals among which seeds are looked for")
-    apart: float = number(2.0, 0.0, 100.0, "distance to the nearest better individual that makes a seed, and to active demes, in means")
-    tolerance: float = number(1e-3, 0.0, 1.0, "a leaf stops when its mean costs vary less than this share of its interquartile range")
-    valley_points: int = integer(0, 0, 100, "points evaluated between a seed and a stopped leaf to see whether a ridge parts them")
+    apart: float = number(
+        2.0, 0.0, 100.0, "distance to the nearest better individual that makes a seed, and to active demes, in means"
+    )
+    tolerance: float = number(
+        1e-3, 0.0, 1.0, "a leaf stops when its mean costs vary less than this share of its interquartile range"
+    )
+    valley_points: int = integer(
+        0, 0, 100, "points evaluated between a seed and a stopped leaf to see whether a ridge parts them"
+    )
 
     def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:
         tree = Tree(self._levels(objective.dimension), Facts(objective.dimension, budget), key)
@@ -114,7 +134,10 @@ class Hms:
                     break
                 x, f = parent.individuals
                 heads, mean = nearest_better(x, f, self.share, self.apart)
-                seed = next((x[i] for i in heads if self._free(tree, level + 1, x[i], float(f[i]), self.apart * mean, counter)), None)
+                seed = next(
+                    (x[i] for i in heads if self._free(tree, level + 1, x[i], float(f[i]), self.apart * mean, counter)),
+                    None,
+                )
                 if seed is not None:
                     step = min(spread_around(seed, parent.points, 25 * len(seed)) or self.first_step, self.first_step)
                     tree.grow(level + 1, seed, step)

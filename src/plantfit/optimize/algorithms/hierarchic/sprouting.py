@@ -34,7 +34,8 @@ def far_enough(seed: np.ndarray, centres: Iterable[np.ndarray], radius: float) -
 
 
 def covered(seed: np.ndarray, mean: np.ndarray, cov: np.ndarray, share: float = 0.95) -> bool:
-    """Whether the seed (d,) lies inside the ellipsoid that holds `share` of a normal distribution (mean (d,), cov (d, d))."""
+    """Whether the seed (d,) lies inside the ellipsoid that holds `share` of a normal distribution (mean (d,), cov
+    (d, d))."""
     difference = seed - mean
     values, vectors = np.linalg.eigh(cov)
     along = (vectors.T @ difference) ** 2
@@ -42,7 +43,8 @@ def covered(seed: np.ndarray, mean: np.ndarray, cov: np.ndarray, share: float = 
 
 
 def spread_around(seed: np.ndarray, points: np.ndarray, count: int) -> float:
-    """Root mean variance over the coordinates of the `count` points (n, d) nearest to the seed; 0 for fewer than two points."""
+    """Root mean variance over the coordinates of the `count` points (n, d) nearest to the seed; 0 for fewer than two
+    points."""
     if len(points) < 2:
         return 0.0
     near = points[np.argsort(np.linalg.norm(points - seed, axis=1), kind="stable")[:count]]
@@ -50,9 +52,15 @@ def spread_around(seed: np.ndarray, points: np.ndarray, count: int) -> float:
 
 
 def same_valley(
-    costs: Callable[[np.ndarray], np.ndarray], one: np.ndarray, one_cost: float, two: np.ndarray, two_cost: float, count: int
+    costs: Callable[[np.ndarray], np.ndarray],
+    one: np.ndarray,
+    one_cost: float,
+    two: np.ndarray,
+    two_cost: float,
+    count: int,
 ) -> bool:
-    """Whether none of `count` points between two (d,) costs more than both: no ridge parts them (Ursem 1999, CEC 3:1633).
+    """Whether none of `count` points between two (d,) costs more than both: no ridge parts them (Ursem 1999, CEC
+    3:1633).
 
     Points are evaluated one after another, until a ridge shows.
     """

@@ -34,7 +34,9 @@ class Level:
 class Deme:
     """One population: its points and costs so far, whether it is still active, and the mean cost of every metaepoch."""
 
-    def __init__(self, level: int, kind: Level, facts: Facts, key: Array, seed: np.ndarray | None = None, step: float = 0.0):
+    def __init__(
+        self, level: int, kind: Level, facts: Facts, key: Array, seed: np.ndarray | None = None, step: float = 0.0
+    ):
         self.level, self.kind, self.seed = level, kind, seed
         self.nested = Nested(kind.method, facts, key)
         if seed is not None:
@@ -116,7 +118,8 @@ def explorers(population: int | None, mutation: float) -> Level:
 
 
 def climbers(dimension: int, population: int | None, generations: int) -> Level:
-    """CMA-ES from the seed, from MANY parameters on the one that learns scales first; no restarts: the tree decides where to go on."""
+    """CMA-ES from the seed, from MANY parameters on the one that learns scales first; no restarts: the tree decides
+    where to go on."""
 
     def place(state: Any, seed: np.ndarray, step: float, key: Array) -> Any:
         return state._replace(mean=jnp.asarray(seed), sigma=jnp.asarray(step), first=jnp.asarray(step))

@@ -36,12 +36,12 @@ def from_arrays(
 def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:  # pyright: ignore[reportInconsistentOverload]
     """A recording from arrays (n,) in memory: name -> array, or a pair (array, unit), or a `Signal`.
 
-    `options` are those of `read_csv` (`assemble.Options`): `time` names the array of times, left out it is recognised by its name, or
-    `period` gives the seconds between samples; `signals` maps own names to names of `arrays`, or lists some of them, left out all are
-    signals; `units` by own name; `time_unit`, `sort`, `duplicates`, `name`.
+    `options` are those of `read_csv` (`assemble.Options`): `time` names the array of times, left out it is recognised
+    by its name, or `period` gives the seconds between samples; `signals` maps own names to names of `arrays`, or lists
+    some of them, left out all are signals; `units` by own name; `time_unit`, `sort`, `duplicates`, `name`.
 
-    As in earlier programs, `from_arrays(t, signals={"u": u, "w": (w, "rad/s")})` takes times (n,) in seconds, or None and a `period`,
-    and the arrays themselves as `signals`. Raises RecordingError and UnitError.
+    As in earlier programs, `from_arrays(t, signals={"u": u, "w": (w, "rad/s")})` takes times (n,) in seconds, or None
+    and a `period`, and the arrays themselves as `signals`. Raises RecordingError and UnitError.
     """
     if isinstance(arrays, Mapping):
         return _named_arrays(arrays, cast(Options, options))
@@ -54,7 +54,8 @@ def _named_arrays(arrays: Mapping[str, Any], options: Options) -> Recording:
         wrong = [key for key, column in wanted.items() if not isinstance(column, str | int | np.integer)]
         if wrong:
             raise RecordingError(
-                f"Recording {name!r}: signals gives {wrong[0]!r} an array, but names an array here; put it among the arrays, as in "
+                f"Recording {name!r}: signals gives {wrong[0]!r} an array, but names an array here; put it among the "
+                f"arrays, as in "
                 f"from_arrays({{'t': t, {wrong[0]!r}: ...}})."
             )
     found = {str(key): _with_unit(value) for key, value in arrays.items()}
@@ -62,7 +63,9 @@ def _named_arrays(arrays: Mapping[str, Any], options: Options) -> Recording:
     lengths = {key: len(v) for key, v in vectors.items()}
     if len(set(lengths.values())) > 1:
         raise RecordingError(f"Recording {name!r}: lengths differ, {lengths}; cut them to one length.")
-    columns = named_columns(vectors, [cells_of(key, v) for key, v in vectors.items()], [unit for _, unit in found.values()])
+    columns = named_columns(
+        vectors, [cells_of(key, v) for key, v in vectors.items()], [unit for _, unit in found.values()]
+    )
     table = Table(name, columns, log=("From arrays in memory.",))
     chosen: Options = {**options, "name": name}
     return assemble(table, **chosen)
@@ -92,7 +95,9 @@ def _times_and_signals(
     if others:
         raise RecordingError(f"Recording {name!r}: {next(iter(others))!r} is for named arrays; write {new}.")
     if not isinstance(signals, Mapping) or any(isinstance(v, str) for v in signals.values()):
-        raise RecordingError(f"Recording {name!r}: beside times, signals are arrays by name; to choose among named arrays, write {new}.")
+        raise RecordingError(
+            f"Recording {name!r}: beside times, signals are arrays by name; to choose among named arrays, write {new}."
+        )
     arrays: dict[str, tuple[np.ndarray, str | None]] = {}
     for key, value in signals.items():
         values, unit = _with_unit(value)
@@ -105,14 +110,17 @@ def _times_and_signals(
         columns.insert(0, Column("t", "t", "s", pl.Series("t", times)))
     if len({len(column.cells) for column in columns}) > 1:
         raise RecordingError(
-            f"Recording {name!r}: lengths differ, { ({c.header: len(c.cells) for c in columns}) }; cut them to one length."
+            f"Recording {name!r}: lengths differ, { ({c.header: len(c.cells) for c in columns}) }; cut them to one "
+            f"length."
         )
     shift = 0 if t is None else 1
     chosen = {key: position + shift for position, key in enumerate(arrays)}
     units = {key: unit for key, (_, unit) in arrays.items() if unit is not None}
     time = None if t is None else 0
     table = Table(name, tuple(columns), log=("From arrays in memory.",))
-    return assemble(table, time=time, period=period, signals=chosen, units=units, name=name, sort=sort, duplicates=duplicates)
+    return assemble(
+        table, time=time, period=period, signals=chosen, units=units, name=name, sort=sort, duplicates=duplicates
+    )
 
 
 def read_mat(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
@@ -124,7 +132,8 @@ def read_mat(path: str | os.PathLike[str], **options: Unpack[Options]) -> Record
 
 
 def read_npz(path: str | os.PathLike[str], **options: Unpack[Options]) -> Recording:
-    """A recording from a NumPy archive of named arrays; `options` as for `read_csv`. Raises RecordingError and UnitError."""
+    """A recording from a NumPy archive of named arrays; `options` as for `read_csv`. Raises RecordingError and
+    UnitError."""
     return assemble(npz_table(path, options.get("time")), **options)
 
 
@@ -139,7 +148,9 @@ def mat_table(path: str | os.PathLike[str], time: str | int | None = None) -> Ta
     try:
         content = loadmat(file, simplify_cells=True)
     except Exception as error:  # damaged files fail in many ways inside scipy
-        raise RecordingError(f"{file.name} cannot be read as a MATLAB file ({error}); save it anew with '-v7'.") from None
+        raise RecordingError(
+            f"{file.name} cannot be read as a MATLAB file ({error}); save it anew with '-v7'."
+        ) from None
     return array_table(file.name, dict(_flat(content)), time)
 
 
@@ -151,7 +162,9 @@ def npz_table(path: str | os.PathLike[str], time: str | int | None = None) -> Ta
             content = {key: archive[key] for key in archive.files}
     except (OSError, ValueError, EOFError, AttributeError, zipfile.BadZipFile) as error:
         why = "" if "pickle" in str(error) else f" ({error})"  # numpy advises to load it unsafely
-        raise RecordingError(f"{file.name} cannot be read as an archive of plain arrays{why}; write it with numpy.savez.") from None
+        raise RecordingError(
+            f"{file.name} cannot be read as an archive of plain arrays{why}; write it with numpy.savez."
+        ) from None
     return array_table(file.name, dict(_flat(content)), time)
 
 
@@ -165,7 +178,9 @@ def _vector(values: Any, what: str, source: str) -> np.ndarray:
     except (TypeError, ValueError):
         raise RecordingError(f"Recording {source!r}: {what} is not an array of numbers; convert it first.") from None
     if array.ndim != 1:
-        raise RecordingError(f"Recording {source!r}: {what} has shape {array.shape}; give one value per sample, shape (n,).")
+        raise RecordingError(
+            f"Recording {source!r}: {what} has shape {array.shape}; give one value per sample, shape (n,)."
+        )
     return array
 
 
@@ -178,7 +193,10 @@ def _flat(content: Mapping[str, Any], prefix: str = "") -> Any:
         if isinstance(value, Mapping):
             yield from _flat(value, f"{name}.")
         elif isinstance(value, np.ndarray) and value.dtype == object and _is_sheet(value):
-            yield from ((str(head).strip(), np.asarray(column, dtype=float)) for head, column in zip(value[0], value[1:].T, strict=True))
+            yield from (
+                (str(head).strip(), np.asarray(column, dtype=float))
+                for head, column in zip(value[0], value[1:].T, strict=True)
+            )
         elif isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype == object):
             items = list(np.ravel(np.asarray(value, dtype=object)))
             yield from _flat({str(i): item for i, item in enumerate(items)}, f"{name}.")
@@ -199,9 +217,13 @@ def _is_sheet(cells: np.ndarray) -> bool:
 
 
 def _stated_period(arrays: Mapping[str, np.ndarray]) -> tuple[str, float] | None:
-    """A number beside the samples that is their period by its name (Ts, dt, ... in s), or their rate (fs in Hz): (name, s)."""
+    """A number beside the samples that is their period by its name (Ts, dt, ... in s), or their rate (fs in Hz):
+    (name, s)."""
     for key, array in arrays.items():
-        name, value = key.rpartition(".")[2].lower(), float(np.ravel(array)[0]) if array.size == 1 and array.dtype.kind in "fiu" else 0.0
+        name, value = (
+            key.rpartition(".")[2].lower(),
+            float(np.ravel(array)[0]) if array.size == 1 and array.dtype.kind in "fiu" else 0.0,
+        )
         if value > 0 and np.isfinite(value):
             if name in ("ts", "dt", "tsample", "sampletime", "sample_time", "period", "t_s", "tsamp"):
                 return key, value
@@ -217,7 +239,11 @@ def array_table(source: str, arrays: Mapping[str, np.ndarray], time: str | int |
     if not long:
         raise RecordingError(f"{source} holds no arrays of samples; it has {list(arrays)}.")
     samples = len(vectors[time]) if isinstance(time, str) and time in vectors else max(long, key=lambda n: (long[n], n))
-    left_out |= {key: f"it has {len(v)} values where the others have {samples}" for key, v in vectors.items() if len(v) != samples}
+    left_out |= {
+        key: f"it has {len(v)} values where the others have {samples}"
+        for key, v in vectors.items()
+        if len(v) != samples
+    }
     kept = {key: vector for key, vector in vectors.items() if len(vector) == samples}
     cells = [cells_of(key, np.ascontiguousarray(v.astype(v.dtype.newbyteorder("=")))) for key, v in kept.items()]
     stated = _stated_period({key: array for key, array in arrays.items() if key not in kept})

@@ -33,8 +33,8 @@ def read_xlsx(path: str | os.PathLike[str], *, sheet: str | int = 0, **options: 
 def from_frame(frame: Any, **options: Unpack[Options]) -> Recording:
     """A recording from a polars or pandas data frame; `options` as for `read_csv`.
 
-    The index of a pandas frame is a column like the others where it can be the time: it holds dates or durations, has a name such as
-    "t" or "time [ms]", or the name that `time` gives. Raises RecordingError and UnitError.
+    The index of a pandas frame is a column like the others where it can be the time: it holds dates or durations, has a
+    name such as "t" or "time [ms]", or the name that `time` gives. Raises RecordingError and UnitError.
     """
     return assemble(frame_table(frame, "data frame", options.get("time")), **options)
 
@@ -46,15 +46,20 @@ def parquet_table(path: str | os.PathLike[str]) -> Table:
     try:
         frame = pl.read_parquet(file)
     except (pl.exceptions.PolarsError, OSError) as error:
-        raise RecordingError(f"{file.name} cannot be read as Parquet ({str(error).splitlines()[0]}); write it anew.") from None
+        raise RecordingError(
+            f"{file.name} cannot be read as Parquet ({str(error).splitlines()[0]}); write it anew."
+        ) from None
     return frame_table(frame, file.name)
 
 
 def frame_table(frame: Any, source: str, time: str | int | None = None) -> Table:
-    """The columns of a data frame, of which only `columns`, `[name].to_numpy()` and, if there is one, `index` are asked."""
+    """The columns of a data frame, of which only `columns`, `[name].to_numpy()` and, if there is one, `index` are
+    asked."""
     if not isinstance(frame, pl.DataFrame):
         if not hasattr(frame, "columns") or not hasattr(frame, "__getitem__"):
-            raise RecordingError(f"A {type(frame).__name__} is not a data frame; give a polars or pandas frame, or use from_arrays.")
+            raise RecordingError(
+                f"A {type(frame).__name__} is not a data frame; give a polars or pandas frame, or use from_arrays."
+            )
         arrays = {str(name): np.asarray(frame[name].to_numpy()) for name in frame.columns}
         cells = [cells_of(name, array) for name, array in arrays.items()]
         columns = (*named_columns(arrays, cells), *_index(frame, time, list(arrays)))  # numbers of columns stay
@@ -70,7 +75,9 @@ def _index(frame: Any, time: str | int | None, taken: list[str]) -> tuple[Column
     array, name = np.asarray(index.to_numpy()), str(getattr(index, "name", None) or "t")
     named = getattr(index, "name", None) is not None
     (column,) = named_columns([name], [cells_of(name, array)])
-    can_be = column.cells.dtype.is_temporal() or (named and (str(time) in (name, column.name) or is_time_name(column.name)))
+    can_be = column.cells.dtype.is_temporal() or (
+        named and (str(time) in (name, column.name) or is_time_name(column.name))
+    )
     return (column,) if can_be and name not in taken else ()
 
 
@@ -80,7 +87,9 @@ def xlsx_table(path: str | os.PathLike[str], *, sheet: str | int = 0) -> Table:
     try:
         import fastexcel
     except ImportError:
-        raise MissingExtra(f"Reading {file.name} needs the package fastexcel; install it with: pip install 'plantfit[xlsx]'") from None
+        raise MissingExtra(
+            f"Reading {file.name} needs the package fastexcel; install it with: pip install 'plantfit[xlsx]'"
+        ) from None
     try:
         book = fastexcel.read_excel(file)
     except fastexcel.FastExcelError as error:
@@ -117,7 +126,9 @@ def _sheet_table(file: Path, book: Any, sheet: str | int) -> Table:
     frame, places = frame.filter(there), places[there]
     columns = named_columns(unique(rows[0]) if named else headings(frame.width), frame.get_columns(), units)
     columns = tuple(
-        c for c, head in zip(columns, rows[0], strict=True) if not (named and not head and c.cells.null_count() == len(c.cells))
+        c
+        for c, head in zip(columns, rows[0], strict=True)
+        if not (named and not head and c.cells.null_count() == len(c.cells))
     )
     log = [f"Read from {file.name}, sheet {book.sheet_names[sheet] if isinstance(sheet, int) else sheet!r}."]
     return Table(file.name, columns, places, "row", "auto", named, tuple(log))

@@ -11,7 +11,8 @@ from plantfit.report.numbers import percent, significant
 
 
 def parallel_figure(parallel: BestRuns, methods: Sequence[str]) -> Figure:
-    """The best runs as lines over the parameters, each at its place between the bounds; the lowest cost is drawn strong."""
+    """The best runs as lines over the parameters, each at its place between the bounds; the lowest cost is drawn
+    strong."""
     names, palette = parallel.names, colours(methods)
     runs = sorted(parallel.runs, key=lambda r: -r.cost)
     best = runs[-1]

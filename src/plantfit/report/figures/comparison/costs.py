@@ -22,8 +22,8 @@ def colours(methods: Sequence[str]) -> dict[str, tuple[str, str, str]]:
 
 
 def distribution_figure(costs: Mapping[str, Sequence[float]], lines: Mapping[str, float]) -> Figure:
-    """Final costs by method: violin (or box, for few runs and for costs over decades) with the runs as points; `lines` are named
-    costs drawn across."""
+    """Final costs by method: violin (or box, for few runs and for costs over decades) with the runs as points;
+    `lines` are named costs drawn across."""
     every = np.concatenate([np.array(own, dtype=float) for own in costs.values()])
     log = _wide(every)
     palette = colours(list(costs))
@@ -31,7 +31,10 @@ def distribution_figure(costs: Mapping[str, Sequence[float]], lines: Mapping[str
     layout["xaxis"] = style.categories(list(costs))
     layout["yaxis"] = _cost_axis(every)
     layout["shapes"], layout["annotations"] = _across(lines, log)
-    return {"data": [_distribution(m, np.array(own, dtype=float), palette[m], log) for m, own in costs.items()], "layout": layout}
+    return {
+        "data": [_distribution(m, np.array(own, dtype=float), palette[m], log) for m, own in costs.items()],
+        "layout": layout,
+    }
 
 
 def _distribution(method: str, values: np.ndarray, colour: tuple[str, str, str], log: bool) -> dict[str, Any]:
@@ -48,25 +51,44 @@ def _distribution(method: str, values: np.ndarray, colour: tuple[str, str, str],
     }
     if log or len(values) < VIOLIN_FROM:
         return trace | {"type": "box", "boxpoints": "all", "pointpos": 0}
-    shape = {"box": {"visible": True, "width": 0.12}, "spanmode": "hard", "scalemode": "width", "points": "all", "pointpos": 0}
+    shape = {
+        "box": {"visible": True, "width": 0.12},
+        "spanmode": "hard",
+        "scalemode": "width",
+        "points": "all",
+        "pointpos": 0,
+    }
     return trace | shape | {"type": "violin", "width": 0.8, "jitter": 0.3, "hoveron": "points"}
 
 
 def means_figure(title: str, means: Mapping[str, tuple[float, tuple[float, float]]]) -> Figure:
-    """Means with 95 % intervals (not finite where there is none): bars from zero, or points on an own scale where bars would look alike."""
+    """Means with 95 % intervals (not finite where there is none): bars from zero, or points on an own scale where
+    bars would look alike."""
     palette = colours(list(means))
     shown = {m: own for m, own in means.items() if np.isfinite(own[0])}
     values = np.array([mean for mean, _ in shown.values()])
-    bars = len(values) > 0 and values.min() >= 0 and (values.max() == values.min() or values.max() > CLOSE * values.min())
+    bars = (
+        len(values) > 0 and values.min() >= 0 and (values.max() == values.min() or values.max() > CLOSE * values.min())
+    )
     data = []
     for m, (mean, interval) in shown.items():
         low, high = interval if np.isfinite(interval[0]) else (mean, mean)
         colour = palette[m][0]
-        error = {"type": "data", "symmetric": False, "array": [high - mean], "arrayminus": [mean - low], "thickness": 1.5}
+        error = {
+            "type": "data",
+            "symmetric": False,
+            "array": [high - mean],
+            "arrayminus": [mean - low],
+            "thickness": 1.5,
+        }
         hover = f"{style.plain(m)}: %{{y:.6~g}}<extra></extra>"
         base = {"x": [style.plain(m)], "y": style.numbers(np.array([mean])), "hovertemplate": hover}
         if bars:
-            look = {"type": "bar", "marker": {"color": palette[m][1], "line": {"color": colour, "width": 1.5}}, "width": 0.6}
+            look = {
+                "type": "bar",
+                "marker": {"color": palette[m][1], "line": {"color": colour, "width": 1.5}},
+                "width": 0.6,
+            }
         else:
             look = {"type": "scatter", "mode": "markers", "marker": {"color": colour, "size": 9}}
         data.append(base | look | {"error_y": error | {"width": 6, "color": style.INK if bars else colour}})
@@ -115,8 +137,13 @@ def _cost_axis(costs: np.ndarray) -> dict[str, Any]:
 
 
 def _across(lines: Mapping[str, float], log: bool) -> tuple[list[dict], list[dict]]:
-    """Horizontal lines at named costs; on a logarithmic axis plotly places shapes by the cost and texts by its logarithm."""
+    """Horizontal lines at named costs; on a logarithmic axis plotly places shapes by the cost and texts by its
+    logarithm."""
     line = {"color": style.WARNING, "width": 1.2, "dash": "dash"}
-    shapes = [{"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line} for y in lines.values()]
+    shapes = [
+        {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": y, "y1": y, "line": line} for y in lines.values()
+    ]
     base = {"xref": "paper", "x": 1, "xanchor": "right", "yanchor": "bottom", "showarrow": False, "font": style.SMALL}
-    return shapes, [base | {"text": style.plain(name), "y": float(np.log10(y)) if log else y} for name, y in lines.items()]
+    return shapes, [
+        base | {"text": style.plain(name), "y": float(np.log10(y)) if log else y} for name, y in lines.items()
+    ]

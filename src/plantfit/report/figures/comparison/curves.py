@@ -19,7 +19,13 @@ def quartiles_figure(curves: Mapping[str, Quartiles], runs: Mapping[str, int], t
     for m, curve in curves.items():
         colour, band, dash = palette[m]
         name = style.plain(m)
-        base = {"type": "scatter", "mode": "lines", "x": style.numbers(np.array(curve.at), 5), "legendgroup": name, "hoverinfo": "skip"}
+        base = {
+            "type": "scatter",
+            "mode": "lines",
+            "x": style.numbers(np.array(curve.at), 5),
+            "legendgroup": name,
+            "hoverinfo": "skip",
+        }
         edge = base | {"line": {"width": 0}, "showlegend": False}
         if runs[m] >= BAND_OF:
             data.append(edge | {"y": style.numbers(np.array(curve.low))})
@@ -30,7 +36,9 @@ def quartiles_figure(curves: Mapping[str, Quartiles], runs: Mapping[str, int], t
         data.append(base | middle | {"hoverinfo": "all", "hovertemplate": hover})
     layout = style.with_legend(style.layout(340, showlegend=len(curves) > 1, hovermode="closest"), list(curves))
     layout["xaxis"] = style.log_axis(time, _all(c.at for c in curves.values()))
-    layout["yaxis"] = style.log_axis("best cost so far", _all(values for c in curves.values() for values in (c.low, c.high)))
+    layout["yaxis"] = style.log_axis(
+        "best cost so far", _all(values for c in curves.values() for values in (c.low, c.high))
+    )
     return {"data": data, "layout": layout}
 
 

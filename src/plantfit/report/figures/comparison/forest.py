@@ -28,11 +28,17 @@ def forest_figure(p: SharedParameter, apart: Collection[str] = ()) -> Figure:
         colour = style.INK if r.recording == ALL else style.WARNING if r.recording in apart else style.SIMULATED
         a, b = (r.low, r.high) if r.low is not None and r.high is not None else (value, value)
         a, b = (float(np.clip(v, low, high)) for v in (a, b))
-        text = f"{r.recording}: {plus_minus(r.value, r.standard_error)} {unit_label(p.unit)}; 95 % {interval(r.low, r.high)}"
+        text = (
+            f"{r.recording}: {plus_minus(r.value, r.standard_error)} {unit_label(p.unit)}; 95 % "
+            f"{interval(r.low, r.high)}"
+        )
         data.append(_line([a, b], heights[r.recording], colour, 6 if r.tested else 2, None if r.tested else "dot"))
         data.append(_value(float(np.clip(value, low, high)), heights[r.recording], colour, r, text))
     layout = style.layout(
-        ROW * len(rows) + TOP + BOTTOM, showlegend=False, hovermode="closest", margin={"l": 40, "r": 14, "t": TOP, "b": BOTTOM}
+        ROW * len(rows) + TOP + BOTTOM,
+        showlegend=False,
+        hovermode="closest",
+        margin={"l": 40, "r": 14, "t": TOP, "b": BOTTOM},
     )
     told = "" if p.p_adjusted is None else f", p {p.p_adjusted:.2g}"
     pad = 0.04 * (np.log10(high / low) if log else high - low)
@@ -41,21 +47,35 @@ def forest_figure(p: SharedParameter, apart: Collection[str] = ()) -> Figure:
         with_unit(p.name, p.unit) + told, range=[float(e) for e in ends], type="log" if log else "linear", nticks=7
     )
     layout["yaxis"] = style.axis(
-        range=[-0.7, len(rows) - 0.3], showgrid=False, tickvals=list(heights.values()), ticktext=[style.plain(n) for n in heights],
+        range=[-0.7, len(rows) - 0.3], showgrid=False, tickvals=list(heights.values()),
+        ticktext=[style.plain(n) for n in heights],
         tickfont={"size": 12, "color": style.INK}, ticklabelstandoff=6,
     )  # fmt: skip
     joint = p.joint
     if joint.low is not None and joint.high is not None:
         a, b = (float(np.clip(v, low, high)) for v in (joint.low, joint.high))
-        band = {"type": "rect", "layer": "below", "xref": "x", "yref": "y domain", "x0": a, "x1": b, "y0": 0, "y1": 1, "line": {"width": 0}}
+        band = {
+            "type": "rect",
+            "layer": "below",
+            "xref": "x",
+            "yref": "y domain",
+            "x0": a,
+            "x1": b,
+            "y0": 0,
+            "y1": 1,
+            "line": {"width": 0},
+        }
         layout["shapes"] = [{**band, "fillcolor": style.FIT_ZONE}]
     return {"data": data, "layout": layout}
 
 
 def _span(rows: Sequence[EstimatedAlone]) -> tuple[float, float]:
-    """From where to where is drawn: the intervals that the data set, and values; of open ones no more than some widths."""
+    """From where to where is drawn: the intervals that the data set, and values; of open ones no more than some
+    widths."""
     sure = [r for r in rows if r.tested and r.low is not None and r.high is not None]
-    ends = [v for r in sure for v in (r.low, r.high) if v is not None] + [r.value for r in rows if r.tested and r.value is not None]
+    ends = [v for r in sure for v in (r.low, r.high) if v is not None] + [
+        r.value for r in rows if r.tested and r.value is not None
+    ]
     values = [r.value for r in rows if r.value is not None]
     low, high = float(min(ends or values)), float(max(ends or values))
     width = (high - low) or abs(high) or 1.0

@@ -26,14 +26,18 @@ def intervals_figure(p: IntervalsOfParameter) -> Figure:
         ends = [float(np.clip(v, low, high)) for v in k.ends]
         text = f"{k.kind}: {interval(k.low, k.high)} {unit_label(p.unit)}"
         data.append(
-            {"type": "scatter", "mode": "lines", "x": ends, "y": [y, y], "line": {"width": 8, "color": style.SERIES[COLOURS[k.kind]]},
+            {"type": "scatter", "mode": "lines", "x": ends, "y": [y, y],
+             "line": {"width": 8, "color": style.SERIES[COLOURS[k.kind]]},
              "text": [style.plain(text)] * 2, "hovertemplate": "%{text}<extra></extra>"}
         )  # fmt: skip
-    layout = style.layout(ROW * len(rows) + TOP + BOTTOM, hovermode="closest", margin={"l": 40, "r": 14, "t": TOP, "b": BOTTOM})
+    layout = style.layout(
+        ROW * len(rows) + TOP + BOTTOM, hovermode="closest", margin={"l": 40, "r": 14, "t": TOP, "b": BOTTOM}
+    )
     pad = 0.05 * (high - low)
     layout["xaxis"] = style.axis(with_unit(p.name, p.unit), range=[low - pad, high + pad], nticks=7)
     layout["yaxis"] = style.axis(
-        range=[-0.7, len(rows) - 0.3], showgrid=False, tickvals=list(range(len(rows)))[::-1], ticktext=[k.kind for k in rows],
+        range=[-0.7, len(rows) - 0.3], showgrid=False, tickvals=list(range(len(rows)))[::-1],
+        ticktext=[k.kind for k in rows],
         tickfont={"size": 12, "color": style.INK}, ticklabelstandoff=6,
     )  # fmt: skip
     layout["shapes"] = [_upright(p.value)]
@@ -56,11 +60,15 @@ def profile_figure(p: IntervalsOfParameter) -> Figure:
         if len(k.points) > 2 and k.threshold:
             x, y = np.asarray(k.points), array(k.excess) / k.threshold
             dense = np.sort(np.r_[x, np.linspace(max(low, x[0]), min(high, x[-1]), CURVE)])
-            root = np.interp(dense, x, np.where(x < p.value, -1.0, 1.0) * np.sqrt(np.maximum(y, 0.0)))  # linear where y is a parabola
+            root = np.interp(
+                dense, x, np.where(x < p.value, -1.0, 1.0) * np.sqrt(np.maximum(y, 0.0))
+            )  # linear where y is a parabola
             data += [
-                {"type": "scatter", "mode": "lines", "name": k.kind, "x": style.numbers(dense), "y": style.numbers(root**2, 4),
+                {"type": "scatter", "mode": "lines", "name": k.kind, "x": style.numbers(dense),
+                 "y": style.numbers(root**2, 4),
                  "line": {"color": colour, "width": 2}},
-                {"type": "scatter", "mode": "markers", "showlegend": False, "x": style.numbers(x), "y": style.numbers(y, 4),
+                {"type": "scatter", "mode": "markers", "showlegend": False, "x": style.numbers(x),
+                 "y": style.numbers(y, 4),
                  "marker": {"color": colour, "size": 6}, "name": "refitted"},
             ]  # fmt: skip
     layout = style.layout(264, showlegend=True, barmode="overlay")
@@ -90,4 +98,12 @@ def _span(p: IntervalsOfParameter) -> tuple[float, float]:
 
 
 def _upright(value: float) -> dict[str, Any]:
-    return {"type": "line", "yref": "y domain", "x0": value, "x1": value, "y0": 0, "y1": 1, "line": {"color": style.INK, "width": 1}}
+    return {
+        "type": "line",
+        "yref": "y domain",
+        "x0": value,
+        "x1": value,
+        "y0": 0,
+        "y1": 1,
+        "line": {"color": style.INK, "width": 1},
+    }

@@ -24,7 +24,9 @@ def overlay_figure(drawn: ModelSeries, names: Sequence[str], points: int) -> Fig
     total = sum(heights) + GAP * len(names)
     tops = [total - sum(heights[:k]) - GAP * k for k in range(len(heights))]
     domains = [[max(0.0, (top - height) / total), top / total] for top, height in zip(tops, heights, strict=True)]
-    layout = style.layout(total + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
+    layout = style.layout(
+        total + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM}
+    )
     look = style.dots(measured, style.MEASURED, MARKERS_UP_TO)
     data = [_line("measured", t, measured, 0, points, style.MEASURED, 2.6, showlegend=True, **look)]
     notes = [style.heading(with_unit(drawn.output, drawn.unit), 0, domains[0][1])]
@@ -34,7 +36,9 @@ def overlay_figure(drawn: ModelSeries, names: Sequence[str], points: int) -> Fig
     for k, (name, y) in enumerate(simulated.items()):
         colour = style.SERIES[k % len(style.SERIES)]
         data.append(_line(name, t, y, 0, points, colour, 1.4, showlegend=True))
-        data.append(_line(f"residual of {name}", t, measured - y, k + 1, points, colour, 1, **style.dots(measured - y, colour)))
+        data.append(
+            _line(f"residual of {name}", t, measured - y, k + 1, points, colour, 1, **style.dots(measured - y, colour))
+        )
         text = with_unit(f"residual of {name}", drawn.unit)
         notes.append(style.heading(text, 0, domains[k + 1][1], font=style.SMALL))
         layout[f"yaxis{k + 2}"] = style.axis(
@@ -50,10 +54,13 @@ def overlay_figure(drawn: ModelSeries, names: Sequence[str], points: int) -> Fig
     return {"data": data, "layout": layout | {"shapes": _zones(t, drawn.part, len(heights)), "annotations": notes}}
 
 
-def _line(name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more: Any) -> dict[str, Any]:
+def _line(
+    name: str, t: np.ndarray, values: np.ndarray, panel: int, points: int, colour: str, width: float, **more: Any
+) -> dict[str, Any]:
     keep, number = envelope(values, points), str(panel + 1) if panel else ""
     base = {
-        "type": "scatter", "mode": "lines", "name": style.plain(name), "x": style.numbers(t[keep], 9), "y": style.numbers(values[keep]),
+        "type": "scatter", "mode": "lines", "name": style.plain(name), "x": style.numbers(t[keep], 9),
+        "y": style.numbers(values[keep]),
         "xaxis": "x" + number, "yaxis": "y" + number, "line": {"color": colour, "width": width}, "showlegend": False,
         "hovertemplate": "%{y:.5~g}",
     }  # fmt: skip
@@ -75,7 +82,8 @@ def _zones(t: np.ndarray, part: Sequence[str], panels: int) -> list[dict[str, An
             if not kind:
                 continue
             zone = {
-                "type": "rect", "layer": "below", "xref": "x" + number, "yref": f"y{number} domain", "x0": float(t[start]),
+                "type": "rect", "layer": "below", "xref": "x" + number, "yref": f"y{number} domain",
+                "x0": float(t[start]),
                 "x1": float(t[end]), "y0": 0, "y1": 1, "line": {"width": 0},
                 "fillcolor": style.FIT_ZONE if kind == "fit" else style.VALIDATION_ZONE,
             }  # fmt: skip

@@ -24,7 +24,8 @@ def front_figure(front: ControllerFront) -> Figure:
         }
         trace: dict[str, Any] = {
             "type": "scatter", "mode": "markers+text" if len(others) > 1 else "lines+markers+text", "marker": marker,
-            "line": {"color": style.SERIES[0], "width": 1}, "xaxis": "x" + number, "yaxis": "y" + number, "hoverinfo": "x+y+text",
+            "line": {"color": style.SERIES[0], "width": 1}, "xaxis": "x" + number, "yaxis": "y" + number,
+            "hoverinfo": "x+y+text",
             "x": [p.figures[other] for p in front.points], "y": [p.figures[first] for p in front.points],
             "text": [str(p.number) for p in front.points], "textposition": "top right", "textfont": style.SMALL,
         }  # fmt: skip

@@ -1,4 +1,5 @@
-"""Bode diagram of the open loop over a family of plants, and the root locus of the best fit: two tunings side by side."""
+"""Bode diagram of the open loop over a family of plants, and the root locus of the best fit: two tunings side by
+side."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -39,7 +40,9 @@ def bode_figure(found: Mapping[str, Curves], plants: str) -> Figure:
                 size = style.log_axis("|L|" if k == 0 else "", np.array([LOWEST, HIGHEST]), **more)
                 layout["yaxis" + number] = size | {"range": [float(np.log10(LOWEST)), float(np.log10(HIGHEST))]}
             else:
-                layout["yaxis" + number] = style.axis("phase [deg]" if k == 0 else "", range=[lowest, highest], dtick=90, **more)
+                layout["yaxis" + number] = style.axis(
+                    "phase [deg]" if k == 0 else "", range=[lowest, highest], dtick=90, **more
+                )
             title = "frequency [rad/s]" if row else ""
             layout["xaxis" + number] = style.log_axis(title, c["w"], domain=list(columns[k]), anchor="y" + number)
     layout["legend"] = {**layout["legend"], "y": 1.0 + 22.0 / height}
@@ -47,7 +50,8 @@ def bode_figure(found: Mapping[str, Curves], plants: str) -> Figure:
 
 
 def locus_figure(found: Mapping[str, Curves]) -> Figure:
-    """Poles in the z plane with the unit circle and a line of equal damping; those at the gain that there is stand out."""
+    """Poles in the z plane with the unit circle and a line of equal damping; those at the gain that there is stand
+    out."""
     columns, height = panels(len(found)), 330
     layout = style.layout(height + TOP + BOTTOM, showlegend=True, margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
     data, notes = [], []
@@ -56,20 +60,42 @@ def locus_figure(found: Mapping[str, Curves]) -> Figure:
         number = "" if k == 0 else str(k + 1)
         poles = np.asarray(c["locus"])
         middle = len(poles) // 2
-        base = {"type": "scatter", "xaxis": "x" + number, "yaxis": "y" + number, "hoverinfo": "skip", "showlegend": k == 0}
+        base = {
+            "type": "scatter",
+            "xaxis": "x" + number,
+            "yaxis": "y" + number,
+            "hoverinfo": "skip",
+            "showlegend": k == 0,
+        }
         for values, told, look in (
             (np.exp(2j * TURN), "unit circle", {"color": style.INK, "width": 1.2}),
-            (np.r_[damped, np.nan, np.conj(damped)], f"damping ratio {DAMPING:g}", {"color": style.MUTED, "width": 1, "dash": "dot"}),
+            (
+                np.r_[damped, np.nan, np.conj(damped)],
+                f"damping ratio {DAMPING:g}",
+                {"color": style.MUTED, "width": 1, "dash": "dot"},
+            ),
         ):
             data.append(base | {"mode": "lines", "name": told, "line": look} | _plane(values))
-        data.append(base | {"mode": "markers", "name": "gain a tenth to ten times", "marker": {"size": 3, "color": style.SERIES[0]}}
+        data.append(base | {"mode": "markers", "name": "gain a tenth to ten times",
+                            "marker": {"size": 3, "color": style.SERIES[0]}}
                     | _plane(poles.ravel()))  # fmt: skip
-        cross = {"size": 9, "symbol": "x-thin", "color": style.SERIES[1], "line": {"color": style.SERIES[1], "width": 2}}
+        cross = {
+            "size": 9,
+            "symbol": "x-thin",
+            "color": style.SERIES[1],
+            "line": {"color": style.SERIES[1], "width": 2},
+        }
         data.append(base | {"mode": "markers", "name": "as it is", "marker": cross} | _plane(poles[middle]))
         notes.append(style.heading(f"tuned on {name}", columns[k][0], 1.0))
-        layout["xaxis" + number] = style.axis("real part", domain=list(columns[k]), anchor="y" + number, range=[-1.25, 1.25])
+        layout["xaxis" + number] = style.axis(
+            "real part", domain=list(columns[k]), anchor="y" + number, range=[-1.25, 1.25]
+        )
         layout["yaxis" + number] = style.axis(
-            "imaginary part" if k == 0 else "", anchor="x" + number, range=[-1.25, 1.25], scaleanchor="x" + number, scaleratio=1
+            "imaginary part" if k == 0 else "",
+            anchor="x" + number,
+            range=[-1.25, 1.25],
+            scaleanchor="x" + number,
+            scaleratio=1,
         )
     layout["legend"] = {**layout["legend"], "y": 1.0 + 22.0 / height}
     return {"data": data, "layout": layout | {"annotations": notes}}

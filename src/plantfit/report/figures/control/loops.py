@@ -20,13 +20,30 @@ def panels(count: int) -> list[tuple[float, float]]:
     return [(k * (width + 0.06), k * (width + 0.06) + width) for k in range(count)]
 
 
-def band(x: np.ndarray, bands: Mapping[str, np.ndarray], axes: Mapping[str, str], first: bool, plants: str) -> list[dict[str, Any]]:
+def band(
+    x: np.ndarray, bands: Mapping[str, np.ndarray], axes: Mapping[str, str], first: bool, plants: str
+) -> list[dict[str, Any]]:
     """The 5 to 95 % band, its middle and the best fit."""
     xs, base = style.numbers(x), {"type": "scatter", "mode": "lines", **axes, "hoverinfo": "skip"}
     edge = base | {"x": xs, "y": style.numbers(bands["low"]), "line": {"width": 0}, "showlegend": False}
-    fill = base | {"x": xs, "y": style.numbers(bands["high"]), "line": {"width": 0}, "fill": "tonexty", "fillcolor": style.BANDS[0]}
-    middle = base | {"x": xs, "y": style.numbers(bands["middle"]), "line": {"color": style.SERIES[0], "width": 1.6}, "hoverinfo": "x+y"}
-    best = base | {"x": xs, "y": style.numbers(bands["best"]), "line": {"color": style.SERIES[1], "width": 1.6, "dash": "dash"}}
+    fill = base | {
+        "x": xs,
+        "y": style.numbers(bands["high"]),
+        "line": {"width": 0},
+        "fill": "tonexty",
+        "fillcolor": style.BANDS[0],
+    }
+    middle = base | {
+        "x": xs,
+        "y": style.numbers(bands["middle"]),
+        "line": {"color": style.SERIES[0], "width": 1.6},
+        "hoverinfo": "x+y",
+    }
+    best = base | {
+        "x": xs,
+        "y": style.numbers(bands["best"]),
+        "line": {"color": style.SERIES[1], "width": 1.6, "dash": "dash"},
+    }
     named = ((fill, f"90 % of {plants}"), (middle, "their median"), (best | {"hoverinfo": "x+y"}, "best fit"))
     return [edge, *(trace | {"name": name, "showlegend": first} for trace, name in named)]
 
@@ -49,7 +66,9 @@ def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, in
     room = 0.5 * abs(wishes.step)
     seen = [c["y"][k] for c in found.values() for k in ("low", "high")]
     low, high = (float(f([np.nanquantile(v, q) for v in seen])) for f, q in ((min, 0.0), (max, 1.0)))
-    inner = np.concatenate([c["y"][k] for c in found.values() for k in ("middle", "best")])  # seen whole, if it stays near
+    inner = np.concatenate(
+        [c["y"][k] for c in found.values() for k in ("middle", "best")]
+    )  # seen whole, if it stays near
     near = inner[np.isfinite(inner) & (np.abs(inner - level) < WIDEST * abs(wishes.step))]
     ends = [max(low, min(start, level) - 2 * room), min(high, max(start, level) + 2 * room)]
     span = [min([ends[0], *near]) - 0.1 * room, max([ends[1], *near]) + 0.2 * room]
@@ -60,7 +79,13 @@ def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, in
             data += band(c["t"], c[key], axes, k == 0 and row == 0, plants)
             if row == 0:
                 line = {"color": style.INK, "width": 1.2, "dash": "dot"}
-                steps = {"x": [0.0, float(c["t"][-1])], "y": [level, level], "line": line, "name": "set point", "showlegend": k == 0}
+                steps = {
+                    "x": [0.0, float(c["t"][-1])],
+                    "y": [level, level],
+                    "line": line,
+                    "name": "set point",
+                    "showlegend": k == 0,
+                }
                 data.append({"type": "scatter", "mode": "lines", **axes, "hoverinfo": "skip"} | steps)
                 notes.append(style.heading(f"tuned on {name}", columns[k][0], 1.0))
             upper = 1.0 - row * (PANEL + GAP) / height
@@ -70,7 +95,9 @@ def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, in
             layout["yaxis" + number] = style.axis(
                 unit if k == 0 else "", domain=[max(0.0, upper - cut), upper], anchor="x" + number, **more
             )
-            layout["xaxis" + number] = style.axis("time [s]" if row else "", domain=list(columns[k]), anchor="y" + number)
+            layout["xaxis" + number] = style.axis(
+                "time [s]" if row else "", domain=list(columns[k]), anchor="y" + number
+            )
     layout["legend"] = {**layout["legend"], "y": 1.0 + 22.0 / height}
     return {"data": data, "layout": layout | {"annotations": notes}}
 
@@ -97,7 +124,9 @@ def sensitivity_figure(found: Mapping[str, Curves], ms: float, plants: str) -> F
         notes.append(style.heading(f"tuned on {name}", columns[k][0], 1.0))
         top = min(1.15 * highest, 4.0 * ms)
         layout["yaxis" + number] = style.axis("|S|" if k == 0 else "", anchor="x" + number, range=[0.0, top])
-        layout["xaxis" + number] = style.log_axis("frequency [rad/s]", c["w"], domain=list(columns[k]), anchor="y" + number)
+        layout["xaxis" + number] = style.log_axis(
+            "frequency [rad/s]", c["w"], domain=list(columns[k]), anchor="y" + number
+        )
     layout["legend"] = {**layout["legend"], "y": 1.0 + 22.0 / PANEL}
     return {"data": data, "layout": layout | {"annotations": notes}}
 
@@ -113,22 +142,43 @@ def nyquist_figure(found: Mapping[str, Curves], ms: float) -> Figure:
         near = [np.where((abs(z.real) < 4) & (abs(z.imag) < 4), z, np.nan) for z in c["nyquist"]]
         first = [style.numbers(part(near[0]), 4) for part in (np.real, np.imag)]
         x, y = (np.concatenate([np.r_[v, np.nan] for v in (part(z) for z in near)]) for part in (np.real, np.imag))
-        lines = {"x": style.numbers(x, 4), "y": style.numbers(y, 4), "opacity": 0.5, "line": {"color": style.SERIES[0], "width": 1}}
+        lines = {
+            "x": style.numbers(x, 4),
+            "y": style.numbers(y, 4),
+            "opacity": 0.5,
+            "line": {"color": style.SERIES[0], "width": 1},
+        }
         data.append(base | lines | {"name": "L of some of the plants", "showlegend": k == 0})
         best = {"x": first[0], "y": first[1], "line": {"color": style.SERIES[1], "width": 1.8}}
         data.append(base | best | {"name": "best fit", "showlegend": k == 0})
         turn = np.linspace(0, 2 * np.pi, 121)
         circle = {"x": style.numbers(-1 + np.cos(turn) / ms), "y": style.numbers(np.sin(turn) / ms)}
         data.append(
-            base | circle | {"line": {"color": style.INK, "dash": "dot", "width": 1.2}, "name": f"Ms = {ms:g}", "showlegend": k == 0}
+            base
+            | circle
+            | {"line": {"color": style.INK, "dash": "dot", "width": 1.2}, "name": f"Ms = {ms:g}", "showlegend": k == 0}
         )
         data.append(
-            base | {"mode": "markers", "x": [-1], "y": [0], "marker": {"color": style.INK, "size": 5}, "name": "-1", "showlegend": False}
+            base
+            | {
+                "mode": "markers",
+                "x": [-1],
+                "y": [0],
+                "marker": {"color": style.INK, "size": 5},
+                "name": "-1",
+                "showlegend": False,
+            }
         )
         notes.append(style.heading(f"tuned on {name}", columns[k][0], 1.0))
-        layout["xaxis" + number] = style.axis("real part", domain=list(columns[k]), anchor="y" + number, range=[-2.4, 0.8])
+        layout["xaxis" + number] = style.axis(
+            "real part", domain=list(columns[k]), anchor="y" + number, range=[-2.4, 0.8]
+        )
         layout["yaxis" + number] = style.axis(
-            "imaginary part" if k == 0 else "", anchor="x" + number, range=[-2.0, 0.8], scaleanchor="x" + number, scaleratio=1
+            "imaginary part" if k == 0 else "",
+            anchor="x" + number,
+            range=[-2.0, 0.8],
+            scaleanchor="x" + number,
+            scaleratio=1,
         )
     layout["legend"] = {**layout["legend"], "y": 1.0 + 22.0 / height}
     return {"data": data, "layout": layout | {"annotations": notes}}

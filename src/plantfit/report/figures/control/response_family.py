@@ -1,4 +1,5 @@
-"""Step responses of several controllers, one panel each: a family of plants as faint lines, one plant on top, the reference."""
+"""Step responses of several controllers, one panel each: a family of plants as faint lines, one plant on top, the
+reference."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -22,8 +23,11 @@ class Panel(NamedTuple):
     on_top: np.ndarray
 
 
-def response_figure(panels: Sequence[Panel], output: str, top: str = "true plant", family: str = "family of models") -> Figure:
-    """Panels two in a row, their axes around the levels of the reference; `output` names these axes, `top` and `family` the lines."""
+def response_figure(
+    panels: Sequence[Panel], output: str, top: str = "true plant", family: str = "family of models"
+) -> Figure:
+    """Panels two in a row, their axes around the levels of the reference; `output` names these axes, `top` and
+    `family` the lines."""
     rows = -(-len(panels) // 2)
     height = rows * PANEL + (rows - 1) * GAP
     layout = style.layout(height + TOP + BOTTOM, showlegend=True, margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM})
@@ -41,18 +45,32 @@ def response_figure(panels: Sequence[Panel], output: str, top: str = "true plant
         base = {"type": "scatter", "mode": "lines", "xaxis": "x" + number, "yaxis": "y" + number, "hoverinfo": "skip"}
         faint = _joined(panel.t[keep], panel.family[:, keep])
         first = {"showlegend": k == 0}
-        data.append(base | faint | first | {"name": style.plain(family), "opacity": 0.45, "line": {"color": style.SERIES[0], "width": 1}})
+        data.append(
+            base
+            | faint
+            | first
+            | {"name": style.plain(family), "opacity": 0.45, "line": {"color": style.SERIES[0], "width": 1}}
+        )
         line = {"x": style.numbers(panel.t[keep]), "y": style.numbers(panel.on_top[keep]), "hoverinfo": "x+y"}
         data.append(base | line | first | {"name": style.plain(top), "line": {"color": style.SERIES[1], "width": 2}})
-        steps = {"x": style.numbers(panel.t), "y": style.numbers(panel.reference)} if len(panel.t) <= POINTS else _corners(panel)
+        steps = (
+            {"x": style.numbers(panel.t), "y": style.numbers(panel.reference)}
+            if len(panel.t) <= POINTS
+            else _corners(panel)
+        )
         look = {"color": style.INK, "width": 1.2, "dash": "dot", "shape": "hv"}
         data.append(base | steps | first | {"name": "reference", "line": look})
         notes.append(style.heading(panel.title, left, upper))
         layout["yaxis" + number] = style.axis(
-            output if column == 0 else "", domain=[max(0.0, upper - PANEL / height), upper], range=span, anchor="x" + number
+            output if column == 0 else "",
+            domain=[max(0.0, upper - PANEL / height), upper],
+            range=span,
+            anchor="x" + number,
         )
         last = k >= len(panels) - 2
-        layout["xaxis" + number] = style.axis("time [s]" if last else "", domain=[left, left + 0.47], anchor="y" + number)
+        layout["xaxis" + number] = style.axis(
+            "time [s]" if last else "", domain=[left, left + 0.47], anchor="y" + number
+        )
     return {"data": data, "layout": layout | {"annotations": notes}}
 
 

@@ -21,25 +21,38 @@ def constants_figure(
 ) -> Figure:
     """Tracks (name, unit, t, value, low, high) of `plantfit.estimate`, one under the other on one time axis.
 
-    `references` draw (value, low, high) of another method, by name, as a line and a zone called `label`; `truth` draws known
-    values. Where a band spans more than a decade and is positive its axis is logarithmic.
+    `references` draw (value, low, high) of another method, by name, as a line and a zone called `label`; `truth` draws
+    known values. Where a band spans more than a decade and is positive its axis is logarithmic.
     """
     height = len(tracks) * PANEL + (len(tracks) - 1) * GAP
     data: list[dict] = []
     shapes: list[dict] = []
     notes: list[dict] = []
-    layout = style.layout(height + TOP + BOTTOM, hovermode="x", margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM}, showlegend=True)
+    layout = style.layout(
+        height + TOP + BOTTOM, hovermode="x", margin={"l": 56, "r": 14, "t": TOP, "b": BOTTOM}, showlegend=True
+    )
     for k, track in enumerate(tracks):
         number = "" if k == 0 else str(k + 1)
         top = 1.0 - k * (PANEL + GAP) / height
         domain = [max(0.0, top - PANEL / height), top]
         keep = np.unique(np.linspace(0, len(track.t) - 1, min(len(track.t), POINTS)).round().astype(int))
-        base = {"type": "scatter", "mode": "lines", "x": style.numbers(track.t[keep], 9), "xaxis": "x" + number, "yaxis": "y" + number}
+        base = {
+            "type": "scatter",
+            "mode": "lines",
+            "x": style.numbers(track.t[keep], 9),
+            "xaxis": "x" + number,
+            "yaxis": "y" + number,
+        }
         edge = base | {"line": {"width": 0}, "showlegend": False, "hoverinfo": "skip"}
         data.append(edge | {"y": style.numbers(track.low[keep])})
         band = {"fill": "tonexty", "fillcolor": style.BANDS[0], "name": "2 standard deviations", "showlegend": k == 0}
         data.append(edge | band | {"y": style.numbers(track.high[keep])})
-        line = {"line": {"color": style.SERIES[0], "width": 2}, "name": "filter", "showlegend": k == 0, "hovertemplate": "%{y:.5~g}"}
+        line = {
+            "line": {"color": style.SERIES[0], "width": 2},
+            "name": "filter",
+            "showlegend": k == 0,
+            "hovertemplate": "%{y:.5~g}",
+        }
         data.append(base | line | {"y": style.numbers(track.value[keep])})
         if references and track.name in references:
             data.append(_reference(base, track, references[track.name][0], label, k == 0))
@@ -53,7 +66,9 @@ def constants_figure(
         layout["yaxis" + number] = style.axis(domain=domain, **scale)
         last = k == len(tracks) - 1
         shared = {} if k == 0 else {"matches": "x"}
-        layout["xaxis" + number] = style.axis("time [s]" if last else "", anchor="y" + number, showticklabels=last, **shared)
+        layout["xaxis" + number] = style.axis(
+            "time [s]" if last else "", anchor="y" + number, showticklabels=last, **shared
+        )
     return {"data": data, "layout": layout | {"shapes": shapes, "annotations": notes}}
 
 

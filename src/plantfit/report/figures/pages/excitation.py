@@ -38,5 +38,7 @@ def spectrum_figure(frequencies: np.ndarray, amplitudes: np.ndarray, name: str, 
         "fill": "tozeroy",
         "hovertemplate": "%{x:.4g} Hz: %{y:.3g}<extra></extra>",
     }
-    layout = style.layout(260, xaxis=style.log_axis("frequency [Hz]", f), yaxis=style.axis(with_unit(f"amplitude of {name}", unit)))
+    layout = style.layout(
+        260, xaxis=style.log_axis("frequency [Hz]", f), yaxis=style.axis(with_unit(f"amplitude of {name}", unit))
+    )
     return {"data": [line], "layout": layout | {"margin": {"l": 56, "r": 14, "t": 14, "b": 44}}}

@@ -22,7 +22,9 @@ def bode_figure(pair: InputToOutput, output: str, unit: str | None) -> Figure:
     angle = np.where(radius < gain, angle, 180.0)
     per = f"{unit_label(unit) or '1'}/{unit_label(pair.unit) or '1'}"
     height = 3 * PANEL + 2 * GAP
-    layout = style.layout(height + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM})
+    layout = style.layout(
+        height + TOP + BOTTOM, showlegend=True, hovermode="x", margin={"l": 60, "r": 14, "t": TOP, "b": BOTTOM}
+    )
     tops = [height - k * (PANEL + GAP) for k in range(3)]
     domains = [[max(0.0, (t - PANEL) / height), t / height] for t in tops]
     data = [
@@ -38,7 +40,11 @@ def bode_figure(pair: InputToOutput, output: str, unit: str | None) -> Figure:
     for k in range(3):
         number = str(k + 1) if k else ""
         layout["xaxis" + number] = style.log_axis(
-            "frequency [Hz]" if k == 2 else "", f, anchor="y" + number, showticklabels=k == 2, **({} if k == 0 else {"matches": "x"})
+            "frequency [Hz]" if k == 2 else "",
+            f,
+            anchor="y" + number,
+            showticklabels=k == 2,
+            **({} if k == 0 else {"matches": "x"}),
         )
     notes = [style.heading(n, 0, d[1]) for n, d in zip(names, domains, strict=True)]
     return {"data": data, "layout": layout | {"annotations": notes}}
@@ -51,23 +57,32 @@ def step_figure(pair: InputToOutput, output: str, unit: str | None) -> Figure:
     label = unit_label(unit)
     layout["yaxis"] = style.axis(f"{output} [{label}]" if label else output, zeroline=True, zerolinecolor=style.MUTED)
     layout["xaxis"] = style.axis("time after the step [s]")
-    layout["annotations"] = [style.heading(f"{output} after a step of {pair.input} by 1 {unit_label(pair.unit)}".rstrip(), 0, 1)]
+    layout["annotations"] = [
+        style.heading(f"{output} after a step of {pair.input} by 1 {unit_label(pair.unit)}".rstrip(), 0, 1)
+    ]
     return {"data": _band(t, y, y - half, y + half, 0, "linear model, 95 %", True), "layout": layout}
 
 
-def _band(x: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray, panel: int, name: str, shown: bool) -> list[dict[str, Any]]:
+def _band(
+    x: np.ndarray, y: np.ndarray, low: np.ndarray, high: np.ndarray, panel: int, name: str, shown: bool
+) -> list[dict[str, Any]]:
     axes, xs = _axes(panel), style.numbers(x)
     base = {"type": "scatter", "mode": "lines", **axes, "x": xs, "hoverinfo": "skip", "showlegend": False}
     edge = base | {"y": style.numbers(low), "line": {"width": 0}}
     fill = base | {"y": style.numbers(high), "line": {"width": 0}, "fill": "tonexty", "fillcolor": style.BANDS[0]}
     line = {"color": style.SERIES[0], "width": 1.6}
-    return [edge, fill, base | {"y": style.numbers(y), "line": line, "name": name, "showlegend": shown, "hoverinfo": "x+y"}]
+    return [
+        edge,
+        fill,
+        base | {"y": style.numbers(y), "line": line, "name": name, "showlegend": shown, "hoverinfo": "x+y"},
+    ]
 
 
 def _line(x: np.ndarray, y: Any, panel: int, name: str, shown: bool, colour: str = style.SERIES[1]) -> dict[str, Any]:
     values = style.numbers(np.array(y, dtype=float))
     line = {"color": colour, "width": 1.5, "dash": "solid" if panel == 2 else "dash"}
-    return {"type": "scatter", "mode": "lines", **_axes(panel), "x": style.numbers(x), "y": values, "line": line, "name": name,
+    return {"type": "scatter", "mode": "lines", **_axes(panel), "x": style.numbers(x), "y": values, "line": line,
+            "name": name,
             "showlegend": shown, "hoverinfo": "x+y"}  # fmt: skip
 
 

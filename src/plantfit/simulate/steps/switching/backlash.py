@@ -13,8 +13,8 @@ def with_backlash(step: Stepper, play: Play) -> Stepper:
     """A stepper in which the state of `play` follows its drive with a gap, exactly while the drive moves one way.
 
     The play operator y1 = min(max(y0, drive - gap), drive + gap): M. Brokate, J. Sprekels, Hysteresis and Phase
-    Transitions, Springer 1996, sec. 2.3. The rates see the moving y inside the step. Take steps shorter than a reversal.
-    `pattern` is not used: the play adds entries to the Jacobian.
+    Transitions, Springer 1996, sec. 2.3. The rates see the moving y inside the step. Take steps shorter than a
+    reversal. `pattern` is not used: the play adds entries to the Jacobian.
     """
 
     def followed(x, u, p, begin):

@@ -1,7 +1,7 @@
 """Where something falls through zero within a step, and how that place moves with all that the step depends on.
 
-The place is solved for with constants; its derivatives follow from the residue there by the implicit function theorem. The states on
-the way are those of the stepper itself, so that a step to the place ends on the surface.
+The place is solved for with constants; its derivatives follow from the residue there by the implicit function theorem.
+The states on the way are those of the stepper itself, so that a step to the place ends on the surface.
 """
 
 from collections.abc import Callable
@@ -28,8 +28,8 @@ Function = Callable[[Scalars, Scalars, Scalars], Any]
 class Surface:
     """What may fall through zero within a step: `g(x, u, p, side)`, whatever `side` is for it.
 
-    `step(x, u0, u1, h, p)` moves the states, `values` does so without derivatives; their rates are `rate(x, u, p)`. A crossing is found
-    when a correction of its share of the step is at most `settled`; `by_time` as in `between`.
+    `step(x, u0, u1, h, p)` moves the states, `values` does so without derivatives; their rates are `rate(x, u, p)`. A
+    crossing is found when a correction of its share of the step is at most `settled`; `by_time` as in `between`.
     """
 
     step: Callable[..., Scalars]
@@ -57,11 +57,21 @@ class Fall(NamedTuple):
     ends: tuple[Any, Any, Any, Any]
 
 
-def fall(surface: Surface, x: Scalars, end: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Any, side: Any = None, near: Any = None) -> Fall:
+def fall(
+    surface: Surface,
+    x: Scalars,
+    end: Scalars,
+    u0: Scalars,
+    u1: Scalars,
+    h: Any,
+    p: Any,
+    side: Any = None,
+    near: Any = None,
+) -> Fall:
     """Whether g falls through zero within the step from x to `end`.
 
-    With `near`, a share of the step, a start that near to the surface has passed it and an end that near to it passes it, so that
-    rounding lets no crossing happen twice or never.
+    With `near`, a share of the step, a start that near to the surface has passed it and an end that near to it passes
+    it, so that rounding lets no crossing happen twice or never.
     """
     x, end, u0, u1, h, p = jax.lax.stop_gradient((x, end, u0, u1, h, p))
     moves = change(u0, u1, surface.varying)
@@ -79,7 +89,8 @@ def fall(surface: Surface, x: Scalars, end: Scalars, u0: Scalars, u1: Scalars, h
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def arrived(surface: Surface, given: tuple[Any, ...], found: Fall) -> tuple[Any, Scalars]:
-    """At which share of a step g falls through zero, and the states there; of `given` = (x, u0, u1, h, p, side) they have derivatives."""
+    """At which share of a step g falls through zero, and the states there; of `given` = (x, u0, u1, h, p, side) they
+    have derivatives."""
     _, u0, u1, h, p, side = given
     moves = change(u0, u1, surface.varying)
 
@@ -124,7 +135,9 @@ def _(surface, primals, tangents):
     return (share, x), (by, tuple(m + a * by for m, a in zip(moved, along, strict=True)))
 
 
-def slope(g: Function, rate: Callable[..., Scalars], x: Scalars, u: Scalars, moves: Scalars, h: Any, p: Any) -> tuple[Any, Any]:
+def slope(
+    g: Function, rate: Callable[..., Scalars], x: Scalars, u: Scalars, moves: Scalars, h: Any, p: Any
+) -> tuple[Any, Any]:
     """g, and its change over a step of length h in which the inputs change by `moves`, as fast as at x."""
     return jax.jvp(lambda x, u: g(x, u, p), (x, u), (tuple(h * f for f in rate(x, u, p)), moves))
 
@@ -135,7 +148,8 @@ def change(u0: Scalars, u1: Scalars, varying: bool) -> Scalars:
 
 
 def between(u0: Scalars, u1: Scalars, share: Any, varying: bool, by_time: bool = False) -> Scalars:
-    """The inputs at a share of the step; `by_time` has the time at its end to the last bit, so that no moment is seen twice or never."""
+    """The inputs at a share of the step; `by_time` has the time at its end to the last bit, so that no moment is
+    seen twice or never."""
     if not varying:
         return u0
     u = tuple(a + share * (b - a) for a, b in zip(u0, u1, strict=True))
@@ -146,9 +160,12 @@ def between(u0: Scalars, u1: Scalars, share: Any, varying: bool, by_time: bool =
 
 
 def _root_of_cubic(g0, d0, g1, d1, on_surface):
-    """Where the Hermite cubic through values g and slopes d at 0 and 1 falls through zero, about; `on_surface`: not the root at 0."""
+    """Where the Hermite cubic through values g and slopes d at 0 and 1 falls through zero, about; `on_surface`: not
+    the root at 0."""
     b, c = 3.0 * (g1 - g0) - 2.0 * d0 - d1, 2.0 * (g0 - g1) + d0 + d1
-    first, *others = (jnp.where(on_surface, low, high) for low, high in ((d0, g0), (b, d0), (c, b), (0.0, c)))  # a root at 0 divided out
+    first, *others = (
+        jnp.where(on_surface, low, high) for low, high in ((d0, g0), (b, d0), (c, b), (0.0, c))
+    )  # a root at 0 divided out
     second, third, fourth = others
 
     def better(s):

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 class Trigger:
     """An `Event` on tuples of scalars; `sign` +1 falling, -1 rising, 0 both.
 
-    `timed` events depend on time alone, `straight` ones among these are straight lines in time, `fixed` ones depend on no
-    parameter (see `times`).
+    `timed` events depend on time alone, `straight` ones among these are straight lines in time, `fixed` ones depend on
+    no parameter (see `times`).
     """
 
     when: Function
@@ -30,7 +30,8 @@ class Trigger:
 
 @dataclass(frozen=True, eq=False)
 class DryFriction:
-    """A `Friction` on tuples of scalars; `effect` gives the rate of every state per unit of force, the number 0.0 where it has none."""
+    """A `Friction` on tuples of scalars; `effect` gives the rate of every state per unit of force, the number 0.0
+    where it has none."""
 
     velocity: int
     sliding: Function
@@ -69,7 +70,9 @@ def bind_friction(friction: Friction, vector: VectorModel) -> DryFriction:
 
 def bind_backlash(backlash: Backlash, vector: VectorModel) -> Play:
     """The declared backlash on tuples in the order of `vector`; raises ModelError for an unknown state."""
-    return Play(_place(backlash.state, vector, "backlash"), _scalar(backlash.drive, vector), _scalar(backlash.gap, vector))
+    return Play(
+        _place(backlash.state, vector, "backlash"), _scalar(backlash.drive, vector), _scalar(backlash.gap, vector)
+    )
 
 
 def _named(vector, x, u, p):
@@ -91,14 +94,26 @@ def _changed(function, vector, what, otherwise, needed=None):
         given = function(*_named(vector, x, u, p))
         unknown = [name for name in given if name not in vector.states]
         if unknown or (needed is not None and needed not in given):
-            reason = f"names {unknown[0]!r}, which is not one of the states" if unknown else f"leaves out {needed!r} of the states"
-            raise ModelError(f"Model {vector.model.name!r}: {what} {reason} {list(vector.states)}; give names of states.")
-        return tuple(jnp.asarray(given[n], dtype=float) if n in given else old for n, old in zip(vector.states, otherwise(x), strict=True))
+            reason = (
+                f"names {unknown[0]!r}, which is not one of the states"
+                if unknown
+                else f"leaves out {needed!r} of the states"
+            )
+            raise ModelError(
+                f"Model {vector.model.name!r}: {what} {reason} {list(vector.states)}; give names of states."
+            )
+        return tuple(
+            jnp.asarray(given[n], dtype=float) if n in given else old
+            for n, old in zip(vector.states, otherwise(x), strict=True)
+        )
 
     return complete
 
 
 def _place(state, vector, what):
     if state not in vector.states:
-        raise ModelError(f"Model {vector.model.name!r}: {what} acts on {state!r}, which is not one of the states {list(vector.states)}.")
+        raise ModelError(
+            f"Model {vector.model.name!r}: {what} acts on {state!r}, which is not one of the states "
+            f"{list(vector.states)}."
+        )
     return vector.states.index(state)

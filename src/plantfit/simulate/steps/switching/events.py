@@ -1,8 +1,8 @@
 """Events inside a step: crossings located and stepped to exactly.
 
-The time of a crossing is solved for with constants, then corrected once with the true derivatives, which is the implicit function
-theorem: what follows the event then knows how its time moves (the saltation matrix; R. I. Leine, H. Nijmeijer, Dynamics and
-Bifurcations of Non-Smooth Mechanical Systems, Springer 2004, sec. 7.2).
+The time of a crossing is solved for with constants, then corrected once with the true derivatives, which is the
+implicit function theorem: what follows the event then knows how its time moves (the saltation matrix; R. I. Leine, H.
+Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, Springer 2004, sec. 7.2).
 """
 
 from collections.abc import Callable, Sequence
@@ -12,7 +12,16 @@ from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.steps.switching import switched
-from plantfit.simulate.steps.switching.crossings import NEAR, SETTLED_NEAR, Surface, arrived, between, change, fall, slope
+from plantfit.simulate.steps.switching.crossings import (
+    NEAR,
+    SETTLED_NEAR,
+    Surface,
+    arrived,
+    between,
+    change,
+    fall,
+    slope,
+)
 from plantfit.simulate.steps.switching.declared import Trigger
 from plantfit.simulate.steps.switching.switched import Stepper, Switching, either, values_of, where
 from plantfit.simulate.steps.times import moment
@@ -21,7 +30,9 @@ from plantfit.simulate.steps.vector import Scalars
 import jax
 import jax.numpy as jnp
 
-AROUND = 1e-4  # of a step's travel: so near to the surface at an end of a step it is looked at closely, far more than NEAR
+AROUND = (
+    1e-4  # of a step's travel: so near to the surface at an end of a step it is looked at closely, far more than NEAR
+)
 
 
 def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Stepper:
@@ -29,15 +40,19 @@ def with_events(step: Stepper, events: Sequence[Trigger], most: int = 2) -> Step
 
     The state is NaN when yet another crossing follows, so take shorter steps or raise `most`; events that pile up
     without end (a ball coming to rest) must be ended by the model: let `then` stop what has become slow. A pair of
-    crossings of one surface within a step is not seen. Events at a straight line in time are followed however many there are,
-    exactly, and those that meet in one moment all happen, in their order.
+    crossings of one surface within a step is not seen. Events at a straight line in time are followed however many
+    there are, exactly, and those that meet in one moment all happen, in their order.
     """
     if not events:
         return step
     # steps end at moments that are known beforehand, so that these meet in one
     most = most + sum(e.straight and not e.fixed for e in events) + any(e.straight and e.fixed for e in events)
     cutter = _Cutter(switched.once(step), tuple(events), most)
-    return Switching(switched.traced(partial(cutter.cut, False)), switched.traced(partial(cutter.cut, True)), switched.traced(cutter.quiet))
+    return Switching(
+        switched.traced(partial(cutter.cut, False)),
+        switched.traced(partial(cutter.cut, True)),
+        switched.traced(cutter.quiet),
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +144,10 @@ class _Within:
         given = x, u0, self.u1, h, self.p, _side(e, self.rate, x, u0, self.u1, h, self.p, self.near(h))
         found = fall(self._surface(e), x, end, u0, self.u1, h, self.p, given[-1], self.near(h))
         share, there = jax.lax.cond(
-            found.crossed, lambda given: arrived(self._surface(e), given, found), lambda given: (jnp.ones_like(h), given[0]), given
+            found.crossed,
+            lambda given: arrived(self._surface(e), given, found),
+            lambda given: (jnp.ones_like(h), given[0]),
+            given,
         )
         return found.crossed, share, there
 
@@ -148,20 +166,31 @@ class _Within:
         left = (1.0 - first) * h
         given = there, at, self.u1, left, self.p
         end = self.looked_at(*given)
-        more = self.of.possible(self.rate, *jax.lax.stop_gradient((there, end, *given[1:])), self.varying, self.near(left))
-        return there, at, jnp.where(more, left, 0.0), either(more, lambda *_: end, self.stepped, *given) if self.derived else end
+        more = self.of.possible(
+            self.rate, *jax.lax.stop_gradient((there, end, *given[1:])), self.varying, self.near(left)
+        )
+        return (
+            there,
+            at,
+            jnp.where(more, left, 0.0),
+            either(more, lambda *_: end, self.stepped, *given) if self.derived else end,
+        )
 
     def _moved_by_clock(self, chosen, x, u0, at, h, there):
-        """The states at an event that depends on time alone, for which nothing has moved them yet; `there` at another."""
+        """The states at an event that depends on time alone, for which nothing has moved them yet; `there` at
+        another."""
         by_clock = [chosen == k for k, e in enumerate(self.of.events) if e.timed]
         if not by_clock:
             return there
         move = self.stepped if self.derived else self.looked_at
-        return jax.lax.cond(jnp.any(jnp.stack(by_clock)), lambda _: move(x, u0, at, h, self.p), lambda there: there, there)
+        return jax.lax.cond(
+            jnp.any(jnp.stack(by_clock)), lambda _: move(x, u0, at, h, self.p), lambda there: there, there
+        )
 
 
 class _Moment(NamedTuple):
-    """When a straight line in time passes zero, whether that is within the step, and at which share of it (1 where not)."""
+    """When a straight line in time passes zero, whether that is within the step, and at which share of it (1 where
+    not)."""
 
     time: Any
     passed: Any
@@ -183,7 +212,8 @@ def _falling(event):
 
 
 def _side(event, rate, x, u0, u1, h, p, share):
-    """The sign of an event's function at the start of a step, where crossings both ways are events; None where one is."""
+    """The sign of an event's function at the start of a step, where crossings both ways are events; None where one
+    is."""
     if event.sign:
         return None
     value, travel = slope(event.when, rate, x, u0, change(u0, u1, True), h, p)
@@ -196,7 +226,11 @@ def _soonest(found, x, h):
     first, chosen, there = jnp.full_like(h, 2.0), jnp.full_like(h, -1.0), x
     for k, (crossed, share, arriving) in enumerate(found):
         sooner = crossed & (share < first)
-        first, chosen, there = jnp.where(sooner, share, first), jnp.where(sooner, k, chosen), where(sooner, arriving, there)
+        first, chosen, there = (
+            jnp.where(sooner, share, first),
+            jnp.where(sooner, k, chosen),
+            where(sooner, arriving, there),
+        )
     return first, chosen, there
 
 

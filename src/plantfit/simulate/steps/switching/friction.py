@@ -30,7 +30,9 @@ def with_friction(step: Stepper, friction: DryFriction, most: int = 2) -> Steppe
     """
     rubbing = _Rubbing(switched.once(step), friction, most)
     return Switching(
-        switched.traced(partial(rubbing.cut, False)), switched.traced(partial(rubbing.cut, True)), switched.traced(rubbing.quiet)
+        switched.traced(partial(rubbing.cut, False)),
+        switched.traced(partial(rubbing.cut, True)),
+        switched.traced(rubbing.quiet),
     )
 
 
@@ -44,7 +46,8 @@ class _Rubbing:
     rates: dict[Rate, Rate] = field(default_factory=dict)
 
     def rubbed(self, rate: Rate) -> Rate:
-        """The rate with friction, `Given` which way the mass slides; one for each rate, so that a step with it is traced once."""
+        """The rate with friction, `Given` which way the mass slides; one for each rate, so that a step with it is
+        traced once."""
         if rate not in self.rates:
             self.rates[rate] = partial(self._rubbed, rate)
         return self.rates[rate]
@@ -63,7 +66,9 @@ class _Rubbing:
         """The step in segments that end where something changes; `derived` where derivatives are taken of it."""
         within = _Within(self, derived, rate, u1, p, varying)
         way = self._way(rate, x, u0, p)
-        return switched.segments(within.segment, self.most, x, u0, h, within.looked_at(x, u0, u1, h, Given(p, way)), way)[3]
+        return switched.segments(
+            within.segment, self.most, x, u0, h, within.looked_at(x, u0, u1, h, Given(p, way)), way
+        )[3]
 
     def reserve(self, rate):
         """What falls through zero when the mass comes to rest or breaks away."""
@@ -128,7 +133,9 @@ class _Within:
     def segment(self, carry, last):
         """What is left of the step after the next change, or its end where none is left."""
         x, u0, h, end, way = carry
-        surface = Surface(self.stepped, self.looked_at, self.of.rubbed(self.rate), self.of.reserve(self.rate), self.varying)
+        surface = Surface(
+            self.stepped, self.looked_at, self.of.rubbed(self.rate), self.of.reserve(self.rate), self.varying
+        )
         found = fall(surface, x, end, u0, self.u1, h, Given(self.p, way))
 
         def ended(x, u0, h, end, way):
@@ -149,4 +156,6 @@ class _Within:
         return there, at, jnp.where(more, left, 0.0), end, later.fixed
 
     def _by(self, step, x, u0, u1, h, given):
-        return self.of.at_zero(given.fixed == 0.0, step(self.of.rubbed(self.rate), x, u0, u1, h, given, self.varying, None))
+        return self.of.at_zero(
+            given.fixed == 0.0, step(self.of.rubbed(self.rate), x, u0, u1, h, given, self.varying, None)
+        )

@@ -1,7 +1,8 @@
 """A step in which something may happen.
 
-Most steps hold no event. `Switching` takes a step as if nothing happened and looks at both its ends; only where something may have
-happened is the step taken again, cut at what happens. Native code skips the second where no lane of a vector needs it.
+Most steps hold no event. `Switching` takes a step as if nothing happened and looks at both its ends; only where
+something may have happened is the step taken again, cut at what happens. Native code skips the second where no lane of
+a vector needs it.
 """
 
 from collections.abc import Callable
@@ -20,9 +21,11 @@ Stepper = Callable[..., Scalars]
 
 @dataclass(frozen=True, eq=False)
 class Switching:
-    """A stepper in which something may happen: `whole` follows what does, however little; `values` is the same without derivatives.
+    """A stepper in which something may happen: `whole` follows what does, however little; `values` is the same without
+    derivatives.
 
-    `quiet` takes the same and gives the step as if nothing happened in it, which is right where nothing did, and whether something may.
+    `quiet` takes the same and gives the step as if nothing happened in it, which is right where nothing did, and
+    whether something may.
     """
 
     values: Stepper
@@ -42,7 +45,15 @@ class Switching:
         return either(may, whole, plain, *given)
 
     def valued(
-        self, rate: Callable[..., Scalars], x: Scalars, u0: Scalars, u1: Scalars, h: Any, p: Any, varying: bool, pattern: Any = None
+        self,
+        rate: Callable[..., Scalars],
+        x: Scalars,
+        u0: Scalars,
+        u1: Scalars,
+        h: Any,
+        p: Any,
+        varying: bool,
+        pattern: Any = None,
     ) -> Scalars:
         """The step for where no derivatives are taken: half as much to compile."""
         given = x, u0, u1, h, p
@@ -63,7 +74,8 @@ def quiet_step(step: Stepper) -> Callable[..., tuple[Scalars, Any]]:
 
 
 class Given(NamedTuple):
-    """What a rate is given in place of the parameters `p`: these, which may be `Given` in turn, and what is fixed over a step.
+    """What a rate is given in place of the parameters `p`: these, which may be `Given` in turn, and what is fixed over
+    a step.
 
     So rates are functions that close over nothing, and a step with one of them is traced once.
     """
@@ -78,7 +90,8 @@ def parameters(p: Any) -> Scalars:
 
 
 def traced(step: Callable[..., Any]) -> Callable[..., Any]:
-    """A stepper that is traced once for each rate, however often it is called; what its rate needs of a step stands in `Given`."""
+    """A stepper that is traced once for each rate, however often it is called; what its rate needs of a step stands
+    in `Given`."""
     once = jax.jit(step, static_argnums=(0, 6, 7))
 
     def traced(rate, x, u0, u1, h, p, varying, pattern=None):
@@ -99,13 +112,16 @@ def segments(segment: Callable[..., Any], most: int, x: Scalars, u0: Scalars, h:
     carry = jax.tree.map(lambda v: jnp.asarray(v, dtype=float), (tuple(x), tuple(u0), h, *more))
 
     def needed(carry, last):
-        return jax.lax.cond(carry[2] != 0.0, jax.checkpoint(segment, prevent_cse=False), lambda carry, _: carry, carry, last), None
+        return jax.lax.cond(
+            carry[2] != 0.0, jax.checkpoint(segment, prevent_cse=False), lambda carry, _: carry, carry, last
+        ), None
 
     return jax.lax.scan(needed, carry, jnp.arange(most + 1) == most)[0]
 
 
 def either(happens: Any, whole: Callable[..., Any], plain: Callable[..., Any], *given: Any) -> Any:
-    """`whole(*given)` where something happens, `plain(*given)` elsewhere; derivatives of `plain` that are NaN stay out of it there."""
+    """`whole(*given)` where something happens, `plain(*given)` elsewhere; derivatives of `plain` that are NaN stay
+    out of it there."""
     held = partial(jax.tree.map, lambda a: jnp.where(happens, jax.lax.stop_gradient(a), a))
     return jax.lax.cond(happens, whole, lambda *given: plain(*held(given)), *given)
 

@@ -1,7 +1,8 @@
 """The fitted plant as a function of its inputs: predictions and exact derivatives at every sample, compiled once.
 
-Additions before the plant change the recorded input, additions behind it the prediction; those inside it (friction, initial values) are
-parameters of the compiled model whose effect is nothing at zero. So all additions together cost one compilation.
+Additions before the plant change the recorded input, additions behind it the prediction; those inside it (friction,
+initial values) are parameters of the compiled model whose effect is nothing at zero. So all additions together cost one
+compilation.
 """
 
 from collections.abc import Mapping
@@ -37,7 +38,8 @@ Inputs = Mapping[str, Mapping[str, np.ndarray]]  # recording -> input -> values 
 
 @dataclass(frozen=True)
 class Rows:
-    """One row for each sample of each output of each recording: where it stands, what was measured (scaled) and how it is used."""
+    """One row for each sample of each output of each recording: where it stands, what was measured (scaled) and how
+    it is used."""
 
     recording: np.ndarray
     output: np.ndarray
@@ -54,11 +56,11 @@ class Rows:
 
 @dataclass(frozen=True)
 class Carrier:
-    """`at` gives predictions (m,) in scaled units with derivatives (m, d) by parameters; the first `own` of them are the problem's, in
-    the unit cube, the rest effects inside the plant, in their units. `inside` maps (kind, state) to the places of its coordinates,
-    `speeds` to that of a speed that is fitted beside it, with the spread of the state; `values` are what else comes with effects. `core` is
-    the same without what changes with a signal, of which there are many: most of the work is done there. Of `thin` samples, filtered
-    before the fit, one tells of noise."""
+    """`at` gives predictions (m,) in scaled units with derivatives (m, d) by parameters; the first `own` of them are
+    the problem's, in the unit cube, the rest effects inside the plant, in their units. `inside` maps (kind, state)
+    to the places of its coordinates, `speeds` to that of a speed that is fitted beside it, with the spread of the
+    state; `values` are what else comes with effects. `core` is the same without what changes with a signal, of which
+    there are many: most of the work is done there. Of `thin` samples, filtered before the fit, one tells of noise."""
 
     problem: Problem
     given: Problem
@@ -76,9 +78,15 @@ class Carrier:
 
     @classmethod
     def of(
-        cls, problem: Problem, z: np.ndarray, kinds: Mapping[str, tuple[str, ...]], meter: Meter | None = None, sharp: int = 1
+        cls,
+        problem: Problem,
+        z: np.ndarray,
+        kinds: Mapping[str, tuple[str, ...]],
+        meter: Meter | None = None,
+        sharp: int = 1,
     ) -> "Carrier":
-        """A carrier at the cube point z (d,) with these effects inside the plant: kind -> states; `meter` counts what it does.
+        """A carrier at the cube point z (d,) with these effects inside the plant: kind -> states; `meter` counts what
+        it does.
 
         Dry friction is whole from a speed on that is `sharp` times less than usual, and steps are as many times finer.
         """
@@ -89,7 +97,13 @@ class Carrier:
 
     @classmethod
     def _made(
-        cls, problem: Problem, z: np.ndarray, kinds: Mapping[str, tuple[str, ...]], sizes: Mapping[str, Size], meter: Meter, sharp: int
+        cls,
+        problem: Problem,
+        z: np.ndarray,
+        kinds: Mapping[str, tuple[str, ...]],
+        sizes: Mapping[str, Size],
+        meter: Meter,
+        sharp: int,
     ) -> "Carrier":
         model = problem.model
         assert isinstance(model, Model)
@@ -103,18 +117,27 @@ class Carrier:
             candidate = candidates(Inside)[kind]
             for s in states:
                 own = sizes[s.split(WITH)[1] if isinstance(candidate, Changing) else s]
-                # powers of two, and what is fixed in round numbers: what is compiled for one recording serves another of the same plant
+                # powers of two, and what is fixed in round numbers: what is compiled for one recording serves another
+                # of the same plant
                 size = candidate.size(own.deviation if isinstance(candidate, Changing) else own.spread, own.rate)
                 wide = 2.0 ** np.ceil(np.log2(WIDE * size))
                 bounds[kind][s] = (-wide, wide)
-                changes[parameter_name(kind, s)] = Parameter((-wide, wide), per_recording=many and candidate.per_recording)
-                own_parts = (p for p in (KINDS[kind].beside if kind in KINDS else ()) if parameter_name(p, s) not in had)
+                changes[parameter_name(kind, s)] = Parameter(
+                    (-wide, wide), per_recording=many and candidate.per_recording
+                )
+                own_parts = (
+                    p for p in (KINDS[kind].beside if kind in KINDS else ()) if parameter_name(p, s) not in had
+                )
                 for part in own_parts:
                     if part == candidate.speed:
                         speeds[kind, s] = float(2.0 ** np.ceil(np.log2(own.spread)))
-                        changes[parameter_name(part, s)] = Parameter((SLOWEST * speeds[kind, s], FASTEST * speeds[kind, s]))
+                        changes[parameter_name(part, s)] = Parameter(
+                            (SLOWEST * speeds[kind, s], FASTEST * speeds[kind, s])
+                        )
                     else:
-                        fixed[parameter_name(part, s)] = rounded_to_series(CREEP / sharp * own.spread) if part == "creep" else own.reference
+                        fixed[parameter_name(part, s)] = (
+                            rounded_to_series(CREEP / sharp * own.spread) if part == "creep" else own.reference
+                        )
         changes |= {name: Parameter(value=value) for name, value in fixed.items()}
         inputs = {n: {u: _jittered(e.recording[u]) for u in model.inputs} for n, e in problem.experiments.items()}
         filled = {n: _filled(e.recording, inputs[n], model.outputs) for n, e in problem.experiments.items()}
@@ -122,12 +145,14 @@ class Carrier:
 
         def build() -> Problem:
             experiments = {
-                n: replace(e, recording=filled[n], fit=(-np.inf, np.inf), validate=None, skip=0.0) for n, e in problem.experiments.items()
+                n: replace(e, recording=filled[n], fit=(-np.inf, np.inf), validate=None, skip=0.0)
+                for n, e in problem.experiments.items()
             }
             return Problem(
                 with_extensions(model, bounds) if bounds else model, experiments, changes, scales=problem.scales,
                 stepper=simulator.stepper, substeps=sharp * simulator.substeps,
-                hold={u: "linear" if u in simulator.interpolated else "previous" for u in model.inputs}, name=problem.name,
+                hold={u: "linear" if u in simulator.interpolated else "previous" for u in model.inputs},
+                name=problem.name,
             )  # fmt: skip
 
         if problem.mesh:
@@ -160,11 +185,14 @@ class Carrier:
         """Coordinates of the carrier: those of the problem in its order, then the effects inside."""
         return (*self.given.space.names, *(n for n in self.problem.space.names if n not in self.given.space.names))
 
-    def at(self, x: np.ndarray, inputs: Inputs | None = None, changes: bool = True, slopes: bool = True) -> tuple[np.ndarray, np.ndarray]:
-        """Predictions (m,) and derivatives (m, d) at x (d,): cube coordinates of the problem, then effects inside in their units.
+    def at(
+        self, x: np.ndarray, inputs: Inputs | None = None, changes: bool = True, slopes: bool = True
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Predictions (m,) and derivatives (m, d) at x (d,): cube coordinates of the problem, then effects inside in
+        their units.
 
-        Without `changes` the derivatives by what changes with a signal are left zero, and their values are taken for zero. Without
-        `slopes` there are no derivatives: (m, 0).
+        Without `changes` the derivatives by what changes with a signal are left zero, and their values are taken for
+        zero. Without `slopes` there are no derivatives: (m, 0).
         """
         if self.core is not None and not changes:
             predicted, own_columns = self.core.at(x[self._of_core], inputs, slopes=slopes)
@@ -193,7 +221,8 @@ class Carrier:
 
     @cached_property
     def _columns(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Of every coordinate its place among those of the compiled problem (d,), its width, 1 of the problem's own, and its centre."""
+        """Of every coordinate its place among those of the compiled problem (d,), its width, 1 of the problem's own,
+        and its centre."""
         space = self.problem.space
         places = np.array([space.names.index(n) for n in self.names])
         own = np.arange(len(places)) < self.own
@@ -212,7 +241,9 @@ class Carrier:
     @cached_property
     def _places(self) -> InputPlaces | None:
         """Where inputs stand in what is compiled; None where they are not simply copied there."""
-        return InputPlaces.of(self.problem, self.inputs, lambda inputs: self.problem.with_recordings(self._recordings(inputs)).arguments)
+        return InputPlaces.of(
+            self.problem, self.inputs, lambda inputs: self.problem.with_recordings(self._recordings(inputs)).arguments
+        )
 
     @property
     def x(self) -> np.ndarray:
@@ -237,7 +268,9 @@ class Carrier:
 
 def rows_of(problem: Problem) -> Rows:
     """Rows in the order in which the problem writes residuals of whole records."""
-    found: dict[str, list[np.ndarray]] = {k: [] for k in ("recording", "output", "sample", "measured", "fit", "unseen", "weight")}
+    found: dict[str, list[np.ndarray]] = {
+        k: [] for k in ("recording", "output", "sample", "measured", "fit", "unseen", "weight")
+    }
     for n, e in problem.experiments.items():
         for o in problem.outputs:
             y = e.recording[o]
@@ -248,18 +281,23 @@ def rows_of(problem: Problem) -> Rows:
             found["measured"].append(y / problem.scales[o])
             found["fit"].append(e.mask("fit") & there)
             found["unseen"].append(e.mask("validation") & there)
-            found["weight"].append(np.full(len(y), 1.0 if problem.weights is None else np.sqrt(problem.weights.get(n, 1.0))))
+            found["weight"].append(
+                np.full(len(y), 1.0 if problem.weights is None else np.sqrt(problem.weights.get(n, 1.0)))
+            )
     return Rows(**{k: np.concatenate(v) for k, v in found.items()})
 
 
 def _filled(recording: Recording, inputs: Mapping[str, np.ndarray], outputs: Mapping[str, object]) -> Recording:
-    """Missing samples of outputs as straight lines, so that every sample has a row, and inputs that jump at each sample."""
+    """Missing samples of outputs as straight lines, so that every sample has a row, and inputs that jump at each
+    sample."""
     signals = dict(recording.signals)
     for o in outputs:
         y = recording[o]
         good = np.isfinite(y)
         if not good.all():
-            signals[o] = Signal(np.interp(recording.t, recording.t[good], y[good]) if good.any() else np.zeros(len(y)), signals[o].unit)
+            signals[o] = Signal(
+                np.interp(recording.t, recording.t[good], y[good]) if good.any() else np.zeros(len(y)), signals[o].unit
+            )
     for u, values in inputs.items():
         signals[u] = Signal(values, signals[u].unit)
     return Recording(recording.t, signals, recording.name)

@@ -16,8 +16,8 @@ APART = 2.0  # times the samples over which the smoothing of a walk looks, betwe
 
 @dataclass(frozen=True)
 class Curve:
-    """The drift of an `output` within `bounds` (low, high), in its unit, through `count` even nodes from `begin` to `end` s; `several`
-    recordings have one each."""
+    """The drift of an `output` within `bounds` (low, high), in its unit, through `count` even nodes from `begin` to
+    `end` s; `several` recordings have one each."""
 
     output: str
     bounds: tuple[float, float]
@@ -44,8 +44,8 @@ def driftable(problem: Problem) -> dict[str, str]:
 
 
 def curve_of(problem: Problem, output: str, walk: Wandering | None = None, least: int = FEWEST) -> Curve:
-    """The curve for an output: over the fitted samples, its values within the range that was measured. Nodes are as dense as the smoothing
-    of a `walk` asks for, so that they follow it; without one the `least`."""
+    """The curve for an output: over the fitted samples, its values within the range that was measured. Nodes are as
+    dense as the smoothing of a `walk` asks for, so that they follow it; without one the `least`."""
     fitted = {n: e.mask("fit") & np.isfinite(e.recording[output]) for n, e in problem.experiments.items()}
     used = {n: e for n, e in problem.experiments.items() if fitted[n].any()}
     times = [e.recording.t[fitted[n]] for n, e in used.items()]

@@ -19,8 +19,9 @@ EVEN = 0.01  # of the period: how far steps of time may differ
 
 @dataclass(frozen=True)
 class Disturbed:
-    """The `walk` in the unit of the output, samples `period` s apart, beside these `additions`, and what the parameters are with it: by
-    coordinate a value with its standard error, in their units; none where one of them ends at a bound, those that the record shows else."""
+    """The `walk` in the unit of the output, samples `period` s apart, beside these `additions`, and what the
+    parameters are with it: by coordinate a value with its standard error, in their units; none where one of them
+    ends at a bound, those that the record shows else."""
 
     output: str
     additions: tuple[Extension, ...]
@@ -30,10 +31,11 @@ class Disturbed:
 
 
 def disturbed(carrier: Carrier, one: Fitted, use: np.ndarray) -> Disturbed | None:
-    """The plant and what was found (`one`) fitted beside a walk of the output over rows `use` (m,) bool: Gauss-Newton steps on innovations.
+    """The plant and what was found (`one`) fitted beside a walk of the output over rows `use` (m,) bool: Gauss-Newton
+    steps on innovations.
 
-    None where what is left is no walk, where the fit does not settle, for several outputs, models that are not simulated, and records that
-    are not evenly sampled.
+    None where what is left is no walk, where the fit does not settle, for several outputs, models that are not
+    simulated, and records that are not evenly sampled.
     """
     if not _applies(carrier):
         return None
@@ -75,7 +77,8 @@ def disturbed(carrier: Carrier, one: Fitted, use: np.ndarray) -> Disturbed | Non
 
 
 def evidence_beside_a_walk(carrier: Carrier, base: Fitted, one: Fitted, use: np.ndarray) -> float:
-    """Twice the gain of log-likelihood by what `one` has more than `base`, both beside a walk of the output, along their derivatives.
+    """Twice the gain of log-likelihood by what `one` has more than `base`, both beside a walk of the output, along
+    their derivatives.
 
     A walk hides what an addition explains, for it moves more; on innovations it is seen.
     """
@@ -98,12 +101,18 @@ def _steps(carrier: Carrier) -> np.ndarray:
 def _applies(carrier: Carrier) -> bool:
     """Whether there is one simulated output, evenly sampled."""
     steps = _steps(carrier)
-    return len(carrier.given.outputs) == 1 and carrier.given.predictor.has_steps and np.ptp(steps) <= EVEN * np.median(steps)
+    return (
+        len(carrier.given.outputs) == 1
+        and carrier.given.predictor.has_steps
+        and np.ptp(steps) <= EVEN * np.median(steps)
+    )
 
 
 def _sound(left: list[Left]) -> bool:
     """Whether there is something left, of a plant that does not explode."""
-    return bool(left) and all(np.max(np.abs(x), initial=0.0) < HUGE for one in left for x in (one.residuals, one.derivatives))
+    return bool(left) and all(
+        np.max(np.abs(x), initial=0.0) < HUGE for one in left for x in (one.residuals, one.derivatives)
+    )
 
 
 def _square(left: list[Left], gain: float) -> float:
@@ -127,11 +136,13 @@ def _left(carrier: Carrier, residuals: np.ndarray, jacobian: np.ndarray, use: np
 def values_beside(
     carrier: Carrier, additions: tuple[Extension, ...], point: np.ndarray, free: np.ndarray, errors: np.ndarray
 ) -> dict[str, tuple[float, float]]:
-    """By coordinate its value at a point (d + k,) and its standard error, in their units, from those (f,) of the `free` coordinates (f,);
-    none where that is infinite."""
+    """By coordinate its value at a point (d + k,) and its standard error, in their units, from those (f,) of the
+    `free` coordinates (f,); none where that is infinite."""
     space, own = carrier.given.space, carrier.own
     sizes = np.asarray(space.slopes(point[:own])) * errors[:own]
-    found = dict(zip(space.names, zip(np.asarray(space.physical(point[:own])), np.abs(sizes), strict=True), strict=True))
+    found = dict(
+        zip(space.names, zip(np.asarray(space.physical(point[:own])), np.abs(sizes), strict=True), strict=True)
+    )
     for k, a in enumerate(additions):
         place = columns(carrier, [a])[-1] if a.place == "inside" else len(carrier.names) + k
         found[a.parameter] = point[place], errors[list(free).index(place)]

@@ -1,4 +1,5 @@
-"""A plant with some additions, fitted from a point nearby: damped Gauss-Newton steps on exact and differenced derivatives."""
+"""A plant with some additions, fitted from a point nearby: damped Gauss-Newton steps on exact and differenced
+derivatives."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +23,8 @@ SINGULAR = 1e-7  # of the largest singular value: directions that nothing shows
 
 @dataclass(frozen=True)
 class Fitted:
-    """Additions, the carrier's parameters x (d,), the additions' own theta (k,), and the weighted residuals (m,) at all rows.
+    """Additions, the carrier's parameters x (d,), the additions' own theta (k,), and the weighted residuals (m,) at all
+    rows.
 
     `jacobian` (m, d + k) is by those of `free` columns. `settled`: no further step of the fit promised anything.
     """
@@ -81,10 +83,11 @@ def changing(additions: Sequence[Extension]) -> bool:
 def evaluate(
     carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, changes: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted residuals (m,) at all rows, NaN where nothing was measured, and derivatives (m, d + k) by x and linear theta.
+    """Weighted residuals (m,) at all rows, NaN where nothing was measured, and derivatives (m, d + k) by x and linear
+    theta.
 
-    Columns of additions before and behind the plant that are not linear are left zero; without `changes` also those of all that changes
-    with a signal, where none of that is among the additions.
+    Columns of additions before and behind the plant that are not linear are left zero; without `changes` also those of
+    all that changes with a signal, where none of that is among the additions.
     """
     rows = carrier.rows
     predicted, jacobian = carrier.at(x, _inputs(carrier, additions, theta), changes or changing(additions))
@@ -92,7 +95,9 @@ def evaluate(
     for k, a in _in_order(additions):
         if isinstance(a.candidate, Behind):
             column = len(carrier.names) + k
-            predicted, jacobian = _behind(carrier, a.signal, a.candidate.law, column, float(theta[k]), predicted, jacobian)
+            predicted, jacobian = _behind(
+                carrier, a.signal, a.candidate.law, column, float(theta[k]), predicted, jacobian
+            )
     weight = rows.weight
     return (predicted - rows.measured) * weight, jacobian * weight[:, None]
 
@@ -107,7 +112,9 @@ def residuals_at(carrier: Carrier, additions: Sequence[Extension], x: np.ndarray
     return (predicted - rows.measured) * rows.weight
 
 
-def _inputs(carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray) -> dict[str, dict[str, np.ndarray]] | None:
+def _inputs(
+    carrier: Carrier, additions: Sequence[Extension], theta: np.ndarray
+) -> dict[str, dict[str, np.ndarray]] | None:
     own = [(k, a.signal, a.candidate.law) for k, a in reversed(_in_order(additions)) if isinstance(a.candidate, Before)]
     if not own:
         return None
@@ -133,14 +140,17 @@ def _behind(
     predicted, jacobian = predicted.copy(), jacobian.copy()
     for name, e in carrier.problem.experiments.items():
         at = carrier.rows.part(name, y)
-        predicted[at], jacobian[at], slope = law(e.recording.t, predicted[at], jacobian[at], value, carrier.given.scales[y])
+        predicted[at], jacobian[at], slope = law(
+            e.recording.t, predicted[at], jacobian[at], value, carrier.given.scales[y]
+        )
         if slope is not None and column is not None:
             jacobian[at, column] = slope
     return predicted, jacobian
 
 
 def whole(carrier: Carrier, additions: Sequence[Extension], point: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Weighted residuals (m,) and derivatives (m, d + k) at x with theta; those of additions that are not linear by differences."""
+    """Weighted residuals (m,) and derivatives (m, d + k) at x with theta; those of additions that are not linear by
+    differences."""
     n = len(carrier.names)
     r, jacobian = evaluate(carrier, additions, point[:n], point[n:])
     for k, a in enumerate(additions):
@@ -172,14 +182,16 @@ def limits(carrier: Carrier, additions: Sequence[Extension]) -> tuple[np.ndarray
 
 
 def fitted(
-    carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray, steps: int = 30,
+    carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray,
+    steps: int = 30,
     beside: np.ndarray | None = None,
 ) -> Fitted:  # fmt: skip
-    """The best fit near (x, theta) over the rows `use` (m,) bool, by at most so many steps; `beside` is an orthonormal base (n, k) over
-    these n rows of what is fitted beside it and is not in the residuals.
+    """The best fit near (x, theta) over the rows `use` (m,) bool, by at most so many steps; `beside` is an orthonormal
+    base (n, k) over these n rows of what is fitted beside it and is not in the residuals.
 
-    Damped Gauss-Newton steps; where these gain little of what they promise, they are turned along the bend of the valley by the second
-    derivative along the step (geodesic acceleration; Transtrum, Machta and Sethna, Phys. Rev. E 83 (2011) 036701, section VII).
+    Damped Gauss-Newton steps; where these gain little of what they promise, they are turned along the bend of the
+    valley by the second derivative along the step (geodesic acceleration; Transtrum, Machta and Sethna, Phys. Rev. E 83
+    (2011) 036701, section VII).
     """
     additions, theta, x = tuple(additions), np.array(theta, dtype=float), np.array(x, dtype=float)
     free, n = columns(carrier, additions), len(carrier.names)
@@ -196,7 +208,8 @@ def fitted(
         if not np.isfinite(cost) or not np.all(np.isfinite(norms)):
             break
         q, s, right = np.linalg.svd(a / norms, full_matrices=False)
-        # what the damping holds back is promised as well: along a valley each damped step gains little, far from its end
+        # what the damping holds back is promised as well: along a valley each damped step gains little, far from its
+        # end
         promised = _promised(point[free], low[free], high[free], a, b, q, s)
         if promised <= ENDS * cost:
             settled = True
@@ -206,7 +219,11 @@ def fitted(
         if slow and taken >= STRAIGHT:
             moved = point.copy()
             moved[free] = np.clip(point[free] + AHEAD * step, low[free], high[free])
-            bend = 2.0 / AHEAD * ((own(residuals_at(carrier, additions, moved[:n], moved[n:])[use]) - b) / AHEAD - a @ step)
+            bend = (
+                2.0
+                / AHEAD
+                * ((own(residuals_at(carrier, additions, moved[:n], moved[n:])[use]) - b) / AHEAD - a @ step)
+            )
             turn = -0.5 * (right.T @ (s_inv * (q.T @ bend))) / norms
             if np.all(np.isfinite(turn)) and np.linalg.norm(turn * norms) <= MOST_TURN * np.linalg.norm(step * norms):
                 step = step + turn
@@ -234,9 +251,11 @@ def lengths(a: np.ndarray) -> np.ndarray:
         return np.maximum(np.linalg.norm(a, axis=0), 1e-300)
 
 
-def _promised(x: np.ndarray, low: np.ndarray, high: np.ndarray, a: np.ndarray, b: np.ndarray, q: np.ndarray, s: np.ndarray) -> float:
-    """The decrease of the sum of squares |b|^2 that a whole Gauss-Newton step would bring, from x (k,) inside its bounds (k,); a (m, k) are
-    the derivatives, q and s of their singular value decomposition."""
+def _promised(
+    x: np.ndarray, low: np.ndarray, high: np.ndarray, a: np.ndarray, b: np.ndarray, q: np.ndarray, s: np.ndarray
+) -> float:
+    """The decrease of the sum of squares |b|^2 that a whole Gauss-Newton step would bring, from x (k,) inside its
+    bounds (k,); a (m, k) are the derivatives, q and s of their singular value decomposition."""
     slope = a.T @ b
     held = ((x <= low) & (slope > 0)) | ((x >= high) & (slope < 0))
     if held.any():

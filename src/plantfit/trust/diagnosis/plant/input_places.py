@@ -1,6 +1,8 @@
-"""Where the samples of inputs stand among the numbers that a compiled problem takes, so that other inputs are written there alone.
+"""Where the samples of inputs stand among the numbers that a compiled problem takes, so that other inputs are written
+there alone.
 
-Preparing a recording takes twenty times as long as simulating it, and a diagnosis simulates some hundred changed inputs.
+Preparing a recording takes twenty times as long as simulating it, and a diagnosis simulates some hundred changed
+inputs.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,8 +21,8 @@ Inputs = Mapping[str, Mapping[str, np.ndarray]]  # recording -> input -> values 
 
 @dataclass(frozen=True)
 class InputPlaces:
-    """`leaves` of the numbers as they are, and for every leaf that holds samples of inputs which flat places take which sample of all
-    inputs one after the other, in the order of `inputs`."""
+    """`leaves` of the numbers as they are, and for every leaf that holds samples of inputs which flat places take
+    which sample of all inputs one after the other, in the order of `inputs`."""
 
     structure: Any
     leaves: tuple[Any, ...]
@@ -29,10 +31,11 @@ class InputPlaces:
 
     @classmethod
     def of(cls, problem: Problem, inputs: Inputs, prepared: Callable[[Inputs], Any]) -> "InputPlaces | None":
-        """None where samples of inputs are not simply copied: with inputs that go in straight lines, or late ones whose edges move.
+        """None where samples of inputs are not simply copied: with inputs that go in straight lines, or late ones whose
+        edges move.
 
-        `prepared` gives the numbers of other inputs, the slow way: it is asked twice, for which sample stands where, and whether
-        that is all.
+        `prepared` gives the numbers of other inputs, the slow way: it is asked twice, for which sample stands where,
+        and whether that is all.
         """
         leaves, structure = jax.tree.flatten(problem.arguments)
         count = sum(len(v) for own in inputs.values() for v in own.values())
@@ -48,7 +51,11 @@ class InputPlaces:
             base, seen, again = (np.asarray(a) for a in (base, seen, again))
             if base.shape != seen.shape or base.shape != again.shape:
                 return None
-            moved = np.flatnonzero((seen != again).ravel() & ~(np.isnan(seen) & np.isnan(again)).ravel()) if base.dtype.kind == "f" else ()
+            moved = (
+                np.flatnonzero((seen != again).ravel() & ~(np.isnan(seen) & np.isnan(again)).ravel())
+                if base.dtype.kind == "f"
+                else ()
+            )
             if len(moved):
                 value = seen.ravel()[moved]
                 if np.any((value < 0) | (value >= count) | (value != np.floor(value) + 0.5)):
@@ -62,7 +69,9 @@ class InputPlaces:
 
     def filled(self, inputs: Inputs) -> Any:
         """The numbers with other values of some inputs, recording -> input -> values (n,)."""
-        values = np.concatenate([inputs.get(n, {}).get(u, v) for n, own in self.inputs.items() for u, v in own.items()] or [np.zeros(0)])
+        values = np.concatenate(
+            [inputs.get(n, {}).get(u, v) for n, own in self.inputs.items() for u, v in own.items()] or [np.zeros(0)]
+        )
         leaves = list(self.leaves)
         for i, (place, sample) in self.places.items():
             leaf = np.array(leaves[i])

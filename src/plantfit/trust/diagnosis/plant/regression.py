@@ -1,4 +1,5 @@
-"""A regression with every column that may be missing: what a diagnosis tries is a coefficient of it, exact and compiled once."""
+"""A regression with every column that may be missing: what a diagnosis tries is a coefficient of it, exact and
+compiled once."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -20,7 +21,8 @@ from plantfit.trust.diagnosis.plant.carrier import Carrier, rows_of
 
 @dataclass(frozen=True)
 class Regression:
-    """A regression before its columns are filtered: `model` and `recordings`, and the options of `filter_alike` (None: not filtered)."""
+    """A regression before its columns are filtered: `model` and `recordings`, and the options of `filter_alike`
+    (None: not filtered)."""
 
     model: LinearModel
     recordings: Mapping[str, Recording]
@@ -32,7 +34,8 @@ class Regression:
         assert isinstance(problem.model, LinearModel)
         if of_columns(problem.model):
             raise ModelError(
-                f"The columns of {problem.model.name!r} were filtered before the fit, and the signals that they are made of are not there: "
+                f"The columns of {problem.model.name!r} were filtered before the fit, and the signals that they are "
+                f"made of are not there: "
                 "use `plantfit diagnose` on its study file, or give regression=plantfit.spec.before_filter(study)."
             )
         return cls(problem.model, {n: e.recording for n, e in problem.experiments.items()})
@@ -49,17 +52,23 @@ class Regression:
         if self.filtered is not None:
             model, recordings = filter_alike(model, recordings, **self.filtered)
         experiments = {
-            n: replace(e, recording=recordings[n], fit=(-np.inf, np.inf), validate=None, skip=0.0) for n, e in given.experiments.items()
+            n: replace(e, recording=recordings[n], fit=(-np.inf, np.inf), validate=None, skip=0.0)
+            for n, e in given.experiments.items()
         }
         return Problem(model, experiments, given.space.parameters, scales=given.scales, name=given.name)
 
     def thinned(self, period: float) -> int:
-        """Of how many samples one is independent of the one before as far as the filter goes, for steps of `period` s."""
+        """Of how many samples one is independent of the one before as far as the filter goes, for steps of `period`
+        s."""
         return 1 if self.filtered is None else max(1, round(0.5 / (float(self.filtered["cutoff"]) * period)))
 
 
 def carrier_of_regression(
-    problem: Problem, z: np.ndarray, regression: Regression, terms: Mapping[str, tuple[str, ...]], meter: Meter | None = None
+    problem: Problem,
+    z: np.ndarray,
+    regression: Regression,
+    terms: Mapping[str, tuple[str, ...]],
+    meter: Meter | None = None,
 ) -> Carrier:
     """A carrier at the cube point z (d,) with these columns, kind -> keys of a study file; each is an effect inside."""
     made = regression.in_units().problem(problem, terms)

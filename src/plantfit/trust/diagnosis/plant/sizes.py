@@ -12,8 +12,8 @@ from plantfit.simulate.simulator import Drive
 
 @dataclass(frozen=True)
 class Size:
-    """Of a signal over all recordings: its `spread` (rms about zero) and that of its `rate`, both the largest of any recording; its
-    `mean`, and its `deviation` about a round number near that, the `reference`."""
+    """Of a signal over all recordings: its `spread` (rms about zero) and that of its `rate`, both the largest of any
+    recording; its `mean`, and its `deviation` about a round number near that, the `reference`."""
 
     spread: float
     rate: float
@@ -46,13 +46,20 @@ def _size(paths: list[tuple[np.ndarray, np.ndarray]], time: bool) -> Size:
     for t, x in paths:
         size = max(float(np.sqrt(np.mean(x**2))), 1e-9)
         spread = max(spread, size)
-        rate = max(rate, float(np.sqrt(np.mean(np.gradient(x, t[: len(x)]) ** 2))), size / max(float(np.ptp(t)), 1e-300))
+        rate = max(
+            rate, float(np.sqrt(np.mean(np.gradient(x, t[: len(x)]) ** 2))), size / max(float(np.ptp(t)), 1e-300)
+        )
     every = np.concatenate([x for _, x in paths])
     every = every[np.isfinite(every)]
     middle = float(np.min(every) if time else np.mean(every)) if len(every) else 0.0
     deviation = max(float(np.std(every)) if len(every) else 0.0, 1e-9 * spread)
     reference = round_number(middle, deviation)
-    return Size(spread, rate, reference, max(float(np.sqrt(np.mean((every - reference) ** 2))) if len(every) else 0.0, deviation))
+    return Size(
+        spread,
+        rate,
+        reference,
+        max(float(np.sqrt(np.mean((every - reference) ** 2))) if len(every) else 0.0, deviation),
+    )
 
 
 def round_number(value: float, deviation: float) -> float:

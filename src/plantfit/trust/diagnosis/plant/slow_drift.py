@@ -17,16 +17,19 @@ from plantfit.trust.validate.wandering import ALONE, answers, followed
 SPLINES = (5, 8, 12, 18, 27)  # of a curve, that are compared
 LARGE = 0.5  # of the mean square of what is left that the curves have to account for
 AT_NOISE = 1.3  # times the sample-to-sample noise that may be left beside them
-SLOWER = 0.15  # of the variance of what the plant does that a curve must be unable to follow, or it stands for errors of the model
+# of the variance of what the plant does that a curve must be unable to follow, or it stands for errors of the model
+SLOWER = 0.15
 FINER = 2.25  # times as many splines beside which parameters are told
 FEWEST = 4  # samples for each spline
 STIFF = (3, 4)  # splines of a curve that may stand for what was found, before those above
-AS_WELL = 2.0  # of the Bayesian information criterion, by which a curve may be worse than what was found and still explain as much
+# of the Bayesian information criterion, by which a curve may be worse than what was found and still explain as much
+AS_WELL = 2.0
 
 
 @dataclass(frozen=True)
 class SlowDrift:
-    """The drift of an `output`: a curve of so many cubic B-splines that moves over `moves`, in the unit of the output."""
+    """The drift of an `output`: a curve of so many cubic B-splines that moves over `moves`, in the unit of the
+    output."""
 
     output: str
     count: int
@@ -43,9 +46,9 @@ class Rival:
 
 @dataclass(frozen=True)
 class Drifting:
-    """`drifts` beside these `additions`, which together account for this share of what is left of their outputs (`explains`), and what the
-    parameters are with them: by coordinate a value with its standard error, in their units; none where one of them ends at a bound, those
-    that the record shows else."""
+    """`drifts` beside these `additions`, which together account for this share of what is left of their outputs
+    (`explains`), and what the parameters are with them: by coordinate a value with its standard error, in their
+    units; none where one of them ends at a bound, those that the record shows else."""
 
     additions: tuple[Extension, ...]
     drifts: tuple[SlowDrift, ...]
@@ -69,8 +72,9 @@ class Curves:
 def drifting(carrier: Carrier, one: Fitted, outputs: Sequence[str], use: np.ndarray) -> Drifting | None:
     """The plant and what was found (`one`) fitted beside curves in time on `outputs` over rows `use` (m,) bool.
 
-    None where what is left is no slow drift: curves have to account for half of it and leave the noise, what is then left must not follow
-    the inputs, and what the plant does must be too fast for them, as errors of a model are of that speed.
+    None where what is left is no slow drift: curves have to account for half of it and leave the noise, what is then
+    left must not follow the inputs, and what the plant does must be too fast for them, as errors of a model are of that
+    speed.
     """
     curves = chosen_curves(carrier, one, outputs, use)
     if curves is None:
@@ -81,20 +85,27 @@ def drifting(carrier: Carrier, one: Fitted, outputs: Sequence[str], use: np.ndar
     before, after = float(np.sum(one.residuals[use][on] ** 2)), float(np.sum(left[on] ** 2))
     if not np.isfinite(after) or before <= 0 or after > (1.0 - LARGE) * before:
         return None
-    if times_noise(carrier, replace(fit, residuals=_of_all(left, use)), ~use) > AT_NOISE or _follows(carrier, fit, curves, left, use):
+    if times_noise(carrier, replace(fit, residuals=_of_all(left, use)), ~use) > AT_NOISE or _follows(
+        carrier, fit, curves, left, use
+    ):
         return None
     drifts = tuple(_drift(carrier, fit, curves, y, use) for y in curves.outputs)
     return Drifting(fit.additions, drifts, 1.0 - after / before, _values(carrier, fit, curves, use))
 
 
 def rival(carrier: Carrier, bare: Fitted, end: Fitted, use: np.ndarray) -> Rival | None:
-    """The slow drift of one output that does as well beside the model as it is (`bare`) as all that was found does (`end`), the parameters
-    moving along their derivatives; None where no curve does, or the plant is too slow for one."""
+    """The slow drift of one output that does as well beside the model as it is (`bare`) as all that was found does
+    (`end`), the parameters moving along their derivatives; None where no curve does, or the plant is too slow for
+    one."""
     r, a = bare.residuals[use], bare.jacobian[np.ix_(use, columns(carrier, bare.additions))]
     if not (np.all(np.isfinite(r)) and np.all(np.isfinite(a))):
         return None
     price = float(np.log(len(r)))
-    most = len(r) * float(np.log(max(end.cost(use), 1e-300))) + price * (len(end.additions) - len(bare.additions)) + AS_WELL
+    most = (
+        len(r) * float(np.log(max(end.cost(use), 1e-300)))
+        + price * (len(end.additions) - len(bare.additions))
+        + AS_WELL
+    )
     found: list[tuple[float, float, Curves, np.ndarray]] = []
     for y in carrier.given.outputs:
         for count in (*STIFF, *SPLINES):
@@ -107,7 +118,9 @@ def rival(carrier: Carrier, bare: Fitted, end: Fitted, use: np.ndarray) -> Rival
             square = max(float(left @ left), 1e-300)
             criterion = len(r) * float(np.log(square)) + price * curves.base.shape[1]
             if criterion < most and _faster(carrier, bare, curves, use):
-                found.append((criterion, square, curves, np.linalg.lstsq(np.hstack([curves.base, a]), r, rcond=1e-10)[0]))
+                found.append(
+                    (criterion, square, curves, np.linalg.lstsq(np.hstack([curves.base, a]), r, rcond=1e-10)[0])
+                )
     if not found:
         return None
     _, square, curves, x = min(found, key=lambda one: one[0])
@@ -115,8 +128,11 @@ def rival(carrier: Carrier, bare: Fitted, end: Fitted, use: np.ndarray) -> Rival
     return Rival(drift, 1.0 - square / max(float(r @ r), 1e-300))
 
 
-def evidence_beside_a_drift(carrier: Carrier, base: Fitted, one: Fitted, outputs: Sequence[str], use: np.ndarray) -> float:
-    """Twice the gain of log-likelihood by what `one` has more than `base`, both beside the same curves, along their derivatives."""
+def evidence_beside_a_drift(
+    carrier: Carrier, base: Fitted, one: Fitted, outputs: Sequence[str], use: np.ndarray
+) -> float:
+    """Twice the gain of log-likelihood by what `one` has more than `base`, both beside the same curves, along their
+    derivatives."""
     curves = chosen_curves(carrier, one, outputs, use)
     if curves is None:
         return 0.0
@@ -132,8 +148,8 @@ def evidence_beside_a_drift(carrier: Carrier, base: Fitted, one: Fitted, outputs
 
 
 def chosen_curves(carrier: Carrier, one: Fitted, outputs: Sequence[str], use: np.ndarray) -> Curves | None:
-    """Those with the least Bayesian information criterion, where the parameters may move along their derivatives; None where the plant is
-    no faster than such a curve, or what is left is not finite."""
+    """Those with the least Bayesian information criterion, where the parameters may move along their derivatives;
+    None where the plant is no faster than such a curve, or what is left is not finite."""
     r, a = one.residuals[use], one.jacobian[np.ix_(use, columns(carrier, one.additions))]
     if not outputs or not (np.all(np.isfinite(r)) and np.all(np.isfinite(a))):
         return None
@@ -145,7 +161,9 @@ def chosen_curves(carrier: Carrier, one: Fitted, outputs: Sequence[str], use: np
         q = _orthonormal(made.without(a))
         left = made.without(r)
         left = left - q @ (q.T @ left)
-        found.append((len(r) * float(np.log(max(left @ left, 1e-300))) + made.base.shape[1] * float(np.log(len(r))), made))
+        found.append(
+            (len(r) * float(np.log(max(left @ left, 1e-300))) + made.base.shape[1] * float(np.log(len(r))), made)
+        )
     if not found:
         return None
     curves = min(found, key=lambda one: one[0])[1]
@@ -209,7 +227,11 @@ def _follows(carrier: Carrier, fit: Fitted, curves: Curves, left: np.ndarray, us
         for name, e in carrier.given.experiments.items():
             at = rows.part(name, y)
             at = at[use[at]]
-            told = [c[rows.sample[at]] for u in carrier.inputs[name] for c in answers(np.asarray(e.recording[u], dtype=float))]
+            told = [
+                c[rows.sample[at]]
+                for u in carrier.inputs[name]
+                for c in answers(np.asarray(e.recording[u], dtype=float))
+            ]
             if len(at) and told:
                 block = np.zeros((int(use.sum()), len(told)))
                 block[place[at]] = np.column_stack(told) * rows.weight[at][:, None]
@@ -244,7 +266,8 @@ def _moved(carrier: Carrier, curves: Curves, curve: np.ndarray, output: str, use
 
 
 def _values(carrier: Carrier, fit: Fitted, curves: Curves, use: np.ndarray) -> dict[str, tuple[float, float]]:
-    """The parameters beside finer curves: what the criterion thinks too little to follow would draw them. None where one is at a bound."""
+    """The parameters beside finer curves: what the criterion thinks too little to follow would draw them. None where
+    one is at a bound."""
     finer = _curves(carrier, curves.outputs, int(np.ceil(FINER * curves.count)), use)
     assert finer is not None
     fit = fitted(carrier, fit.additions, fit.x, fit.theta, use, beside=finer.base)

@@ -24,7 +24,8 @@ SHARES = {  # of the rms of a speed, or of the range of a position: scales from 
 
 def _row(article: str, name: str, phrase: str) -> Inside:
     return Inside(
-        article=article, name=name, phrase=phrase, low=-np.inf, bounds=ranges.both_signs, unit=lambda unit: unit, size=lambda s, rate: 1.0,
+        article=article, name=name, phrase=phrase, low=-np.inf, bounds=ranges.both_signs, unit=lambda unit: unit,
+        size=lambda s, rate: 1.0,
     )  # fmt: skip
 
 
@@ -36,7 +37,8 @@ CANDIDATES: dict[str, Inside] = {
     "quadratic": _row("a", "drag by the square on {}", "a drag by the square of {} on {}"),
     "offset": _row("an", "offset of {}", "an offset of {} on {}"),
     "change": Changing(
-        name="change of {}", phrase="a change of {1} by {0}", low=-np.inf, bounds=ranges.both_signs, unit=lambda unit: unit,
+        name="change of {}", phrase="a change of {1} by {0}", low=-np.inf, bounds=ranges.both_signs,
+        unit=lambda unit: unit,
         size=lambda s, rate: 1.0,
     ),
 }  # fmt: skip
@@ -89,7 +91,10 @@ def _keys(regression: Regression) -> Iterator[tuple[str, str]]:
         if term.of == "output":
             yield from ((kind, o) for o in model.outputs)
         elif term.of == "coefficient":
-            yield from ((kind, f"{c}{WITH}{s}") for c, s in islice(((c, s) for c in model.coefficients for s in moving), MOST_PAIRS))
+            yield from (
+                (kind, f"{c}{WITH}{s}")
+                for c, s in islice(((c, s) for c in model.coefficients for s in moving), MOST_PAIRS)
+            )
         else:
             for o in model.outputs:
                 for s in of_kind[term.of]:

@@ -1,4 +1,5 @@
-"""What acts on an output and nobody measured, where more than noise is left in the end: a disturbance that wanders, or a slow drift."""
+"""What acts on an output and nobody measured, where more than noise is left in the end: a disturbance that wanders,
+or a slow drift."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -19,7 +20,8 @@ Told = Disturbed | Drifting
 
 @dataclass(frozen=True)
 class Kind:
-    """A walk or a drift: whether a fit leaves one (`told`), and the evidence for what a second fit has more than a first beside it."""
+    """A walk or a drift: whether a fit leaves one (`told`), and the evidence for what a second fit has more than a
+    first beside it."""
 
     says: str
     told: Callable[[Fitted], Told | None]
@@ -30,11 +32,15 @@ def with_unmeasured(course: Course, found: Diagnosis) -> Diagnosis:
     """The diagnosis with what nobody measured, where that is what the model, or what was found, leaves."""
     found = replace(found, rival=_rival(course, found))
     meter = course.carrier.meter
-    if times_noise(course.carrier, found.end, course.apart) <= SOME or not meter.holds(WORK * course.carrier.charge(False)):
+    if times_noise(course.carrier, found.end, course.apart) <= SOME or not meter.holds(
+        WORK * course.carrier.charge(False)
+    ):
         return found
     for kind in _kinds(course):
         course.say(kind.says)
-        for one in (found.base, found.end) if found.found else (found.base,):  # what wanders may look like a drift of one rate
+        for one in (
+            (found.base, found.end) if found.found else (found.base,)
+        ):  # what wanders may look like a drift of one rate
             told = kind.told(one)
             if told is not None:
                 return _said(course, found, told)
@@ -46,7 +52,8 @@ def with_unmeasured(course: Course, found: Diagnosis) -> Diagnosis:
 
 
 def curves_for(course: Course, outputs: Sequence[str], found: Diagnosis) -> Diagnosis:
-    """The diagnosis with curves in time for outputs whose drift was asked for, as dense as what wanders there asks for."""
+    """The diagnosis with curves in time for outputs whose drift was asked for, as dense as what wanders there asks
+    for."""
     if not outputs:
         return found
     walk = disturbed(course.carrier, course.base, course.use)
@@ -88,7 +95,9 @@ def _said(course: Course, found: Diagnosis, told: Told) -> Diagnosis:
     found = replace(found, rival=None)  # one of the two is enough
     if isinstance(told, Disturbed):
         return replace(found, disturbed=told, curves=(curve_of(given, told.output, told.walk),))
-    return replace(found, drifting=told, curves=tuple(curve_of(given, d.output, least=NODES * d.count) for d in told.drifts))
+    return replace(
+        found, drifting=told, curves=tuple(curve_of(given, d.output, least=NODES * d.count) for d in told.drifts)
+    )
 
 
 def _hidden(course: Course, found: Diagnosis, kind: Kind) -> Diagnosis | None:
@@ -96,7 +105,12 @@ def _hidden(course: Course, found: Diagnosis, kind: Kind) -> Diagnosis | None:
     carrier, first = course.carrier, found.rounds[0]
     tried = [(kind.evidence(first.base or found.base, t.at), k, t) for k, t in enumerate(first.trials) if t.at]
     most, k, t = max(tried, default=(0.0, 0, None), key=lambda one: one[0])
-    if t is None or t.at is None or most < needed(len(first.trials)) or not carrier.meter.holds(WORK * carrier.charge(True)):
+    if (
+        t is None
+        or t.at is None
+        or most < needed(len(first.trials))
+        or not carrier.meter.holds(WORK * carrier.charge(True))
+    ):
         return None
     told = kind.told(t.at)
     if told is None:
@@ -104,7 +118,10 @@ def _hidden(course: Course, found: Diagnosis, kind: Kind) -> Diagnosis | None:
     value, error = told.values.get(t.extension.parameter, (t.value, t.standard_error))
     hidden = replace(t, value=value, standard_error=error, evidence=most)
     alike = [other for gained, _, other in tried if other is not t and most - gained < ALIKE]
-    rounds = (replace(first, found=(hidden, *alike), trials=(*first.trials[:k], hidden, *first.trials[k + 1 :])), *found.rounds[1:])
+    rounds = (
+        replace(first, found=(hidden, *alike), trials=(*first.trials[:k], hidden, *first.trials[k + 1 :])),
+        *found.rounds[1:],
+    )
     return _said(course, replace(found, rounds=rounds), told)
 
 

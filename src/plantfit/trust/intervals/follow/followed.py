@@ -1,4 +1,5 @@
-"""One end of a range followed on the problem: a parameter is moved, all others are fitted anew, and the cost is compared."""
+"""One end of a range followed on the problem: a parameter is moved, all others are fitted anew, and the cost is
+compared."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,7 +25,8 @@ WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
 CLIFF = 10.0  # growth over the threshold where a parabola from the last place inside would have much less
 BETWEEN = 6  # places between the ends of a wide range that are looked at
 FURTHER = 1.3  # times the distance of an end at which it is tried from elsewhere whether the range goes on
-BEYOND = 1.5  # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
+# times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
+BEYOND = 1.5
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
 INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
@@ -36,9 +38,9 @@ SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an en
 class Place:
     """One coordinate held `at` a place of its edge of the cube, the others fitted anew.
 
-    `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there. `settled`: the
-    refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall to the threshold beyond it;
-    `limited`: where it leans, physics sets a limit somewhere beyond.
+    `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there.
+    `settled`: the refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall
+    to the threshold beyond it; `limited`: where it leans, physics sets a limit somewhere beyond.
     """
 
     at: float
@@ -54,8 +56,9 @@ class Place:
 class Followed:
     """Ranges of the coordinates of `problem` around the cube point z (d,), with at most so many Jacobians.
 
-    Points are those of a cube of its own, `room`, which reaches some way beyond the bounds of the search. Where a range reaches its end,
-    or a refit leans on a bound of it that is no physical limit, the linear problem says how it goes on.
+    Points are those of a cube of its own, `room`, which reaches some way beyond the bounds of the search. Where a range
+    reaches its end, or a refit leans on a bound of it that is no physical limit, the linear problem says how it goes
+    on.
     """
 
     def __init__(self, problem: Problem, z: np.ndarray, linear: Linear, allowed: int):
@@ -69,7 +72,9 @@ class Followed:
         self.lower, self.upper = self.room.lower, self.room.upper
         self.times = 1.0  # the threshold, how much an answer may cost
         self.met: list[np.ndarray] = []
-        self.growths = {self.z.tobytes(): 0.0}  # of the sum of squares over the variance, at every point that a refit ended at
+        self.growths = {
+            self.z.tobytes(): 0.0
+        }  # of the sum of squares over the variance, at every point that a refit ended at
 
     def range(self, i: int) -> Range:
         """The range of coordinate i."""
@@ -89,7 +94,8 @@ class Followed:
     def look_between(self, i: int, found: Range) -> None:
         """Refits at places between the ends of a wide range of coordinate i, and what they met.
 
-        A parameter that means nothing at the answer may mean much in the middle of its range, where others then have other values.
+        A parameter that means nothing at the answer may mean much in the middle of its range, where others then have
+        other values.
         """
         first, last = self._cube(i, found.low, 0.0), self._cube(i, found.high, 1.0)
         known = [self.z, *found.points]
@@ -102,7 +108,8 @@ class Followed:
                 found.points.append(place.point)
 
     def go_on(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
-        """Follow coordinate i beyond its range from points `starts` (d,) that cost as little as the answer, and keep what is met."""
+        """Follow coordinate i beyond its range from points `starts` (d,) that cost as little as the answer, and keep
+        what is met."""
         self.met, self.left = [], max(self.left, 8 * STEPS)
         for sign, edge in ((-1.0, 0.0), (1.0, 1.0)):
             for start in starts:
@@ -123,8 +130,8 @@ class Followed:
     def look_beyond(self, i: int, found: Range, starts: Sequence[np.ndarray]) -> None:
         """Widen a narrow range to that of three standard errors where a valley opens just beyond it.
 
-        One answer in twenty has the truth beyond its range. If the range is short only because it ends before the valley, these are the
-        answers that would be called determined.
+        One answer in twenty has the truth beyond its range. If the range is short only because it ends before the
+        valley, these are the answers that would be called determined.
         """
         self.times = BEYOND**2
         beyond = Range(found.low, found.high)
@@ -135,7 +142,8 @@ class Followed:
             found.low, found.high = beyond.low, beyond.high
 
     def elsewhere(self, end: np.ndarray) -> np.ndarray | None:
-        """The point (d,) where a search from another one's `end` (d,) stops, if it costs little more than the answer; both of `room`."""
+        """The point (d,) where a search from another one's `end` (d,) stops, if it costs little more than the
+        answer; both of `room`."""
         block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0))
         top = max(float(np.max(self.linear.threshold)), self.linear.quantile**2) * self.linear.variance
         if not np.isfinite(block.cost) or block.cost - self.least > top:
@@ -160,7 +168,9 @@ class Followed:
         step, x = linear_end(self.linear, i, sign)
         end = float(self.linear.values[i] + sign * step * self.linear.size[i])
         if step > OUTSIDE and not self.lower[i] <= end <= self.upper[i]:
-            end = float(self.limits[i][1 if sign > 0 else 0])  # where nothing can be simulated the linear problem is not followed far
+            end = float(
+                self.limits[i][1 if sign > 0 else 0]
+            )  # where nothing can be simulated the linear problem is not followed far
         edge = 0.0 if sign < 0 else 1.0
         if abs(edge - float(self.z[i])) <= EDGE or step == 0.0:
             return end
@@ -168,8 +178,11 @@ class Followed:
         self.left = max(self.left, 2 * STEPS)
         return self._march(i, sign, here, self._cube(i, end, edge), self._point(x), end)
 
-    def _march(self, i: int, sign: float, inside: Place, at: float, start: np.ndarray | None, end: float, on: bool = False) -> float:
-        """Where the range ends, from a place `inside` of it: `at` is tried first, from `start` (d,) if given; `end` is known so far.
+    def _march(
+        self, i: int, sign: float, inside: Place, at: float, start: np.ndarray | None, end: float, on: bool = False
+    ) -> float:
+        """Where the range ends, from a place `inside` of it: `at` is tried first, from `start` (d,) if given; `end` is
+        known so far.
 
         `on`: from elsewhere, where `at` is no end of the linear problem; refits that succeed are not counted then.
         """
@@ -181,7 +194,9 @@ class Followed:
             # at the edge of the box the growth itself says how the range goes on
             enough = 0.5 * SLIGHT if at == edge else ENOUGH
             found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start, enough)
-            if found is None or (found.share > 1.0 and not (found.settled and found.limited)):  # too far for one refit, or for the box
+            if found is None or (
+                found.share > 1.0 and not (found.settled and found.limited)
+            ):  # too far for one refit, or for the box
                 if found is not None and found.leans:
                     outside = None  # what was found further out, from another place, says nothing
                     if self._beyond_bounds(i, inside) and inside.share < 0.5:
@@ -196,14 +211,21 @@ class Followed:
             elif found.leans:  # a bound may hold what the data do not
                 if at == edge:
                     return float(self.limits[i][1 if sign > 0 else 0])
-                inside, outside = replace(found, share=1.0), None  # a refit further out, from another place, says nothing beyond it
+                inside, outside = (
+                    replace(found, share=1.0),
+                    None,
+                )  # a refit further out, from another place, says nothing beyond it
                 self.left = max(self.left, STEPS)
             else:
                 outside = found
             if probe == 0 and not on and inside.share < 1.0 and ALIKE[0] <= found.share <= ALIKE[1] and at != edge:
                 return end
             if at == edge and found.share <= 1.0:  # what a bound of the search holds grows, and not what the data do
-                return float(self.limits[i][1 if sign > 0 else 0]) if found.leans else self._beyond(i, sign, found.share, end)
+                return (
+                    float(self.limits[i][1 if sign > 0 else 0])
+                    if found.leans
+                    else self._beyond(i, sign, found.share, end)
+                )
             near = outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)
             if self.left <= 0:
                 break
@@ -224,7 +246,8 @@ class Followed:
         return self._unstopped(i, sign, inside, end)
 
     def _unstopped(self, i: int, sign: float, inside: "Place", end: float) -> float:
-        """Where a range ends that was left before the data stopped it: at the linear end, or nowhere once it was found beyond that.
+        """Where a range ends that was left before the data stopped it: at the linear end, or nowhere once it was found
+        beyond that.
 
         A wide linear end that no refit has tried is no end: the problem may be curved.
         """
@@ -236,7 +259,9 @@ class Followed:
             return limit  # far, and nothing has stopped it yet
         if sign * (reached - end) <= 0.0:
             return end
-        return limit if inside.share < 0.5 or inside.leans else reached  # a bound of the search stopped it there, and not the data
+        return (
+            limit if inside.share < 0.5 or inside.leans else reached
+        )  # a bound of the search stopped it there, and not the data
 
     def _beyond_bounds(self, i: int, place: "Place") -> bool:
         """Whether coordinate i has left the bounds of the search."""
@@ -246,7 +271,9 @@ class Followed:
         """The place to try next."""
         if outside is not None:
             low, high = inside.at, outside.at
-            off = 0.35 if outside.share > 10.0 and inside.share < 0.1 else 0.1  # a cliff, or a refit that found no way: no parabola
+            off = (
+                0.35 if outside.share > 10.0 and inside.share < 0.1 else 0.1
+            )  # a cliff, or a refit that found no way: no parabola
             first, last = sorted((low + off * (high - low), high - off * (high - low)))
             return min(max(self._between(inside, outside), first), last)
         factor = float(np.clip(1.1 / np.sqrt(max(inside.share, SLIGHT)), 1.3, 4.0))
@@ -254,7 +281,8 @@ class Followed:
         return edge if abs(at - here) >= 0.7 * abs(edge - here) else at
 
     def _predicted(self, i: int, inside: "Place", at: float) -> np.ndarray:
-        """Where the others go when coordinate i moves to `at`, by the derivatives at the nearest place inside the range."""
+        """Where the others go when coordinate i moves to `at`, by the derivatives at the nearest place inside the
+        range."""
         others = np.arange(len(self.z)) != i
         columns = inside.jacobian[:, others]
         scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
@@ -287,7 +315,9 @@ class Followed:
         whole[i] += (edge - self.z[i]) / np.sqrt(share)
         reached, value = float(self.room.extended(whole)[i]), self.linear.values[i]
         last = self._value(i, edge)
-        if abs(reached - value) > OUTSIDE * abs(last - value) or (self.problem.space.log[i] and reached < last / OUTSIDE):
+        if abs(reached - value) > OUTSIDE * abs(last - value) or (
+            self.problem.space.log[i] and reached < last / OUTSIDE
+        ):
             return float(limit)
         end = reached if np.isfinite(reached) else end
         return float(np.clip(end, *self.limits[i]))
@@ -295,11 +325,16 @@ class Followed:
     def _place(self, i: int, point: np.ndarray) -> Place:
         """A point (d,) that was met, with what is known there."""
         self.left -= 1
-        return Place(float(point[i]), self.growths[point.tobytes()] / (self.times * self.linear.threshold[i]), point, *self._rows(point))
+        return Place(
+            float(point[i]),
+            self.growths[point.tobytes()] / (self.times * self.linear.threshold[i]),
+            point,
+            *self._rows(point),
+        )
 
     def _grown(self, i: int, at: float, start: np.ndarray, enough: float = ENOUGH) -> "Place | None":
-        """The others fitted anew with coordinate i held, from `start` (d,), until the growth is `enough` of the threshold; None where it
-        cannot be simulated."""
+        """The others fitted anew with coordinate i held, from `start` (d,), until the growth is `enough` of the
+        threshold; None where it cannot be simulated."""
         point, places = np.clip(start, 0.0, 1.0), np.array([k for k in range(len(self.z)) if k != i], dtype=int)
         point[i] = at
         top = self.times * self.linear.threshold[i] * self.linear.variance
@@ -335,7 +370,9 @@ class Followed:
         point[places] = block.x
         share = (block.cost - self.least) / top
         self.growths[point.tobytes()] = float(share) * top / self.linear.variance
-        return Place(at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(point, places, block, top))
+        return Place(
+            at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(point, places, block, top)
+        )
 
     def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals and derivatives in few rows whose squares sum to those of all samples."""
@@ -344,15 +381,18 @@ class Followed:
         return r * scale, j * self.room.width * scale
 
     def _leans(self, point: np.ndarray, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool]:
-        """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to the threshold,
-        and whether physics limits all of them.
+        """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to
+        the threshold, and whether physics limits all of them.
 
-        By the gradient, which a convex sum never falls faster than, and by what is left of it where the coordinates off their bounds have
-        moved to their best: a refit may end a little before, and they go along with those on bounds. A coordinate whose effect does not
-        fade towards its physical limit, as that of a divisor, may lower the sum to anything.
+        By the gradient, which a convex sum never falls faster than, and by what is left of it where the coordinates off
+        their bounds have moved to their best: a refit may end a little before, and they go along with those on bounds.
+        A coordinate whose effect does not fade towards its physical limit, as that of a divisor, may lower the sum to
+        anything.
         """
         inner = block.jacobian[:, (block.x > EDGE) & (block.x < 1.0 - EDGE)]
-        left = block.residuals - inner @ np.linalg.lstsq(inner, block.residuals)[0] if inner.shape[1] else block.residuals
+        left = (
+            block.residuals - inner @ np.linalg.lstsq(inner, block.residuals)[0] if inner.shape[1] else block.residuals
+        )
         gradient, most, noticed = 2.0 * block.jacobian.T @ left, 0.0, []
         for k, x, g in zip(places, block.x, gradient, strict=True):
             side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
@@ -360,7 +400,11 @@ class Followed:
                 continue
             bound = self.lower[k] if side == 0 else self.upper[k]
             room = abs(self.limits[k][side] - bound)
-            slope = bound * np.log(self.upper[k] / self.lower[k]) if self.problem.space.log[k] else self.upper[k] - self.lower[k]
+            slope = (
+                bound * np.log(self.upper[k] / self.lower[k])
+                if self.problem.space.log[k]
+                else self.upper[k] - self.lower[k]
+            )
             if abs(g) / slope * min(room, max(abs(bound), self.linear.size[k])) > 0.1 * top:
                 noticed.append((int(k), side))
             most += abs(g) / slope * room
@@ -369,15 +413,17 @@ class Followed:
         return leans, bool(not leans or np.isfinite(most))
 
     def _steep(self, point: np.ndarray, k: int, side: int) -> bool:
-        """Whether what coordinate k does on its bound does not fade towards its physical limit: by its derivatives with respect to the
-        logarithm of the distance from there, on the bound and a little inside."""
+        """Whether what coordinate k does on its bound does not fade towards its physical limit: by its derivatives
+        with respect to the logarithm of the distance from there, on the bound and a little inside."""
         bound, limit = (self.lower[k], self.limits[k][0]) if side == 0 else (self.upper[k], self.limits[k][1])
         if not np.isfinite(limit) or bound == limit:
             return False
         inside = point.copy()
         inside[k] = self._cube(k, limit + INSIDE * (bound - limit), float(1 - side))
         self.left -= 2
-        effects = [abs(self._value(k, z[k]) - limit) / self.room.slopes(z)[k] * self._rows(z)[1][:, k] for z in (point, inside)]
+        effects = [
+            abs(self._value(k, z[k]) - limit) / self.room.slopes(z)[k] * self._rows(z)[1][:, k] for z in (point, inside)
+        ]
         at, beside = (float(np.linalg.norm(e)) for e in effects)
         return bool(np.isfinite(at + beside) and np.log(max(beside, 1e-300) / max(at, 1e-300)) < FADES * np.log(INSIDE))
 
@@ -393,7 +439,9 @@ class Followed:
         """The cube point of the linear problem's x (d,), inside the box; the answer where that is far."""
         if not np.all(np.isfinite(x)) or np.max(np.abs(x), initial=0.0) > 1.0:
             return self.z
-        return np.clip(self.room.cube(np.clip(self.linear.values + x * self.linear.size, self.lower, self.upper)), 0.0, 1.0)
+        return np.clip(
+            self.room.cube(np.clip(self.linear.values + x * self.linear.size, self.lower, self.upper)), 0.0, 1.0
+        )
 
     def _value(self, i: int, at: float) -> float:
         whole = self.z.copy()

@@ -1,4 +1,5 @@
-"""Ranges of all parameters followed on the problem itself, each end by `followed.py`, and joined where a valley bends."""
+"""Ranges of all parameters followed on the problem itself, each end by `followed.py`, and joined where a valley
+bends."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,17 +14,22 @@ from plantfit.trust.intervals.follow.followed import Followed
 from plantfit.trust.intervals.ranges import Linear, Range
 
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
-OTHERS, APART = 4, 0.05  # ends of other searches that are looked at, and how far they are from the answer in the cube at least
+OTHERS, APART = (
+    4,
+    0.05,
+)  # ends of other searches that are looked at, and how far they are from the answer in the cube at least
 FRESH = 4  # of the points met for open coordinates, from which the others are followed anew
 
 
 def followed_ranges(
     problem: Problem, z: np.ndarray, linear: Linear, spent: float, others: Sequence[np.ndarray] = ()
 ) -> Mapping[int, Range]:
-    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, but `LEAST` to `MOST` Jacobians for each.
+    """Ranges of all coordinates, followed with a third of the evaluations that were `spent`, but `LEAST` to `MOST`
+    Jacobians for each.
 
-    `others` are cube points (d,) at which searches ended elsewhere. Where one costs so little more than the answer that noise may have
-    chosen between the two, the ranges hold both, however high the cost between them; not where both are one model written twice.
+    `others` are cube points (d,) at which searches ended elsewhere. Where one costs so little more than the answer that
+    noise may have chosen between the two, the ranges hold both, however high the cost between them; not where both are
+    one model written twice.
     """
     problem, d = as_known(problem), len(linear.values)
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
@@ -76,7 +82,8 @@ def _near(walk: Followed, place: np.ndarray) -> bool:
 
 
 def _named_alike(walk: Followed, found: Mapping[int, Range], place: np.ndarray) -> np.ndarray:
-    """The point (d,) with exchanged terms and changed signs taken back, as the answer has them: these are one model written twice.
+    """The point (d,) with exchanged terms and changed signs taken back, as the answer has them: these are one model
+    written twice.
 
     Open coordinates may be anywhere in it, and say nothing of an exchange.
     """
@@ -111,7 +118,8 @@ def _far_apart(met: Sequence[np.ndarray], most: int) -> list[np.ndarray]:
 
 
 def _joined(walk: Followed, found: Mapping[int, Range]) -> None:
-    """Widen every range by the points that were met on the way to other ends and cost as little: a valley may bend there."""
+    """Widen every range by the points that were met on the way to other ends and cost as little: a valley may bend
+    there."""
     met = [z for r in found.values() for z in r.points]
     if not met:
         return

@@ -1,4 +1,5 @@
-"""Where ranges are followed: the box of the search and some way beyond it, as far as physics and the simulation allow."""
+"""Where ranges are followed: the box of the search and some way beyond it, as far as physics and the simulation
+allow."""
 
 from dataclasses import dataclass
 
@@ -13,10 +14,11 @@ WIDTHS = 2.0  # widths of the box beyond a bound on a linear one
 
 @dataclass(frozen=True)
 class Room:
-    """A cube w of its own over coordinates z = first + width w of the problem's; (d,) each. Values lie from `lower` to `upper` in it.
+    """A cube w of its own over coordinates z = first + width w of the problem's; (d,) each. Values lie from `lower` to
+    `upper` in it.
 
-    A bound of the search says nothing about a parameter. Where others keep its partners in their bounds, its range ends there and not where
-    the data end it.
+    A bound of the search says nothing about a parameter. Where others keep its partners in their bounds, its range ends
+    there and not where the data end it.
     """
 
     problem: Problem

@@ -22,8 +22,8 @@ SAME = 1e-6  # of the cost: least gain that a refit goes on for
 
 @dataclass(frozen=True)
 class Bootstrap:
-    """`values` (n, d) of the refits in the parameters' units, samples in a `block` of each output, and how many refits were `lost`
-    because the plant could not be simulated on their way."""
+    """`values` (n, d) of the refits in the parameters' units, samples in a `block` of each output, and how many
+    refits were `lost` because the plant could not be simulated on their way."""
 
     values: np.ndarray
     block: dict[str, int]
@@ -31,14 +31,19 @@ class Bootstrap:
 
 
 def bootstrap(
-    problem: Problem, z: np.ndarray, replicates: int, seed: int = 1, tell: Callable[[int, int], None] = lambda done, of: None
+    problem: Problem,
+    z: np.ndarray,
+    replicates: int,
+    seed: int = 1,
+    tell: Callable[[int, int], None] = lambda done, of: None,
 ) -> Bootstrap:
     """`replicates` refits from the cube point z (d,).
 
-    Residuals are drawn in blocks that overlap and run round the end of a record, as long as ten times their correlation time
-    (Politis and Romano, in Exploring the Limits of Bootstrap, 1992, p. 263), and made larger by what the fit took from them. Each refit
-    begins at z and stays within the bounds. Initial values that are read from a record's first samples keep them. Errors of an output with
-    no more samples than there are free parameters are normal: its residuals are smaller than its errors, which its scale tells.
+    Residuals are drawn in blocks that overlap and run round the end of a record, as long as ten times their correlation
+    time (Politis and Romano, in Exploring the Limits of Bootstrap, 1992, p. 263), and made larger by what the fit took
+    from them. Each refit begins at z and stays within the bounds. Initial values that are read from a record's first
+    samples keep them. Errors of an output with no more samples than there are free parameters are normal: its residuals
+    are smaller than its errors, which its scale tells.
     """
     data, space = problem.unsmoothed, problem.space
     r, jacobian = residuals_and_jacobian(data, z)
@@ -64,8 +69,9 @@ def bootstrap(
 
 
 def percentiles(values: np.ndarray, at: float, level: float, bounds: tuple[float, float]) -> tuple[float, float]:
-    """(low, high) of refitted values (n,), corrected for the share of them below the answer's value (Efron, J. Am. Stat. Assoc. 82 (1987)
-    171, without acceleration); as they are where that value stands on a bound, beyond which no refit can be."""
+    """(low, high) of refitted values (n,), corrected for the share of them below the answer's value (Efron, J. Am.
+    Stat. Assoc. 82 (1987) 171, without acceleration); as they are where that value stands on a bound, beyond which
+    no refit can be."""
     n, near = len(values), EDGE * (bounds[1] - bounds[0])
     if at <= bounds[0] + near or at >= bounds[1] - near:
         low, high = np.quantile(values, [0.5 - level / 2, 0.5 + level / 2])

@@ -1,4 +1,5 @@
-"""Draws of parameters as ArviZ takes them: groups of draws, of what was measured and of what the draws foretell, as netCDF 4."""
+"""Draws of parameters as ArviZ takes them: groups of draws, of what was measured and of what the draws foretell, as
+netCDF 4."""
 
 import io
 import sys
@@ -20,7 +21,8 @@ Group = dict[str, tuple[tuple[str, ...], np.ndarray, dict[str, str]]]  # name ->
 
 @dataclass(frozen=True)
 class Drawn:
-    """`values` (chains, draws, d) in the parameters' units, `stats` by name (chains, draws), `how` they were drawn in a sentence."""
+    """`values` (chains, draws, d) in the parameters' units, `stats` by name (chains, draws), `how` they were drawn
+    in a sentence."""
 
     values: np.ndarray
     stats: Mapping[str, np.ndarray] = field(default_factory=dict)
@@ -38,15 +40,21 @@ def netcdf_of(problem: Problem, drawn: Drawn, noise: Mapping[str, float], seed: 
 
     Raises MissingExtra where h5netcdf is not installed.
     """
-    own = {"inference_library": "plantfit", "inference_library_version": plantfit.__version__, "study": problem.name, "how": drawn.how}
+    own = {
+        "inference_library": "plantfit",
+        "inference_library_version": plantfit.__version__,
+        "study": problem.name,
+        "how": drawn.how,
+    }
     return as_netcdf(inference_data(problem, drawn, noise, seed), own)
 
 
 def inference_data(problem: Problem, drawn: Drawn, noise: Mapping[str, float], seed: int) -> dict[str, Group]:
     """Groups by the names of ArviZ's InferenceData: posterior, sample_stats, observed_data, posterior_predictive.
 
-    Readings scatter normally about the plant's outputs by `noise`, in each output's unit. They are written of at most 200 draws, evenly
-    taken from each chain. A problem of several recordings has one variable for each output and recording.
+    Readings scatter normally about the plant's outputs by `noise`, in each output's unit. They are written of at most
+    200 draws, evenly taken from each chain. A problem of several recordings has one variable for each output and
+    recording.
     """
     chains, draws, _ = drawn.values.shape
     both = {"chain": (("chain",), np.arange(chains), {}), "draw": (("draw",), np.arange(draws), {})}
@@ -70,7 +78,12 @@ def inference_data(problem: Problem, drawn: Drawn, noise: Mapping[str, float], s
             if output in experiment.recording.signals:
                 observed[name] = ((time,), np.asarray(experiment.recording[output], dtype=float), unit)
             foretold[name] = (("chain", "draw", time), reading, unit)
-    return {"posterior": both | posterior, "sample_stats": both | stats, "observed_data": observed, "posterior_predictive": foretold}
+    return {
+        "posterior": both | posterior,
+        "sample_stats": both | stats,
+        "observed_data": observed,
+        "posterior_predictive": foretold,
+    }
 
 
 def as_netcdf(groups: Mapping[str, Group], attributes: Mapping[str, str]) -> bytes:

@@ -23,8 +23,8 @@ UNEVEN = 0.01  # of the sample period: clocks that differ by more have no autore
 
 @dataclass(frozen=True)
 class OutputNoise:
-    """Noise of one output: `rows` (n,) of the residuals, `lagged` (n, order) the rows before each, the p-value of what is left being
-    white, and what speaks against noise, as the end of a sentence; nothing where it is noise."""
+    """Noise of one output: `rows` (n,) of the residuals, `lagged` (n, order) the rows before each, the p-value of
+    what is left being white, and what speaks against noise, as the end of a sentence; nothing where it is noise."""
 
     output: str
     order: int
@@ -35,7 +35,8 @@ class OutputNoise:
 
 
 def noise_of(problem: Problem, residuals: np.ndarray) -> list[OutputNoise]:
-    """The autoregression of each output's residuals (m,): the lowest order that leaves white innovations, else the best by BIC.
+    """The autoregression of each output's residuals (m,): the lowest order that leaves white innovations, else the best
+    by BIC.
 
     Recordings share the coefficients of an output. Samples that lie apart in time or follow a gap begin anew.
     """
@@ -69,7 +70,9 @@ def _of_output(residuals: np.ndarray, name: str, runs: list[np.ndarray], even: b
         noise = OutputNoise(name, order, rows, lagged, p_value, _against(left, phi, p_value, longest, even))
         if p_value > CHANCE:
             return noise
-        found.append((len(rows) * np.log(max(float(left @ left), 1e-300) / len(rows)) + order * np.log(len(rows)), noise))
+        found.append(
+            (len(rows) * np.log(max(float(left @ left), 1e-300) / len(rows)) + order * np.log(len(rows)), noise)
+        )
     if not found:
         return OutputNoise(name, 0, *_placed(runs, 0), 1.0, "are too few")
     return min(found, key=lambda f: f[0])[1]
@@ -78,7 +81,11 @@ def _of_output(residuals: np.ndarray, name: str, runs: list[np.ndarray], even: b
 def _against(left: np.ndarray, phi: np.ndarray, p_value: float, longest: int, even: bool) -> str:
     """What speaks against innovations (n,) of coefficients (order,) being those of noise."""
     if p_value <= CHANCE:
-        return "are correlated in a way that no autoregression describes" if even else "are correlated, and the clock is uneven"
+        return (
+            "are correlated in a way that no autoregression describes"
+            if even
+            else "are correlated, and the clock is uneven"
+        )
     roots = np.abs(np.roots(np.r_[1.0, -phi])) if len(phi) else np.zeros(1)
     if roots.max(initial=0.0) >= 1.0 or (roots.max(initial=0.0) > 0 and -1.0 / np.log(roots.max()) > MEMORY * longest):
         return "are slower than a tenth of the record"
@@ -109,9 +116,9 @@ def _p_value(left: np.ndarray, runs: list[np.ndarray], order: int) -> float:
 def log_likelihood(noises: list[OutputNoise], residuals: jax.Array | np.ndarray) -> jax.Array:
     """Log likelihood of residuals (m,), the variance and the coefficients of each output integrated out.
 
-    A flat prior of the coefficients and 1/sigma of the scale leave -(n - p)/2 log S - 1/2 log det X'X, with S the sum of squares of the
-    innovations at the best coefficients and X the residuals before (Box, Jenkins and Reinsel, Time Series Analysis, 4th ed. 2008,
-    appendix A7.4, given the first p residuals of each run).
+    A flat prior of the coefficients and 1/sigma of the scale leave -(n - p)/2 log S - 1/2 log det X'X, with S the sum
+    of squares of the innovations at the best coefficients and X the residuals before (Box, Jenkins and Reinsel, Time
+    Series Analysis, 4th ed. 2008, appendix A7.4, given the first p residuals of each run).
     """
     total = jnp.zeros(())
     for noise in noises:

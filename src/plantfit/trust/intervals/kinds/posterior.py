@@ -28,8 +28,8 @@ LOGISTIC = 0.3  # precision of a logistic variable: what flat priors are on the 
 
 @dataclass(frozen=True)
 class Draws:
-    """`values` (chains, draws, d) in the parameters' units, with R-hat and effective sample size (d,) and which trajectories diverged
-    (chains, draws)."""
+    """`values` (chains, draws, d) in the parameters' units, with R-hat and effective sample size (d,) and which
+    trajectories diverged (chains, draws)."""
 
     values: np.ndarray
     log_density: np.ndarray
@@ -48,11 +48,12 @@ def posterior(
     problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]], *,
     chains: int = CHAINS, draws: int = 1000, seed: int = 1, tell: Callable[[int, int], None] = lambda done, of: None,
 ) -> Draws:  # fmt: skip
-    """Draws around the cube point z (d,): the likelihood of `noises`, flat priors on the scale of the search within the bounds, and
-    normal ones where `priors` has (mean, standard deviation) by number. Raises MissingExtra where blackjax is not installed.
+    """Draws around the cube point z (d,): the likelihood of `noises`, flat priors on the scale of the search within the
+    bounds, and normal ones where `priors` has (mean, standard deviation) by number. Raises MissingExtra where blackjax
+    is not installed.
 
-    The cube is mapped to the whole space by logits and rotated to the linearised problem's axes, so that the metric begins near
-    its best. (Hoffman and Gelman, J. Mach. Learn. Res. 15 (2014) 1593.)
+    The cube is mapped to the whole space by logits and rotated to the linearised problem's axes, so that the metric
+    begins near its best. (Hoffman and Gelman, J. Mach. Learn. Res. 15 (2014) 1593.)
     """
     need_blackjax()
     import blackjax
@@ -60,8 +61,12 @@ def posterior(
 
     begin = np.clip(z, INSIDE, 1.0 - INSIDE)
     origin, axes = np.log(begin / (1 - begin)), _axes(problem, begin, noises, priors)
-    # records and noise are arguments of the compiled programs: those of another record of this shape are found in the cache
-    density, given = _density(problem, noises, priors), _Given(origin, axes, problem.unsmoothed.arguments, *_places(noises))
+    # records and noise are arguments of the compiled programs: those of another record of this shape are found in the
+    # cache
+    density, given = (
+        _density(problem, noises, priors),
+        _Given(origin, axes, problem.unsmoothed.arguments, *_places(noises)),
+    )
     key = jax.random.key(seed)
     start_key, warm_key, draw_key = jax.random.split(key, 3)
     positions = jax.random.normal(start_key, (chains, len(z)))
@@ -73,10 +78,14 @@ def posterior(
         (state, found), _ = warm.run(key, position, num_steps=WARM)
         return state, found["step_size"], found["inverse_mass_matrix"]
 
-    states, steps, metrics = jax.jit(jax.vmap(adapted, (None, 0, 0)))(given, jax.random.split(warm_key, chains), positions)
+    states, steps, metrics = jax.jit(jax.vmap(adapted, (None, 0, 0)))(
+        given, jax.random.split(warm_key, chains), positions
+    )
 
     def some(given: _Given, keys: Any, state: Any, step: Any, metric: Any) -> Any:
-        kernel = blackjax.nuts(partial(density, given), step_size=step, inverse_mass_matrix=metric, max_num_doublings=DOUBLINGS)
+        kernel = blackjax.nuts(
+            partial(density, given), step_size=step, inverse_mass_matrix=metric, max_num_doublings=DOUBLINGS
+        )
 
         def one(state: Any, key: Any) -> Any:
             state, info = kernel.step(key, state)
@@ -88,7 +97,9 @@ def posterior(
     tell(WARM, total)
     found, done = [], 0
     while done < draws:
-        keys = jax.vmap(lambda k: jax.random.split(k, CHUNK))(jax.random.split(jax.random.fold_in(draw_key, done), chains))
+        keys = jax.vmap(lambda k: jax.random.split(k, CHUNK))(
+            jax.random.split(jax.random.fold_in(draw_key, done), chains)
+        )
         states, out = many(given, keys, states, steps, metrics)
         found.append([np.asarray(o) for o in out])
         done += CHUNK
@@ -98,11 +109,18 @@ def posterior(
     values = np.asarray(problem.space.physical(cube.reshape(-1, len(z)))).reshape(cube.shape)
     half = draws // 2
     split = np.concatenate([u[:, :half], u[:, half : 2 * half]])  # halves of chains: a drift within one shows too
-    return Draws(values, log_density, np.asarray(potential_scale_reduction(split)), np.asarray(effective_sample_size(split)), diverged)
+    return Draws(
+        values,
+        log_density,
+        np.asarray(potential_scale_reduction(split)),
+        np.asarray(effective_sample_size(split)),
+        diverged,
+    )
 
 
 class _Given(NamedTuple):
-    """Numbers of a density: origin (d,) and axes (d, d) of its scale, the problem's recordings, rows of residuals for each output."""
+    """Numbers of a density: origin (d,) and axes (d, d) of its scale, the problem's recordings, rows of residuals
+    for each output."""
 
     origin: Any
     axes: Any
@@ -122,7 +140,10 @@ def _density(
     evaluate, space = problem.unsmoothed.compiled["residuals_and_jacobian"], problem.space
 
     def of_residuals(given: _Given, r: jax.Array) -> jax.Array:
-        own = [replace(n, rows=rows, lagged=lagged) for n, rows, lagged in zip(noises, given.rows, given.lagged, strict=True)]
+        own = [
+            replace(n, rows=rows, lagged=lagged)
+            for n, rows, lagged in zip(noises, given.rows, given.lagged, strict=True)
+        ]
         return log_likelihood(own, r)
 
     @jax.custom_vjp
@@ -146,13 +167,17 @@ def _density(
             for k, (mean, deviation) in priors.items():
                 c = space.coordinates[k]
                 total = total - 0.5 * ((values[k] - mean) / deviation) ** 2
-                total = total + (jnp.log(values[k]) if c.log else 0.0)  # a density over values, not over their logarithms
+                total = total + (
+                    jnp.log(values[k]) if c.log else 0.0
+                )  # a density over values, not over their logarithms
         return jnp.where(jnp.isnan(total), -jnp.inf, total)
 
     return density
 
 
-def _axes(problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]]) -> np.ndarray:
+def _axes(
+    problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]]
+) -> np.ndarray:
     """Columns (d, d) of one standard deviation each on the scale of logits, of the linearised problem."""
     r, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
     information = LOGISTIC * np.eye(len(z))

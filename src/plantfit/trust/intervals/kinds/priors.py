@@ -17,7 +17,8 @@ Prior = tuple[float | str, float | str] | str
 def normal_priors(space: Space, given: Mapping[str, Prior]) -> dict[int, tuple[float, float]]:
     """(mean, standard deviation) in the parameters' units by number of the coordinate.
 
-    `given` has pairs of numbers or texts, or texts such as "138 ± 5 s" or "2.1 min +- 5 s". Raises SpecError and UnitError.
+    `given` has pairs of numbers or texts, or texts such as "138 ± 5 s" or "2.1 min +- 5 s". Raises SpecError and
+    UnitError.
     """
     found = {}
     for name, prior in given.items():
@@ -41,7 +42,9 @@ def _pair(name: str, prior: Prior) -> tuple[float | str, float | str]:
         return prior
     match = _TEXT.fullmatch(prior)
     if match is None:
-        raise SpecError(f"The prior of {name} is {prior!r}; write mean and standard deviation, as in '138 ± 5 s' or '138 +- 5 s'.")
+        raise SpecError(
+            f"The prior of {name} is {prior!r}; write mean and standard deviation, as in '138 ± 5 s' or '138 +- 5 s'."
+        )
     mean, error = match["mean"], match["error"]
     own = re.sub(r"^[+-]?[\d.]+(?:[eE][+-]?\d+)?\s*", "", error)
     return (f"{mean} {own}" if own and _bare(mean) else mean), error

@@ -8,7 +8,8 @@ WIDER = 1.25  # times
 MOST_R_HAT, LEAST_EFFECTIVE = 1.01, 400.0  # (Vehtari and others, Bayesian Analysis 16 (2021) 667)
 FEW_BLOCKS = 12
 CONFLICT = 3.0  # standard deviations
-NAMES = {"verdict": "the verdict", "covariance": "the covariance", "profile": "the profile", "bootstrap": "the bootstrap",
+NAMES = {"verdict": "the verdict", "covariance": "the covariance", "profile": "the profile",
+         "bootstrap": "the bootstrap",
          "posterior": "the posterior"}  # fmt: skip
 
 
@@ -19,7 +20,8 @@ def interval_sentences(found: ComparisonOfIntervals) -> list[Sentence]:
 
 
 def apart(one: KindOfInterval, other: KindOfInterval) -> float:
-    """How far the ends of two intervals lie apart at most, in mean half widths; an end that is open in both is the same."""
+    """How far the ends of two intervals lie apart at most, in mean half widths; an end that is open in both is the
+    same."""
     half = 0.25 * (one.width + other.width)
     low, high = (abs(a - b) for a, b in zip(one.ends, other.ends, strict=True))
     open_low, open_high = one.open_low and other.open_low, one.open_high and other.open_high
@@ -46,11 +48,17 @@ def _agreement(found: ComparisonOfIntervals) -> list[Sentence]:
         lines.append(say("info", f"No kind of interval sets an end of {some(unset)} within the bounds of the search."))
     if not alike:
         return lines
-    said = f"All kinds agree on {some(alike)}: ends of their intervals lie at most {100 * worst:.0f} % of half a width apart."
+    said = (
+        f"All kinds agree on {some(alike)}: ends of their intervals lie at most {100 * worst:.0f} % of half a "
+        f"width "
+        f"apart."
+    )
     return [say("good", said), *lines]
 
 
-def _disagreement(p: IntervalsOfParameter, one: KindOfInterval, other: KindOfInterval, found: ComparisonOfIntervals) -> Sentence:
+def _disagreement(
+    p: IntervalsOfParameter, one: KindOfInterval, other: KindOfInterval, found: ComparisonOfIntervals
+) -> Sentence:
     width = other.width / max(one.width, 1e-300)
     unit = f" {p.unit}" if p.unit not in (None, "1") else ""
     size = f"{width:.2g} times as wide as that of" if width > WIDER or width < 1 / WIDER else "elsewhere than that of"
@@ -61,23 +69,34 @@ def _disagreement(p: IntervalsOfParameter, one: KindOfInterval, other: KindOfInt
     return say("info" if other.kind in ("covariance", "verdict") else "warning", said)
 
 
-def _reason(p: IntervalsOfParameter, one: KindOfInterval, other: KindOfInterval, width: float, found: ComparisonOfIntervals) -> str:
+def _reason(
+    p: IntervalsOfParameter, one: KindOfInterval, other: KindOfInterval, width: float, found: ComparisonOfIntervals
+) -> str:
     kind = other.kind
     if "verdict" in (kind, one.kind) and p.scatters:
         return "the recordings disagree on it; the verdict allows for that, the other kinds for the noise alone."
     if kind == "verdict" and not all(p.status == "determined" for p in found.parameters):
-        return "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
+        return (
+            "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
+        )
     if kind in ("covariance", "verdict"):
         return "the cost is no parabola here, which the profile follows and the covariance does not. Take the profile."
     if kind == "bootstrap":
         if other.open_low or other.open_high:
             return "refits end on a bound of the search."
         if any(k.open_low or k.open_high for p in found.parameters for k in p.kinds if k.kind != "verdict"):
-            return "another parameter meets a bound of the search, at which refits stay; the wider one is the safer one."
+            return (
+                "another parameter meets a bound of the search, at which refits stay; the wider one is the safer one."
+            )
         if width > 1:
-            return "refits scatter more than the cost foretells: there may be a second optimum, or noise that grows with the signal."
+            return (
+                "refits scatter more than the cost foretells: there may be a second optimum, or noise that grows "
+                "with the signal."
+            )
         if found.bootstrap and max(found.bootstrap.block.values(), default=1) > 1:
-            return "blocks of residuals hold less of their slow part than the record does; the wider one is the safer one."
+            return (
+                "blocks of residuals hold less of their slow part than the record does; the wider one is the safer one."
+            )
         return "refits tell where estimates fall, the profile what values cost; the wider one is the safer one."
     posterior = found.posterior
     assert posterior is not None  # it is of the kind "posterior"
@@ -85,8 +104,14 @@ def _reason(p: IntervalsOfParameter, one: KindOfInterval, other: KindOfInterval,
         return "it knows the priors too."
     if max(posterior.orders.values(), default=0) > 0:
         if width < 1:
-            return "it weighs samples by the correlation of their noise, which least squares do not: right if the residual is noise."
-        return "it weighs samples by the correlation of their noise; where the two lie apart, the residual may be no noise."
+            return (
+                "it weighs samples by the correlation of their noise, which least squares do not: right if the "
+                "residual is noise."
+            )
+        return (
+            "it weighs samples by the correlation of their noise; where the two lie apart, the residual may be no "
+            "noise."
+        )
     if one.open_low or one.open_high or other.open_low or other.open_high:
         return "what the data leave open it averages over the bounds of the search."
     return "it averages over all values of the others, the profile takes their best."
@@ -99,9 +124,15 @@ def _draws(found: ComparisonOfIntervals) -> list[Sentence]:
     worst, least = max(v or 0.0 for v in p.r_hat.values()), min(v or 0.0 for v in p.effective.values())
     said = f"{p.chains} chains of {p.draws} draws: R-hat at most {worst:.3f}, at least {least:.0f} effective draws"
     coloured = {o: n for o, n in p.orders.items() if n}
-    noise = f"; noise of {', '.join(f'{o} is an autoregression of order {n}' for o, n in coloured.items())}" if coloured else ""
+    noise = (
+        f"; noise of {', '.join(f'{o} is an autoregression of order {n}' for o, n in coloured.items())}"
+        if coloured
+        else ""
+    )
     if p.diverged:
-        return [say("warning", f"{said}, {p.diverged} trajectories diverged{noise}. Parts of the posterior may be missing.")]
+        return [
+            say("warning", f"{said}, {p.diverged} trajectories diverged{noise}. Parts of the posterior may be missing.")
+        ]
     if worst > MOST_R_HAT or least < LEAST_EFFECTIVE:
         return [say("warning", f"{said}{noise}. That is too few to trust its ends; give more --draws.")]
     return [say("good", f"{said}, none diverged{noise}.")]
@@ -117,7 +148,11 @@ def _conflicts(found: ComparisonOfIntervals) -> list[Sentence]:
         mean, deviation = priors[p.name]
         far = abs(mean - p.value) / (deviation**2 + p.standard_error**2) ** 0.5
         if far > CONFLICT:
-            said = f"The prior of {p.name} and what the data say of it lie {far:.2g} standard deviations apart: one of them is wrong."
+            said = (
+                f"The prior of {p.name} and what the data say of it lie {far:.2g} standard deviations apart: one "
+                f"of "
+                f"them is wrong."
+            )
             lines.append(say("warning", said))
     return lines
 
@@ -130,7 +165,8 @@ def _blocks(found: ComparisonOfIntervals) -> list[Sentence]:
     few = {o: n for o, n in b.blocks.items() if n < FEW_BLOCKS and b.block[o] > 1}
     for output, n in few.items():
         lines.append(
-            say("warning", f"The residuals of {output} are so slow that a record holds {n} blocks of {b.block[output]} samples; the "
+            say("warning", f"The residuals of {output} are so slow that a record holds {n} blocks of {b.block[output]} "
+                           f"samples; the "
                   "bootstrap's ends are rough.")
         )  # fmt: skip
     if b.lost:

@@ -60,14 +60,21 @@ class _Lines:
 
 
 def csv_table(
-    path: str | os.PathLike[str], *, delimiter: str | None = None, decimal: str = "auto", header: bool | None = None, skip: int = 0
+    path: str | os.PathLike[str],
+    *,
+    delimiter: str | None = None,
+    decimal: str = "auto",
+    header: bool | None = None,
+    skip: int = 0,
 ) -> Table:
     """The columns of a text table, not yet interpreted."""
     file = existing(path)
     if decimal not in ("auto", ".", ","):
         raise RecordingError(f"{file.name}: decimal is {decimal!r}; use '.', ',' or 'auto'.")
     if delimiter is not None and (len(delimiter.encode()) != 1 or delimiter in '"\n\r'):
-        raise RecordingError(f"{file.name}: delimiter is {delimiter!r}; give one character, or ' ' for any white space.")
+        raise RecordingError(
+            f"{file.name}: delimiter is {delimiter!r}; give one character, or ' ' for any white space."
+        )
     data = read_bytes(file)
     quick = _quickly(file.name, data, delimiter, decimal, header, skip)
     if quick is not None:
@@ -83,7 +90,8 @@ def csv_table(
 
 @dataclass(frozen=True)
 class _Top:
-    """What the first lines say: the delimiter, some rows, names and units where there are any, and the index of the first row of data."""
+    """What the first lines say: the delimiter, some rows, names and units where there are any, and the index of the
+    first row of data."""
 
     separator: str
     rows: list[list[str]]
@@ -107,7 +115,9 @@ def _top(found: _Lines, delimiter: str | None, decimal: str, header: bool | None
     return _Top(separator, rows, names, units, above + first, log, story)
 
 
-def _quickly(source: str, data: bytes, delimiter: str | None, decimal: str, header: bool | None, skip: int) -> Table | None:
+def _quickly(
+    source: str, data: bytes, delimiter: str | None, decimal: str, header: bool | None, skip: int
+) -> Table | None:
     """The table of a long file of plain rows, or None where it has to be read line by line."""
     head = head_of(data)
     if head is None or decimal == "," or skip < 0:
@@ -127,13 +137,21 @@ def _quickly(source: str, data: bytes, delimiter: str | None, decimal: str, head
     return _table(source, "UTF-8", top, plain.frame, places, decimal)
 
 
-def _table(source: str, encoding: str, top: _Top, frame: pl.DataFrame, places: Sequence[int] | np.ndarray, decimal: str) -> Table:
-    log = [*top.story, f"Read from {source} ({encoding}, delimiter {_NAMES.get(top.separator, top.separator)}).", *top.log]
+def _table(
+    source: str, encoding: str, top: _Top, frame: pl.DataFrame, places: Sequence[int] | np.ndarray, decimal: str
+) -> Table:
+    log = [
+        *top.story,
+        f"Read from {source} ({encoding}, delimiter {_NAMES.get(top.separator, top.separator)}).",
+        *top.log,
+    ]
     named = top.names is not None
     columns = named_columns(unique(top.names or headings(frame.width)), frame.get_columns(), top.units)
     # a delimiter at the end of every line makes an empty column without name
     columns = tuple(
-        c for i, c in enumerate(columns) if not (c.cells.null_count() == len(c.cells) and named and not (top.names or [])[i].strip())
+        c
+        for i, c in enumerate(columns)
+        if not (c.cells.null_count() == len(c.cells) and named and not (top.names or [])[i].strip())
     )
     mark = "." if top.separator == "," and decimal == "auto" else decimal
     return Table(source, columns, places, "line", mark, named, tuple(log))
@@ -165,7 +183,9 @@ def _content(source: str, text: str, skip: int) -> _Lines:
         lines.append(line)
         numbers.append(number)
     if pending:
-        raise RecordingError(f"{source}: a quotation mark that opens is never closed; correct it or remove all quotation marks.")
+        raise RecordingError(
+            f"{source}: a quotation mark that opens is never closed; correct it or remove all quotation marks."
+        )
     if not lines:
         raise RecordingError(f"{source} holds no rows of data; check that the file is complete.")
     return _Lines(source, lines, numbers, leading, comments)
@@ -195,7 +215,9 @@ def _sniff(lines: list[str], allow_comma: bool) -> str:
         if width < 2:
             continue
         cells = [cell for row in rows for cell in row]
-        good = sum(is_missing(c) or looks_like_time(c) or (is_number(c) and not (separator == "," and "," in c)) for c in cells)
+        good = sum(
+            is_missing(c) or looks_like_time(c) or (is_number(c) and not (separator == "," and "," in c)) for c in cells
+        )
         even = sum(len(row) == width for row in rows) / len(rows)
         score = good / len(cells) * even + 0.05 * (separator != " ")
         if score > best_score + 1e-9:
@@ -209,7 +231,11 @@ def _header(
     """(names or None, units or None, index of the first row of data among `rows`, which begin `above` lines down)."""
     if header is False or (header is None and not is_header(rows[0])):
         names = _commented_header(found, separator, len(rows[0])) if header is None else None
-        log.append("Column names from the comment above the data." if names else "The file names no columns; they are called 0, 1, ...")
+        log.append(
+            "Column names from the comment above the data."
+            if names
+            else "The file names no columns; they are called 0, 1, ..."
+        )
         return names, None, 0
     width = len(rows[0])
     units = unit_row(rows[1]) if len(rows) > 1 and len(rows[1]) == width else None
@@ -238,7 +264,11 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
     if uneven:
         row = uneven[0]
         comma = separator == "," and counts[row] > width
-        hint = "if its numbers have decimal commas, separate the columns by semicolons" if comma else "in Python also delimiter= or skip="
+        hint = (
+            "if its numbers have decimal commas, separate the columns by semicolons"
+            if comma
+            else "in Python also delimiter= or skip="
+        )
         raise RecordingError(
             f"{found.source}, line {numbers[row]}: {counts[row]} cells where the first row has {width} (delimiter "
             f"{_NAMES.get(separator, separator)!r}); correct the line ({hint})."
@@ -258,7 +288,8 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
         )
     except pl.exceptions.PolarsError as error:
         raise RecordingError(
-            f"{found.source} cannot be read as a table ({str(error).splitlines()[0]}); correct the file, or in Python give "
+            f"{found.source} cannot be read as a table ({str(error).splitlines()[0]}); correct the file, or in Python "
+            f"give "
             "delimiter= or skip=."
         ) from None
     return frame, np.array(numbers)

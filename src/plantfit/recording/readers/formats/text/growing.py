@@ -11,7 +11,9 @@ from plantfit.errors import RecordingError
 from plantfit.recording.readers.formats.text.csv import csv_table
 from plantfit.recording.record import Recording
 
-CONTEXT = 30  # rows that are read again with new ones, so that header, decimal marks and the kind of time are found alike
+CONTEXT = (
+    30  # rows that are read again with new ones, so that header, decimal marks and the kind of time are found alike
+)
 ENOUGH = 12  # rows from which the first ones are read
 
 
@@ -24,9 +26,11 @@ class Source(Protocol):
 
 
 class GrowingTable:
-    """Rows of a table as they come; `read` makes a recording of a file with the same header, as `plantfit.recording.read` does.
+    """Rows of a table as they come; `read` makes a recording of a file with the same header, as
+    `plantfit.recording.read` does.
 
-    Lines without an end wait for it. Times go on from those read before, also where the reader counts from the first row.
+    Lines without an end wait for it. Times go on from those read before, also where the reader counts from the first
+    row.
     """
 
     def __init__(self, source: Source, read: Callable[[Path], Recording], name: str = "recording"):
@@ -39,7 +43,8 @@ class GrowingTable:
         self.rows = 0
 
     def poll(self, last: bool = False) -> Recording | None:
-        """The rows that have come since; None where there are none, or too few to begin with. With `last` nothing waits.
+        """The rows that have come since; None where there are none, or too few to begin with. With `last` nothing
+        waits.
 
         Raises RecordingError for rows that cannot be read.
         """
@@ -71,7 +76,8 @@ class GrowingTable:
             if len(new) < len(t) - known:
                 at = t[known] if len(t) > known else t[-1]
                 raise RecordingError(
-                    f"{self.name}: a row at {at:.6g} s came after one at {self.times[-1]:.6g} s; times have to grow, so begin anew for "
+                    f"{self.name}: a row at {at:.6g} s came after one at {self.times[-1]:.6g} s; times have to grow, "
+                    f"so begin anew for "
                     "another recording."
                 )
         else:

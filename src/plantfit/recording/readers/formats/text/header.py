@@ -35,28 +35,42 @@ def headings(count: int) -> list[str]:
 
 
 def above_the_table(rows: Sequence[Sequence[str]]) -> int:
-    """How many of the first rows are titles and settings that a logger wrote above the header of its table; 0 unless that is clear.
+    """How many of the first rows are titles and settings that a logger wrote above the header of its table; 0 unless
+    that is clear.
 
-    Clear is: five rows (or all that follow) hold numbers or times in the same places, and right above them is a row of names, with or
-    without a row of units between.
+    Clear is: five rows (or all that follow) hold numbers or times in the same places, and right above them is a row of
+    names, with or without a row of units between.
     """
-    width = max((len(row) for row in rows[len(rows) // 2 :]), key=[len(row) for row in rows[len(rows) // 2 :]].count, default=0)
+    width = max(
+        (len(row) for row in rows[len(rows) // 2 :]), key=[len(row) for row in rows[len(rows) // 2 :]].count, default=0
+    )
     kinds = [[_kind(cell) for cell in row] for row in rows]
 
     def begins(k: int) -> bool:
         numbers = {"number", "time"} & {*kinds[k]}
-        return len(rows[k]) == width > 1 and bool(numbers) and all(_same(kinds[k], other) for other in kinds[k : k + RUN])
+        return (
+            len(rows[k]) == width > 1 and bool(numbers) and all(_same(kinds[k], other) for other in kinds[k : k + RUN])
+        )
 
     data = next((k for k in range(len(rows) - 2) if begins(k)), 0)
     for head in (data - 2, data - 1):
         between = rows[head + 1 : data]
-        if head > 0 and len(rows[head]) == width and _names(rows[head]) and all(len(r) == width and unit_row(r) for r in between):
-            return 0 if head == 1 and len(rows[0]) == width and _names(rows[0]) else head  # a bad row below the header is no title
+        if (
+            head > 0
+            and len(rows[head]) == width
+            and _names(rows[head])
+            and all(len(r) == width and unit_row(r) for r in between)
+        ):
+            return (
+                0 if head == 1 and len(rows[0]) == width and _names(rows[0]) else head
+            )  # a bad row below the header is no title
     return 0
 
 
 def _kind(cell: str) -> str:
-    return "missing" if is_missing(cell) else "number" if is_number(cell) else "time" if looks_like_time(cell) else "text"
+    return (
+        "missing" if is_missing(cell) else "number" if is_number(cell) else "time" if looks_like_time(cell) else "text"
+    )
 
 
 def _same(one: Sequence[str], other: Sequence[str]) -> bool:

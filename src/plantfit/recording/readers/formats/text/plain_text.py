@@ -1,4 +1,5 @@
-"""The quick way through long tables of plain numbers: polars reads the bytes at once; whatever is unusual is left to csv.py."""
+"""The quick way through long tables of plain numbers: polars reads the bytes at once; whatever is unusual is left to
+csv.py."""
 
 from dataclasses import dataclass
 
@@ -14,7 +15,8 @@ ENOUGH = 64  # lines of the head: more than csv.py looks at to find delimiter, h
 
 @dataclass(frozen=True)
 class Plain:
-    """A frame of the rows of data, the line of the first one counted from 1, and the line at the end that was cut, if there is one."""
+    """A frame of the rows of data, the line of the first one counted from 1, and the line at the end that was cut,
+    if there is one."""
 
     frame: pl.DataFrame
     first: int
@@ -36,9 +38,9 @@ def head_of(data: bytes) -> str | None:
 def plain_frame(data: bytes, rows: list[list[str]], first: int, separator: str) -> Plain | None:
     """The rows of data from line `first` (counted from 1) on, or None if a line could be anything but a row of them.
 
-    `rows` are the first of them, cell by cell. Columns in which all of these are numbers become Float64, others text. A frame that
-    is returned holds what csv.py would read: every other case (quotes, comments, empty lines, uneven rows, cells that are
-    no numbers in a column of numbers, decimal commas) returns None.
+    `rows` are the first of them, cell by cell. Columns in which all of these are numbers become Float64, others text. A
+    frame that is returned holds what csv.py would read: every other case (quotes, comments, empty lines, uneven rows,
+    cells that are no numbers in a column of numbers, decimal commas) returns None.
     """
     width, mark = len(rows[0]), separator.encode()
     start = _start_of_line(data, first)
@@ -55,7 +57,9 @@ def plain_frame(data: bytes, rows: list[list[str]], first: int, separator: str) 
     if last > start and data.count(mark, last, end) < width - 1:  # a recording that ended in the middle of a line
         cut, end, lines = first + lines - 1, last - 1, lines - 1
     top = data[:start].replace(b"\r", b"").removeprefix(b"\xef\xbb\xbf")
-    whole = end + 2 >= len(data) and not top.startswith(b"\n") and b"\n\n" not in top  # versions of polars count empty lines differently
+    whole = (
+        end + 2 >= len(data) and not top.startswith(b"\n") and b"\n\n" not in top
+    )  # versions of polars count empty lines differently
     names = headings(width)
     schema = {name: pl.Float64 if kind else pl.String for name, kind in zip(names, kinds, strict=True)}
     try:
