@@ -36,9 +36,8 @@ def run(quick: bool) -> dict[str, float]:
         programs: dict[str, Callable] = {}
         for _ in range(1 if quick else TURNS):
             for kind, options in OPTIONS.items():
-                lowered = jax.jit(lambda *given, function=function: function(*given)).lower(
-                    *args
-                )  # one that was compiled is not again
+                # one that was compiled is not again
+                lowered = jax.jit(lambda *given, function=function: function(*given)).lower(*args)
                 began = time.perf_counter()
                 programs[kind] = lowered.compile(options)
                 made[kind].append(time.perf_counter() - began)

@@ -64,9 +64,8 @@ def run(quick: bool) -> dict[str, float]:
             if even
             else f"plantfit, adaptive, fineness {simulator.substeps} ({stage})"
         )
-        costs = (
-            np.asarray(problem.costs(batch)) * (len(task.t) + 1) / len(task.t)
-        )  # the record also has the start, free of error
+        # the record also has the start, free of error
+        costs = np.asarray(problem.costs(batch)) * (len(task.t) + 1) / len(task.t)
         error = problem.predict(problem.space.physical(truth))["w"][1:] - task.clean
         rows[ours] = Row(lambda problem=problem: problem.costs(jnp.asarray(batch)), 1.0, error)
         figures[f"motor_substeps_{stage}"] = float(simulator.substeps)

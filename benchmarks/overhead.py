@@ -192,13 +192,8 @@ BESIDE = {
     "dish": "mealpy L-SHADE",
     "salp_swarm": "mealpy SSO",
 }
-SIMPLER = {
-    "dd_cmaes": "pycma",
-    "shade": "pymoo DE",
-    "lshade": "pymoo DE",
-    "jso": "pymoo DE",
-    "dish": "pymoo DE",
-}  # these do less
+# these do less
+SIMPLER = {"dd_cmaes": "pycma", "shade": "pymoo DE", "lshade": "pymoo DE", "jso": "pymoo DE", "dish": "pymoo DE"}
 COMPILED = {"lshade": "minionpy L-SHADE", "jso": "minionpy jSO"}  # C++ that calls back
 LARGE_BESIDE = {"cmaes": "pycma", "sep_cmaes": "pycma, diagonal", "dd_cmaes": "pycma"}
 

@@ -105,12 +105,8 @@ def robot(seed: int, folder: Path) -> None:
 TORQUE = {"m1": 0.21, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077}
 BOARD = {"Rm": 2.826, "Lm": 0.0452, "Kb": 0.0926, "Jm": 0.0023, "Cm": 0.0023, "Tf": 5.19e-05}
 ROBOT = {"Ra": 2.759854243587, "La": 0.011186575703, "kw": 0.005008705, "B": 1.13284e-06, "J": 2.2748e-08}
-STEAM = {
-    "k": 0.43,
-    "A1": 31.0,
-    "A2": 12.0,
-    "Td": 0.2 + 0.6 * (60.0 / 90.0) ** 1.5,
-}  # a chamber of constants, about that of 40 %
+# a chamber of constants, about that of 40 %
+STEAM = {"k": 0.43, "A1": 31.0, "A2": 12.0, "Td": 0.2 + 0.6 * (60.0 / 90.0) ** 1.5}
 
 PENDUBOT_TORQUE = Demo("pendubot", "torque.toml", torque, made=torque_alone)
 MOTOR_SPEED = Demo("motor", "speed.toml", board)

@@ -72,9 +72,8 @@ def record_of(recordings: Sequence[Any]) -> dict[str, Any]:
         z, _ = refit(own, start, np.ones(2, dtype=bool))
         found = estimates(own, z, 0.0)
         each[f"r{k}"] = replace(found, rmse={f"r{k}": found.rmse["a"]})
-    joint = replace(
-        each["r0"], rmse={n: e.rmse[n] for n, e in each.items()}
-    )  # its figures are shown, and decide nothing
+    # its figures are shown, and decide nothing
+    joint = replace(each["r0"], rmse={n: e.rmse[n] for n, e in each.items()})
     return compared(problem, joint, each)
 
 

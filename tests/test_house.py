@@ -23,9 +23,8 @@ NAMED = re.compile(rf"(?<![\w./])((?:{'|'.join(ROOMS)})(?:/[a-z_0-9]+)*/(?:[a-z_
 
 def folders() -> list[Path]:
     found = [p for p in sorted(SOURCE.rglob("*")) if p.is_dir() and p.name != "__pycache__"]
-    return [
-        p for p in found if any(e.name != "__pycache__" for e in p.iterdir())
-    ]  # not what a moved folder left behind
+    # not what a moved folder left behind
+    return [p for p in found if any(e.name != "__pycache__" for e in p.iterdir())]
 
 
 @pytest.mark.parametrize("folder", folders(), ids=lambda p: str(p.relative_to(SOURCE)))
@@ -154,10 +153,8 @@ def evaluators() -> set[str]:
     protocol = next(
         n for n in ast.parse((EVALUATE / "evaluator.py").read_text("utf-8")).body if isinstance(n, ast.ClassDef)
     )
-    asked = {n.name for n in protocol.body if isinstance(n, ast.FunctionDef)} - {
-        "local",
-        "recordings",
-    }  # those may be fields
+    # those may be fields
+    asked = {n.name for n in protocol.body if isinstance(n, ast.FunctionDef)} - {"local", "recordings"}
     found = set()
     for path in EVALUATE.glob("*.py"):
         for node in ast.parse(path.read_text("utf-8")).body:

@@ -13,13 +13,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 SOURCE = ROOT / "src" / "plantfit"
 ALWAYS = {"errors", "folders", "lazy", "plugins", "runtime", "units"}
-CONTRACTS = {
-    "optimize",
-    "models",
-    "space",
-    "problem",
-    "trust",
-}  # where the contracts are written that "contracts" means
+# where the contracts are written that "contracts" means
+CONTRACTS = {"optimize", "models", "space", "problem", "trust"}
 
 
 def rooms_of_table() -> dict[str, set[str]]:

@@ -12,11 +12,8 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 BOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 NUMBER = re.compile(r"(?<![\w.])[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
-EXACT = (
-    "dc_motor",
-    "robot_motor",
-    "steam_chamber",
-)  # a pendubot's loop plays by encoder steps as the last digits of a machine fall
+# a pendubot's loop plays by encoder steps as the last digits of a machine fall
+EXACT = ("dc_motor", "robot_motor", "steam_chamber")
 
 
 def cells(path):

@@ -20,9 +20,8 @@ from plantfit.spec import load
 PAGE = (Path(__file__).resolve().parent.parent / "docs" / "papers.md").read_text("utf-8")
 COMMANDS = list(dict.fromkeys(re.findall(r"`plantfit ([^`]+)`", PAGE)))
 ROWS = [line for line in PAGE.splitlines() if line.startswith("| ") and not line.startswith("| part ")]
-BRACKETS = re.compile(
-    r"`([^`]*)`|\[([^\]`]+)\](?!\()"
-)  # what is quoted, or a section of the demo named last in the row
+# what is quoted, or a section of the demo named last in the row
+BRACKETS = re.compile(r"`([^`]*)`|\[([^\]`]+)\](?!\()")
 WRITTEN = re.findall(r"```toml\n# (\S+\.toml)", PAGE)  # study files that the page holds
 
 

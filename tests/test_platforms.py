@@ -106,9 +106,8 @@ def fitted(kind, folder):
     folder.mkdir(exist_ok=True)
     heater(folder)
     text = (folder / "heater.toml").read_text("utf-8") + 'methods = ["least_squares"]\nruns = 1\nbudget = 60\n'
-    (folder / "heater.toml").write_text(
-        text.replace(")/tau", ")/tau*exp(1e-9*atan(L/tau))"), "utf-8"
-    )  # functions of the C library
+    # functions of the C library
+    (folder / "heater.toml").write_text(text.replace(")/tau", ")/tau*exp(1e-9*atan(L/tau))"), "utf-8")
     environment = os.environ | {"PLANTFIT_CACHE": str(folder / "cache")}
     done = subprocess.run(
         [sys.executable, "-c", STUDY, kind, "heater.toml"], cwd=folder, env=environment, capture_output=True, text=True

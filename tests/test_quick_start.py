@@ -223,6 +223,5 @@ def test_units_are_the_same_from_an_empty_a_kept_and_a_damaged_cache(tmp_path, m
         content[place] ^= 1
         one.write_bytes(content)
         assert _loaded(_UNITS)[0] == empty
-    assert [folder.name for folder in (tmp_path / "cache").glob("pint-*/*")] == [
-        "definitions"
-    ]  # nothing is left beside them
+    # nothing is left beside them
+    assert [folder.name for folder in (tmp_path / "cache").glob("pint-*/*")] == ["definitions"]

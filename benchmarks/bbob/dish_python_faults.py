@@ -138,9 +138,10 @@ class _Run:
 
     def _trim(self, size: int) -> None:
         if len(self.archive) > size:
+            # (6)
             order = (
                 np.argsort(self.archive_y, kind="stable") if self.faults else self.rng.permutation(len(self.archive))
-            )  # (6)
+            )
             self.archive, self.archive_y = self.archive[order[:size]], self.archive_y[order[:size]]
 
     def _learn(self, kept: np.ndarray) -> None:

@@ -25,11 +25,8 @@ from benchmarks.bbob.suite import LOWER, Done, Problem, Run, seed_of
 
 Costs = Callable[[np.ndarray], np.ndarray]  # cube points (n, d) to (n,)
 ROOT = Path(__file__).resolve().parents[2]
-ONE_BY_ONE = (
-    "dish-python",
-    "dish-python-repaired",
-    "mealpy-sso",
-)  # have generators of their own, so that threads change nothing
+# have generators of their own, so that threads change nothing
+ONE_BY_ONE = ("dish-python", "dish-python-repaired", "mealpy-sso")
 PYHMS = {"pyhms": False, "pyhms-repaired": True}
 PYHMS_RUNS = 3
 SAME_POPULATION = {"population_size": 100, "x_tol": 0.0}  # what our L-SHADE and jSO begin with in 310-D

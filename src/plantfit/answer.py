@@ -244,9 +244,8 @@ class Answer:
             own = [s for s in rows if s["output"] == output]
             if own:
                 total = sum(s["n"] for s in own)
-                squares = [
-                    np.nan if s["rmse"] is None else s["n"] * s["rmse"] ** 2 for s in own
-                ]  # None: it cannot be simulated there
+                # None: it cannot be simulated there
+                squares = [np.nan if s["rmse"] is None else s["n"] * s["rmse"] ** 2 for s in own]
                 result[output] = float(np.sqrt(sum(squares) / total))
         return result
 

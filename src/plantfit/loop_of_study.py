@@ -33,10 +33,8 @@ MPC_PERIOD = (
     f", no longer than a {PLAN_SAMPLES}th of lag and dead time: a plan of few moves then sees all that an input does"
 )
 LEVELS = 4  # of a schedule
-FIXED, HEADROOM = (
-    ("q15", "q31"),
-    1.2,
-)  # kinds of fixed point; a full number over the largest signal, before it is rounded
+# kinds of fixed point; a full number over the largest signal, before it is rounded
+FIXED, HEADROOM = (("q15", "q31"), 1.2)
 STANDARD = {
     "overshoot": 10.0,
     "ms": 1.6,

@@ -13,11 +13,12 @@ ARM = (
 
 MASS = "v' = (u - d*v)/m\nx' = v\nF = u - d*v"
 ROOTS = "x' = (3 + u - k*sqrt(x))/tau\ns = sqrt(x)\nl = log(x)\nd = log10(x)"
+# x, s, l, d
 UNDEFINED = [
     [4.0, 2.0, 1.3862943611198906, 0.6020599913279624],
     [0.0, 0.0, -np.inf, -np.inf],
     [-1.0, np.nan, np.nan, np.nan],
-]  # x, s, l, d
+]
 
 
 def answered(text, truth, states, outputs, end, *, count=96, units=None, hold=None):

@@ -142,9 +142,8 @@ def test_python_control_simulates_the_linear_plant(heater, tmp_path):
     np.testing.assert_allclose(module.frequency_response(w), g, rtol=1e-9)
     pade = module.system(4)
     assert isinstance(pade, control.StateSpace)
-    np.testing.assert_allclose(
-        pade(1j * w), g, rtol=1e-6
-    )  # what is stated of a Pade fraction up to 1 rad/s at this dead time
+    # what is stated of a Pade fraction up to 1 rad/s at this dead time
+    np.testing.assert_allclose(pade(1j * w), g, rtol=1e-6)
     assert json.loads(data.read_text())["paths"][0]["delay"] == pytest.approx(v["L"])
 
 

@@ -112,9 +112,8 @@ def test_the_page_says_what_was_found():
     drawn = np.abs(rng.uniform(-0.039, 0.039, 200_000) + rng.uniform(-0.117, 0.117, 200_000))
     table = next(t for t in section["tables"] if "table 4" in t["caption"])
     for row in table["rows"]:
-        assert float(row[3].rstrip(" %")) == pytest.approx(
-            float(row[2].rstrip(" %")), abs=0.5
-        )  # the paper's 68, 95, 99.7 %
+        # the paper's 68, 95, 99.7 %
+        assert float(row[3].rstrip(" %")) == pytest.approx(float(row[2].rstrip(" %")), abs=0.5)
         assert float(row[5].rstrip(" %")) == pytest.approx(100 * np.mean(drawn < float(row[4])), abs=0.3)
     assert section["tables"][0]["rows"][-1][6] == "0.1424"
     assert [row[0] for row in section["tables"][-1]["rows"]] == ["k[7]", "Td"]

@@ -222,9 +222,8 @@ def test_the_exchanger_and_the_pendulum_of_the_page_end_as_it_says(
     run = call(capsys, monkeypatch, "run", f"{name}.toml", "--no-diagnose", "--json")
     verdict = [v["sentence"] for v in json.loads(run.out)["verdict"]]
     for line in lines:
-        shape = re.sub(
-            r"\d[\d.]*", r"[\\d.]+", re.escape(line).replace(r"\ ", " ")
-        )  # another processor has other last digits
+        # another processor has other last digits
+        shape = re.sub(r"\d[\d.]*", r"[\\d.]+", re.escape(line).replace(r"\ ", " "))
         assert any(re.match(shape, v) for v in verdict), (line, verdict)
     for (value, error), true in zip(re.findall(r"= ([\d.]+) ± ([\d.]+)", lines[0]), truth, strict=True):
         assert abs(float(value) - true) < 2.5 * float(error)

@@ -66,10 +66,8 @@ def test_a_recording_from_excitation_to_table(capsys, monkeypatch, program, tmp_
     assert told["played"] == told["values"] == 100
     assert len(read_csv(tmp_path / "run.csv")) == told["samples"]
     said = call(capsys, monkeypatch, "init", tmp_path / "run.csv", "--json")
-    assert (json.loads(said.out)["input"], json.loads(said.out)["output"]) == (
-        "V",
-        "current",
-    )  # not the counter, not the gaps
+    # not the counter, not the gaps
+    assert (json.loads(said.out)["input"], json.loads(said.out)["output"]) == ("V", "current")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])

@@ -282,9 +282,8 @@ def test_other_controllers_by_command_their_pages_their_c_and_what_a_rig_reads_o
         assert "the schedule gains nothing here" in told["verdict"][1]["sentence"]  # the plant is linear
     elif "--number" in words:
         header = (tmp_path / "heater_pid.h").read_text()
-        assert (
-            "Fixed point: signals of 16 bits, the command limited to 3277 .. 26214 steps." in header
-        )  # 10 and 80 % of 100 %
+        # 10 and 80 % of 100 %
+        assert "Fixed point: signals of 16 bits, the command limited to 3277 .. 26214 steps." in header
         assert told["proposed"]["full_scale.u"].startswith("100 %, above all")
         assert "full_scale.T" not in told["proposed"]
     else:

@@ -6,9 +6,8 @@ from printed_page import commands, first_wrong, parts
 from plantfit.cases.shared.registry import demos
 
 PARTS = parts("real-machines.md")
-FAST = (
-    "A linear drive with friction: a force that is known",
-)  # solved at once; others search for 4 to 20 s of processor time
+# solved at once; others search for 4 to 20 s of processor time
+FAST = ("A linear drive with friction: a force that is known",)
 REAL = {"heater", "gearmotor", "tanks", "emps", "thermal", "exchanger", "double_pendulum"}
 
 

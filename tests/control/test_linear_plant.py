@@ -17,9 +17,8 @@ UP = {"theta1": np.pi / 2, "theta2": 0.0}
 def test_the_upright_pendubot_equals_the_matrices_by_hand():
     b3 = L1 * ARM["b5"]
     mass = np.array([[ARM["b1"] + ARM["b2"] + 2 * b3, ARM["b2"] + b3], [ARM["b2"] + b3, ARM["b2"]]])
-    falling = G * np.array(
-        [[ARM["b4"] + ARM["b5"], ARM["b5"]], [ARM["b5"], ARM["b5"]]]
-    )  # minus the slope of gravity's torque
+    # minus the slope of gravity's torque
+    falling = G * np.array([[ARM["b4"] + ARM["b5"], ARM["b5"]], [ARM["b5"], ARM["b5"]]])
     damping = np.array([[ARM["kt"] * ARM["ke"] / ARM["Ra"], 0.0], [0.0, 0.0]])
     inverse = np.linalg.inv(mass)
     plant = linearised(pendubot("base", drive="voltage"), ARM, UP)

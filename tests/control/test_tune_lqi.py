@@ -143,9 +143,8 @@ def test_the_output_comes_to_the_set_point_on_a_plant_of_another_gain_under_a_lo
     for _ in range(400):
         state, command = update(state, 5.0 + level, 5.5, (given, 3.0))
         past = [float(command) - 2.0, *past[:-1]]
-        level = (
-            a * level + 1.3 * float(b @ np.array(past[: len(b)])) + 0.3 * float(np.sum(b))
-        )  # 30 % more gain, a load of 0.3
+        # 30 % more gain, a load of 0.3
+        level = a * level + 1.3 * float(b @ np.array(past[: len(b)])) + 0.3 * float(np.sum(b))
     assert 5.0 + level == pytest.approx(5.5, abs=1e-6)
 
 

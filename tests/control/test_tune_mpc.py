@@ -195,9 +195,8 @@ def test_the_controller_is_read_back_from_its_file(tmp_path, limits):
     for k in range(8):
         state, command = update(state, 5.0 + 0.1 * np.sin(k), 5.2, (given, 0.0))
         assert running.update(5.0 + 0.1 * np.sin(k), 5.2) == pytest.approx(float(command), rel=1e-12)
-    del record["controllers"][0][
-        "set_point_share"
-    ]  # as older files are, in which the share of the plants stood in its place
+    # as older files are, in which the share of the plants stood in its place
+    del record["controllers"][0]["set_point_share"]
     (tmp_path / "x-tune.json").write_text(json.dumps(record, allow_nan=False))
     with pytest.raises(SimulationError, match=r"x-tune\.json was written before plantfit kept how fast the set point"):
         read_tuned(tmp_path / "x-tune.json")

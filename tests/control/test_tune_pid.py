@@ -81,9 +81,8 @@ def test_scores_and_responses_are_those_of_a_plain_simulation(design):
     half = design.course.begin
     for i in (0, 3, 17):
         y = simulated(design, design.best.gains, i)
-        np.testing.assert_allclose(
-            seen["y"][i], y, atol=0.02
-        )  # the list of past inputs rounds the dead time to a hundredth of a second
+        # the list of past inputs rounds the dead time to a hundredth of a second
+        np.testing.assert_allclose(seen["y"][i], y, atol=0.02)
         scores = design.judged.scores
         assert scores.overshoot[0, i] == pytest.approx(100 * max(0.0, np.max(y[:half]) - 5.0) / 2.0, abs=1.0)
         assert scores.iae[0, i] == pytest.approx(0.5 * np.sum(np.abs(5.0 - y[:half])) / 2.0, rel=0.02)

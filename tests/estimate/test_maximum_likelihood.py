@@ -120,9 +120,8 @@ def test_intervals_cover_the_truth_in_95_of_100(covariance):
         likelihood = likelihood or Innovations.of(problem, FREE, linearised)
         found = maximised(likelihood, likelihood.records(problem), FREE, covariance, budget=200)
         wrong = found.estimate.values - list(ALL.values())
-        far.append(
-            wrong[: len(plants.TRUTH)] / found.estimate.standard_error[: len(plants.TRUTH)]
-        )  # noise on its bound has none
+        # noise on its bound has none
+        far.append(wrong[: len(plants.TRUTH)] / found.estimate.standard_error[: len(plants.TRUTH)])
         inside += [found.interval[n][0] < v < found.interval[n][1] for n, v in ALL.items()]
     share = inside[: len(plants.TRUTH)] / runs
     assert np.all(np.abs(share - 0.95) <= 0.04), dict(zip(ALL, inside / runs, strict=True))

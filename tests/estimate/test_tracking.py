@@ -165,9 +165,8 @@ def test_a_plant_with_a_dead_time_is_tracked_and_the_dead_time_watched(late):
     count = sum(bool(fed(late, lag.record(400 + s, 1000, lag.LATE, hold=(4, 15)[s % 2])).alarms) for s in range(10))
     assert count <= 1
     first = late.rows[0]["t"]
-    assert first - late.length * lag.PERIOD == pytest.approx(
-        0.3, abs=0.051
-    )  # what came before is not known for one dead time
+    # what came before is not known for one dead time
+    assert first - late.length * lag.PERIOD == pytest.approx(0.3, abs=0.051)
     assert "L" not in late.rows[0]
     assert 0.6 < np.mean([row["nis"] for row in late.rows]) < 1.5
     # a step of the input five samples late is like a slower plant to a filter whose process noise forgets within a few
@@ -239,9 +238,8 @@ def test_rows_without_an_input_hold_it_and_missing_outputs_are_skipped(tracker):
     fed(tracker, pf.Recording(recording.t, {"u": recording.signals["u"], "y": pf.Signal(y, "K")}, "gap"))
     skipped = tracker.rows[-1]
     for name in ("x", "K", "tau", "K_sd"):
-        assert left[name] == pytest.approx(
-            skipped[name], rel=1e-4
-        )  # one step of five periods, or five with tangents of their own
+        # one step of five periods, or five with tangents of their own
+        assert left[name] == pytest.approx(skipped[name], rel=1e-4)
 
 
 # -- a file that grows ------------------------------------------------------------------------------

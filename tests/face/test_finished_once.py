@@ -65,14 +65,8 @@ def write_growth(folder):
 def folder(tmp_path_factory):
     place = tmp_path_factory.mktemp("growth")
     write_growth(place)
-    words = [
-        "run",
-        "growth.toml",
-        "--store",
-        "lab.db",
-        "--out",
-        "growth.html",
-    ]  # in a process with strings of other hashes
+    # in a process with strings of other hashes
+    words = ["run", "growth.toml", "--store", "lab.db", "--out", "growth.html"]
     code = f"import sys; sys.argv = ['plantfit', *{words!r}]; from plantfit.cli.start import run; run()"
     done = subprocess.run([sys.executable, "-c", code], cwd=place, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -114,10 +114,8 @@ HOSTILE = [
     ("y = " + "-" * 50_000 + "x", 4),
     ("y = " + "not " * 10_000 + "x", 4),
     ("y = " + "2**" * 10_000 + "x", 4),
-    (
-        "y = " + "x if u else " * 5000 + "1",
-        (4, 4 + 150 * 12),
-    ),  # Python 3.13 reads it, and it is too deep; 3.12 gives up
+    # Python 3.13 reads it, and it is too deep; 3.12 gives up
+    ("y = " + "x if u else " * 5000 + "1", (4, 4 + 150 * 12)),
     ("y = " + "+".join(["x"] * 20_000), 4),
     ("y = x" + " " * 100_001, 0),
 ]

@@ -226,9 +226,8 @@ def test_a_course_in_compiled_blocks_is_that_of_one_step_after_the_other(name):
         np.testing.assert_allclose(found[:, k], x, rtol=1e-9)
         x = STEPPERS[name].on_arrays(rates, x, u0[:, k], u1[:, k], h[:, k], (q,))
     np.testing.assert_allclose(found[:, steps], x, rtol=1e-9)
-    np.testing.assert_array_equal(
-        run.states(x0[:1], u0[:1], u1[:1], h[:1], (q[:1],))[0], found[0]
-    )  # the same bits alone
+    # the same bits alone
+    np.testing.assert_array_equal(run.states(x0[:1], u0[:1], u1[:1], h[:1], (q[:1],))[0], found[0])
 
 
 def test_finer_meshes_of_a_model_compile_nothing_anew():

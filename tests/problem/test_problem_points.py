@@ -19,7 +19,6 @@ def test_residuals_are_the_same_with_and_without_derivatives(name):
     problem = CASES[name].problem()
     assert shared(problem)
     for z in points(problem, 3):
-        np.testing.assert_allclose(
-            residuals_alone(problem, z), residuals(problem, z), rtol=1e-14, atol=1e-14
-        )  # rounding of their scales
+        # rounding of their scales
+        np.testing.assert_allclose(residuals_alone(problem, z), residuals(problem, z), rtol=1e-14, atol=1e-14)
         np.testing.assert_allclose(residuals_alone(problem, z), problem.residuals(z), rtol=1e-14, atol=1e-14)

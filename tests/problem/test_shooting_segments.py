@@ -98,9 +98,8 @@ def test_every_scored_sample_is_scored_once():
 def test_only_the_knots_that_can_reach_a_segment_are_carried():
     problem = lag_problem()
     knots = cut(problem, segments=30).segments.drive.delayed[0].knots
-    assert (
-        knots.shape[1] <= (0.5 + 1.0) / 0.5 + 2
-    )  # half a second of segment, a second of delay, an edge every half second
+    # half a second of segment, a second of delay, an edge every half second
+    assert knots.shape[1] <= (0.5 + 1.0) / 0.5 + 2
 
 
 def test_records_of_different_length_get_segments_of_one_length_and_their_own_coordinates():

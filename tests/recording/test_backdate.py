@@ -80,9 +80,8 @@ def test_a_period_that_was_read_before_is_left_out():
 
 
 def test_the_mean_speed_of_uneven_slots_is_right_once_their_error_is_known():
-    rig = DcMotorRig(
-        slot_error=0.08, tick=0.0, duration=0.4, period=2.3e-4, window=2.3e-4, substeps=10
-    )  # slots change from turn to turn
+    # slots change from turn to turn
+    rig = DcMotorRig(slot_error=0.08, tick=0.0, duration=0.4, period=2.3e-4, window=2.3e-4, substeps=10)
     late = slice(round(0.05 / rig.period), None)
     for known, off in ((0.0, 3 * 0.08**2), (0.08, 0.0)):
         means = []

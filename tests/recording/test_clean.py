@@ -224,9 +224,8 @@ def test_of_many_marked_samples_it_is_the_nearest_step_and_says_how_many_it_take
 def test_a_coarser_grid_keeps_a_line_up_to_both_ends(factor):
     t = np.arange(10_001) * 0.001
     made = rec.decimate(rec.from_arrays(t, signals={"x": 3.0 * t + 1.0}), factor)
-    np.testing.assert_allclose(
-        made["x"], 3.0 * made.t + 1.0, rtol=0, atol=3.0 * 2e-3 * 0.001 * factor
-    )  # of a step of the new grid
+    # of a step of the new grid
+    np.testing.assert_allclose(made["x"], 3.0 * made.t + 1.0, rtol=0, atol=3.0 * 2e-3 * 0.001 * factor)
 
 
 @pytest.mark.parametrize(("cutoff", "order"), [(0.2, 2), (1.0, 1), (1.0, 4), (20.0, 2)])

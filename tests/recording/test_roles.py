@@ -185,10 +185,8 @@ def test_days_and_months():
 
     assert day(["13/02/2024 10:00", "14/02/2024 10:00"]) == (["02-13", "02-14"], None)
     assert day(["02/13/2024 10:00", "02/14/2024 10:00"]) == (["02-13", "02-14"], None)
-    assert day(["01/02/2024 23:59:59", "02/02/2024 00:00:01"]) == (
-        ["02-01", "02-02"],
-        None,
-    )  # the day after, not the month
+    # the day after, not the month
+    assert day(["01/02/2024 23:59:59", "02/02/2024 00:00:01"]) == (["02-01", "02-02"], None)
     assert day(["01/02/2024 10:00"])[1] is None  # one date: its order does not matter
     assert day(["03.04.2024 10:00:00,5"])[0] == ["04-03"]
     night, noon = timestamps(["01/02/2024 12:00:00 AM", "01/02/2024 12:00:01 PM"])[0]

@@ -16,19 +16,8 @@ PUBLISHED = (
 KINDS = {"scatter", "bar", "box", "heatmap", "histogram", "histogram2d", "histogram2dcontour", "image", "pie",
          "contour",
          "scatterternary", "violin", "waterfall", "funnel"}  # fmt: skip
-SHAPES = {
-    "line",
-    "rect",
-    "circle",
-    "path",
-    "log",
-    "linear",
-    "category",
-    "date",
-    "data",
-    "percent",
-    "constant",
-}  # of layouts and error bars
+# of layouts and error bars
+SHAPES = {"line", "rect", "circle", "path", "log", "linear", "category", "date", "data", "percent", "constant"}
 
 
 def page():

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 
 FIRMWARE = Path(__file__).resolve().parents[2] / "firmware"
-SCALE = np.array(
-    [0.0470588235294, 0.00314159265359, 1.0, 0.00244140625]
-)  # drive and channels, as hal_host.c declares them
+# drive and channels, as hal_host.c declares them
+SCALE = np.array([0.0470588235294, 0.00314159265359, 1.0, 0.00244140625])
 
 
 def build(folder: Path) -> Path:

@@ -115,9 +115,8 @@ def test_an_lqi_and_an_mpc_drive_the_board_as_well(capsys, monkeypatch, program,
     got, truth = read_csv(tmp_path / "run.csv"), read_truth(tmp_path / "truth")
     assert set(np.unique(got["angle_set"])) == {10.0, 25.0}
     assert np.mean(got["angle"][(got.t > 1.9) & (got.t < 2.4)]) == pytest.approx(10.0, abs=1.0)
-    assert np.mean(got["angle"][got.t > 4.5]) == pytest.approx(
-        25.0, abs=1.0
-    )  # its load takes dry friction away, but for hunting
+    # its load takes dry friction away, but for hunting
+    assert np.mean(got["angle"][got.t > 4.5]) == pytest.approx(25.0, abs=1.0)
     assert_driven_as_read(read_tuned(file).running(), got, truth)
     assert any(f"Driven from angle by the {kind.upper()} of {file.name}, every 0.05 s" in line for line in got.log)
 

@@ -22,9 +22,8 @@ def test_moves_are_the_incomplete_beta_function():
 def test_derivatives_are_those_of_the_value_and_continuous(order):
     slope = np.gradient(PATH(T, order - 1), T)
     scale = np.max(np.abs(PATH(T, order)))
-    inner = np.all(
-        np.abs(T[:, None] - [1.0, 3.0, 5.0, 9.0]) > 3e-4, axis=1
-    )  # away from where the next derivative jumps
+    # away from where the next derivative jumps
+    inner = np.all(np.abs(T[:, None] - [1.0, 3.0, 5.0, 9.0]) > 3e-4, axis=1)
     np.testing.assert_allclose(PATH(T, order)[inner][1:-1], slope[inner][1:-1], atol=1e-6 * scale)
     assert np.max(np.abs(np.diff(PATH(T, order)))) < 1e-2 * scale  # no jump at the ends of a move
 

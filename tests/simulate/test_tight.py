@@ -158,9 +158,8 @@ def test_the_checked_cost_is_that_of_the_exact_solution():
     assert not coarse.confirmed
     assert coarse.refused is None
     assert checked_cost(fine, z).confirmed
-    again = Problem(
-        model, records, substeps=1, balance="recordings", scales={"y": 0.3, "w": 2.0}
-    )  # nothing is kept there
+    # nothing is kept there
+    again = Problem(model, records, substeps=1, balance="recordings", scales={"y": 0.3, "w": 2.0})
     some = checked_cost(again, z, evaluations=500)
     assert 0 < some.samples < coarse.samples
     assert some.refused is None

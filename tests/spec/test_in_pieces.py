@@ -81,10 +81,8 @@ def test_all_else_stays(write):
     assert "bounds = [0.1, 10]  # unknown" in text
     found = tomllib.loads(text)
     assert found["name"] == "well in pieces"
-    assert found["recording"] == {
-        "run": {"file": "run.csv", "pieces": 12},
-        "short": {"file": "short.csv"},
-    }  # no longer than a piece
+    # no longer than a piece
+    assert found["recording"] == {"run": {"file": "run.csv", "pieces": 12}, "short": {"file": "short.csv"}}
     assert found["search"] == {"budget": 3000, "shooting": 5}
     assert found["parameters"]["start_v"] == {"per_recording": True}
 

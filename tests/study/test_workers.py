@@ -120,9 +120,8 @@ class Killer:
         self.random = random.Random(seed)
         self.parent, self.kills, self.kinds = None, 0, set()
         self.left = 0  # helpers of this parent that were not killed; it starts no others
-        self.said = Path(store.name).with_suffix(
-            ".stderr"
-        )  # a pipe that nobody reads would stop the parent once it is full
+        # a pipe that nobody reads would stop the parent once it is full
+        self.said = Path(store.name).with_suffix(".stderr")
 
     def mark(self):
         whole = self.store.whole(self.study_id)

@@ -123,9 +123,8 @@ def test_the_final_problem_is_made_at_the_basin_that_is_best_on_it():
     final, results = finish(problem, before)
     answer = Answer(final, results, 0)
     assert answer.values["p"] == pytest.approx(1.0, abs=0.02)
-    assert final.scales == pytest.approx(
-        {"y": 0.11, "w": 0.1}, rel=0.15
-    )  # the noise and what this basin leaves, not that of the other
+    # the noise and what this basin leaves, not that of the other
+    assert final.scales == pytest.approx({"y": 0.11, "w": 0.1}, rel=0.15)
     assert answer.best.cost == pytest.approx(1.0, abs=1e-3)
     assert answer.findings["agreement"]["agree"] == 2
     assert results[0].cost > 2.0  # the other basin, on this problem

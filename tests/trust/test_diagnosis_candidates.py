@@ -13,9 +13,8 @@ PLACES = {"inputs": Before, "states": Inside, "changes": Changing, "outputs": Be
 
 
 def test_every_extension_of_a_model_is_a_candidate_at_its_place():
-    assert set(CANDIDATES) == {
-        name for name, kind in KINDS.items() if not kind.over_time
-    }  # a curve in time is tried by itself
+    # a curve in time is tried by itself
+    assert set(CANDIDATES) == {name for name, kind in KINDS.items() if not kind.over_time}
     for kind, candidate in CANDIDATES.items():
         assert isinstance(candidate, PLACES[KINDS[kind].to]), kind
 

@@ -202,13 +202,8 @@ def test_parameters_that_may_not_change_and_too_many_pairs(tmp_path):
     text += "reference_K_with_t = { value = 0 }\n"
     problem = load(write(replace(plant, study=text), "clean", 0.01, 0, tmp_path)).problem
     pairs = inside_kinds(problem)["change"]
-    assert set(pairs) == {
-        "K with u",
-        "K with x",
-        "tau with u",
-        "tau with t",
-        "tau with x",
-    }  # no dead time, no change twice
+    # no dead time, no change twice
+    assert set(pairs) == {"K with u", "K with x", "tau with u", "tau with t", "tau with x"}
     many = [f"p{k}" for k in range(30)]
     model = equations(
         f"x' = ({' + '.join(many)})*u - x; y = x", inputs={"u": "V"}, states={"x": {"unit": "K", "initial": 0.0}},

@@ -139,6 +139,5 @@ def test_a_block_left_out_at_the_start_is_foretold_without_running_away():
             again = without(data, whole, [hidden])
             assert again is not None
             errors = (again.simulated[0] - record["y"])[hidden]
-            assert (
-                np.sqrt(np.mean(errors**2)) < (2 if begin else 5) * NOISE
-            )  # rest at the first sample has the noise of that one
+            # rest at the first sample has the noise of that one
+            assert np.sqrt(np.mean(errors**2)) < (2 if begin else 5) * NOISE

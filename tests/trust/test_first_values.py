@@ -144,9 +144,8 @@ def test_an_unstable_plant_with_a_free_start_is_as_well_known_as_without_the_mea
     local = linearise(problem, z)
     assert first_value_effects(problem, z, residual_blocks(problem)).noise.shape[1] == 1
     assert local.linear is not None
-    np.testing.assert_allclose(
-        local.linear.begun[:1], 1.0, atol=0.05
-    )  # `start` takes up what the value does: a does not move
+    # `start` takes up what the value does: a does not move
+    np.testing.assert_allclose(local.linear.begun[:1], 1.0, atol=0.05)
 
 
 def test_the_sentence_stands_where_it_matters():

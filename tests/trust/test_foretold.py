@@ -84,9 +84,8 @@ def test_a_wrong_model_is_said_not_to_hold(wrong):
         assert s["level"] == "bad"
         assert "it does not hold there." in s["sentence"]
         assert score.foretold is None or score.foretold < 0.7 * score.rmse
-    assert (
-        sum(score.foretold is not None for score, _ in wrong) >= SEEDS // 2
-    )  # judged by the miss, not by the residuals
+    # judged by the miss, not by the residuals
+    assert sum(score.foretold is not None for score, _ in wrong) >= SEEDS // 2
 
 
 def test_a_model_that_follows_unseen_samples_costs_no_simulation():

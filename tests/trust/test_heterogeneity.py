@@ -59,9 +59,8 @@ def test_few_degrees_of_freedom_raise_no_more_alarms_than_five_in_a_hundred():
     values = rng.normal(size=(n, 3))
     told = np.mean([heterogeneity(v, s, np.full(3, freedom)).p < 0.05 for v, s in zip(values, errors, strict=True)])
     assert 0.02 < told < 0.07
-    assert (
-        np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.09
-    )  # Q alone
+    # Q alone
+    assert np.mean([heterogeneity(v, s, np.full(3, 1e9)).p < 0.05 for v, s in zip(values, errors, strict=True)]) > 0.09
 
 
 def test_all_at_once_is_the_sum_of_squares_of_what_is_independent():

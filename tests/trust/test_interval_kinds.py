@@ -56,9 +56,8 @@ def test_all_kinds_meet_the_closed_form_of_a_straight_line(white, found):
         # 2.7)
         exact = student.interval(0.95, 38, best[k], errors[k])
         own = {i["kind"]: (i["low"], i["high"]) for i in p["kinds"]}
-        assert own["posterior"] == pytest.approx(
-            exact, abs=0.08 * errors[k]
-        )  # 2.5 % quantiles of some 5000 draws: 0.04 errors
+        # 2.5 % quantiles of some 5000 draws: 0.04 errors
+        assert own["posterior"] == pytest.approx(exact, abs=0.08 * errors[k])
         robust = errors[k] * np.sqrt(found.profiles["ab"[k]].inflation)  # at least 1: what correlation would add
         assert own["profile"] == pytest.approx(norm.interval(0.95, best[k], robust), abs=0.05 * errors[k])
         assert own["bootstrap"] == pytest.approx(exact, abs=0.35 * errors[k])
@@ -137,9 +136,8 @@ def test_under_coloured_noise_each_kind_holds_the_truth_in_95_percent():
         rng = np.random.default_rng(1000 + seed)
         u = np.repeat(rng.uniform(-1, 1, 40), 10)
         y = 1 + 2 * u + slow_noise(rng, 400, 0.8, 0.3)
-        answer = line(
-            u, y, standard_errors="robust"
-        )  # a model without states has classical ones by itself, and says so
+        # a model without states has classical ones by itself, and says so
+        answer = line(u, y, standard_errors="robust")
         found = pf.compare_intervals(answer, kinds=tuple(held), replicates=300, draws=300, parameters=["b"], seed=seed)
         for k in found.record["parameters"][0]["kinds"][1:]:
             held[k["kind"]] += k["low"] <= 2 <= k["high"]

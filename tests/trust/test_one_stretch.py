@@ -72,12 +72,10 @@ def test_a_wrong_model_is_not_told_as_a_wrong_record(seed):
     one = np.where(t > 60.0, 1.0, 0.0)  # a single step: all there is to miss is missed there
     assert found(t, output("two lags", one) + noise, output("lag", one) / 2.0, one) is None
     u = steps(rng)
-    assert (
-        found(t, output("lag", u) + 3.0 * np.exp(-t / 0.7) + noise, output("lag", u), u) is None
-    )  # another initial value
-    assert (
-        found(t, output("lag", u) + np.exp((t - t[-1]) / 5.0) + noise, output("lag", u), u) is None
-    )  # it runs away at the end
+    # another initial value
+    assert found(t, output("lag", u) + 3.0 * np.exp(-t / 0.7) + noise, output("lag", u), u) is None
+    # it runs away at the end
+    assert found(t, output("lag", u) + np.exp((t - t[-1]) / 5.0) + noise, output("lag", u), u) is None
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9, 0.99, 1.0])

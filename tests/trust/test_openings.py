@@ -86,11 +86,8 @@ def test_nothing_opens_everything_when_a_direction_stays(pendubot, spread):
 
 
 def test_standard_errors_agree_with_monte_carlo(pendubot, spread):
-    rng, exact, sd = (
-        np.random.default_rng(0),
-        pendubot.function(TRUTH),
-        np.sqrt(np.diag(spread)) / 10,
-    )  # small, so that linear is right
+    # small, so that linear is right
+    rng, exact, sd = (np.random.default_rng(0), pendubot.function(TRUTH), np.sqrt(np.diag(spread)) / 10)
     small = openings(
         pendubot,
         spread / 100,

@@ -167,9 +167,8 @@ def test_total_intervals_of_steam_parameters_hold_what_they_promise():
 
     for opening, noise in ((100.0, 0.05), (40.0, 0.01)):  # records whose answers lie inside the bounds
         rig = SteamChamberRig(truth=constant_truth, noise=noise)
-        sources = [
-            type_b(n, 2 * limit / 100, shape="triangular") for n, limit in rig.error_limits.items()
-        ]  # of a zeroed span
+        # of a zeroed span
+        sources = [type_b(n, 2 * limit / 100, shape="triangular") for n, limit in rig.error_limits.items()]
         errors = [SharedError(s, "gain", "y") for s in sources]
         run = rig.record(opening, 0)
         name, p = run.recording.name, run.truth["parameters"]

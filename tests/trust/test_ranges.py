@@ -35,9 +35,8 @@ def test_a_well_known_line_has_the_textbook_intervals():
         row = rows(found)[name]
         assert row["status"] == "determined"
         assert row["standard_error"] == pytest.approx(error, rel=1e-6)
-        assert row["high"] - row["value"] == pytest.approx(
-            1.972 * error, rel=2e-3
-        )  # Student's t with 198 degrees of freedom
+        # Student's t with 198 degrees of freedom
+        assert row["high"] - row["value"] == pytest.approx(1.972 * error, rel=2e-3)
     assert found.findings["determined"]["count"] == 2
 
 

@@ -219,10 +219,8 @@ def test_a_stored_study_opens_with_the_same_bits(tmp_path, monkeypatch):
         "run; run()"
     )
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
-    first, again = (
-        pf.open_study("lag"),
-        pf.open_study("lag"),
-    )  # the second one reads what the first one's finishing left in the store
+    # the second one reads what the first one's finishing left in the store
+    first, again = (pf.open_study("lag"), pf.open_study("lag"))
     fresh = pf.fit(spec.load("lag.toml").problem, budget=600)
     assert first.problem.start_corrections["bench"]["y"] != 0.0
     assert first.problem.start_corrections == again.problem.start_corrections

@@ -238,9 +238,8 @@ def test_samples_with_less_noise_make_intervals_that_are_not_too_wide():
         estimate, cov = fit(20.0 * matrix, e)
         held += np.abs(estimate) <= 1.96 * np.sqrt(np.diag(cov))
         ratio.append(np.sqrt(np.diag(cov)) / (np.array([1.0, 0.1]) / 20.0 / np.linalg.norm(matrix, axis=0)))
-    assert np.all(np.mean(ratio, axis=0) < 1.15), np.mean(
-        ratio, axis=0
-    )  # that of residuals of one size is 7 times as wide
+    # that of residuals of one size is 7 times as wide
+    assert np.all(np.mean(ratio, axis=0) < 1.15), np.mean(ratio, axis=0)
     assert np.all(held / 300 > 0.92), held / 300
 
 

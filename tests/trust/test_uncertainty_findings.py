@@ -266,11 +266,8 @@ def test_budgets_stand_at_the_most_uncertain_reading():
 
 def test_intervals_with_a_held_constant_and_few_repeats_hold_what_they_promise():
     """A zero that was set with three repeats, and a held value off by a draw: 1.96 would hold a in about 81 %."""
-    problem, inside, short = (
-        line(record(0)).freed({"c": (3.0, 5.0)}),
-        [],
-        [],
-    )  # freed once, as `propagate` would each time
+    # freed once, as `propagate` would each time
+    problem, inside, short = (line(record(0)).freed({"c": (3.0, 5.0)}), [], [])
     start = problem.space.cube(problem.space.vector({"a": 3.0, "b": -2.0, "c": TRUTH["c"]}))
     free, truth = np.array([n != "c" for n in problem.space.names]), np.array([TRUTH[n] for n in problem.space.names])
     for seed in range(200):

@@ -97,11 +97,8 @@ def test_in_a_flat_valley_no_larger_budget_is_advised():
     ("costs", "best", "valley"),
     [
         ([1.0, 1.01, 1.05, 1.2], 1.0, True),  # most at about the best cost
-        (
-            [6.5, 7.0, 9.0, 30.0],
-            1.0,
-            False,
-        ),  # optima of their own: Osborne's second problem, whose best search was cut off
+        # optima of their own: Osborne's second problem, whose best search was cut off
+        ([6.5, 7.0, 9.0, 30.0], 1.0, False),
         ([1.0, 6.5, 7.0, 9.0], 1.0, False),
         ([1e-26, 3e-24, 2e-25], 1e-27, True),  # nothing is left: all are the best
     ],
@@ -128,9 +125,8 @@ def test_where_a_simulation_is_lost_the_sentence_names_shooting():
     assert "`shooting = 100` under [search]" in lost["sentence"]
     [forgets] = search_sentences(extra, lost=True, forgets=True)  # another sentence says what to do
     assert forgets["sentence"].endswith("a better one may exist.")
-    [repeated] = search_sentences(
-        {"basin_hits": 5, "starts": 5}, lost=True
-    )  # a model that cannot, not a search that did not find
+    # a model that cannot, not a search that did not find
+    [repeated] = search_sentences({"basin_hits": 5, "starts": 5}, lost=True)
     assert "shooting" not in repeated["sentence"]
 
 

@@ -22,9 +22,8 @@ _MAKERS: dict[str, Callable[[Plant], dict[str, str | bytes]]] = {
     "csv": csv_tables,
     "fmu": functional_mockup_unit,
 }  # fmt: skip
-_OF_ANSWERS: dict[str, Callable[[Answer, str], dict[str, str | bytes]]] = {
-    "arviz": inference_draws
-}  # of any model, with its recordings
+# of any model, with its recordings
+_OF_ANSWERS: dict[str, Callable[[Answer, str], dict[str, str | bytes]]] = {"arviz": inference_draws}
 TARGETS = (*_MAKERS, *_OF_ANSWERS)
 
 

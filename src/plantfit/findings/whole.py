@@ -92,7 +92,6 @@ def findings_schema() -> dict[str, Any]:
     """The JSON schema of `answer.findings`. `plantfit run --json` leaves the samples out and adds `report`, where
     the page is."""
     schema = Findings.model_json_schema()
-    schema["$defs"]["Look"].setdefault(
-        "description", inspect.getdoc(Look)
-    )  # pydantic before 2.13 leaves out words of a dataclass
+    # pydantic before 2.13 leaves out words of a dataclass
+    schema["$defs"]["Look"].setdefault("description", inspect.getdoc(Look))
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}

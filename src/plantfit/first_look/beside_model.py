@@ -12,10 +12,8 @@ from plantfit.first_look.linear import LinearFit, fit_linear
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 
-NOISE, CLOSER = (
-    1.5,
-    0.8,
-)  # a linear model says something from that many times the noise on, and that part of the grey box's RMSE
+# a linear model says something from that many times the noise on, and that part of the grey box's RMSE
+NOISE, CLOSER = (1.5, 0.8)
 DAMPED = 0.7  # damping ratio from which on nobody sees an oscillation
 FAST = 0.8  # of the Nyquist frequency: poles beyond it are noise
 LONGEST = 20_000  # samples of a recording beyond which it takes long

@@ -10,9 +10,8 @@ from plantfit.errors import RecordingError
 from plantfit.first_look.data import Data
 
 SEGMENTS = 8  # a record is cut into, half overlapping: 15 in all
-OVERLAP = 1.0 / (
-    1.0 + 2.0 * (1.0 / 6.0) ** 2
-)  # of K half-overlapping Hann segments, what counts as independent (Welch 1967)
+# of K half-overlapping Hann segments, what counts as independent (Welch 1967)
+OVERLAP = 1.0 / (1.0 + 2.0 * (1.0 / 6.0) ** 2)
 FAINT = 1e-6  # of the largest power of an input, below which a frequency tells nothing
 
 

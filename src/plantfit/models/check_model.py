@@ -44,9 +44,8 @@ def _check_delays(where: str, model: Any) -> None:
     known = [p.name for p in model.parameters if not p.shape]
     for delay in model.delays:
         _check_known(f"{where} delays {delay.input!r}", delay.input, "inputs", model.inputs)
-        tables = [
-            t.name for t in model.tables if t.over == (delay.input,)
-        ]  # dead time over the input itself, see simulate.dead_time
+        # dead time over the input itself, see simulate.dead_time
+        tables = [t.name for t in model.tables if t.over == (delay.input,)]
         _check_known(f"{where} delays by {delay.parameter!r}", delay.parameter, "parameters", [*known, *tables])
     for late in model.state_delays:
         _check_known(f"{where} delays the state {late.state!r}", late.state, "states", model.states)

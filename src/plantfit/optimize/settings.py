@@ -60,9 +60,8 @@ def _checked(name: str, field: dataclasses.Field, value: Any) -> Any:
     ):
         raise SearchError(f"{where} is {value!r}; give a number from {low:g} to {high:g}.")
     if not low <= value <= high:
-        shown = (
-            f"{value:g}" if abs(value) < 1e300 else "a number too large to be one"
-        )  # an int may have any number of digits
+        # an int may have any number of digits
+        shown = f"{value:g}" if abs(value) < 1e300 else "a number too large to be one"
         raise SearchError(f"{where} is {shown}, outside its range; give a value from {low:g} to {high:g}.")
     if meta["integer"] and int(value) != value:
         raise SearchError(f"{where} is {value!r}; give a whole number from {low:g} to {high:g}.")

@@ -121,10 +121,8 @@ class Problem:
         )  # fmt: skip
         self.space = space_of(model.parameters, parameters, tuple(self.experiments))
         recorded = recorded_units(self.experiments, self.predictor.needs)
-        self.needs = {
-            **self.predictor.needs,
-            **recorded,
-        }  # signals with their units; where the model has none, those of the recordings
+        # signals with their units; where the model has none, those of the recordings
+        self.needs = {**self.predictor.needs, **recorded}
         if isinstance(model, Model):
             check_said_later(model, {n: p.unit for n, p in self.space.parameters.items()}, recorded)
         self._refuse_unfitted()

@@ -264,9 +264,8 @@ def _named(column: Column) -> float:
         if bool(_INPUT.fullmatch(w)) != bool(_OUTPUT.fullmatch(w))
     ]
     if not words and _said(column, _MEASURED):
-        words = [
-            1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0
-        ]  # the output of a controller
+        # the output of a controller
+        words = [1.0 if _said(column, re.compile("output")) and column.unit == "%" else -1.0]
     return float(np.sign(words[-1] if sum(words) == 0 else sum(words))) if words else 0.0
 
 
@@ -302,9 +301,8 @@ def _tells(v: np.ndarray) -> np.ndarray:
                 if i != k and left > 1e-12 * np.var(w[:, k]):
                     more = _left(np.column_stack([own, past[i]]), w[3:, k])
                     share = 1 - more / left
-                    found[i, k] = max(
-                        found[i, k], share if share * rows > 12 else 0.0
-                    )  # chance gives 3 / rows in the mean
+                    # chance gives 3 / rows in the mean
+                    found[i, k] = max(found[i, k], share if share * rows > 12 else 0.0)
     return found
 
 

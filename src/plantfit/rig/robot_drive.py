@@ -34,12 +34,8 @@ class Segment(NamedTuple):
     curvature: float = 0.0
 
 
-PATH = (
-    Segment(1.0),
-    Segment(np.pi, 2.0),
-    Segment(1.0),
-    Segment(np.pi, -2.0),
-)  # straights of 1 m, circles of radius 0.5 m
+# straights of 1 m, circles of radius 0.5 m
+PATH = (Segment(1.0), Segment(np.pi, 2.0), Segment(1.0), Segment(np.pi, -2.0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -239,9 +239,8 @@ class Simulator:
         held = [v for n, v in zip(self.vector.model.inputs, values, strict=True) if self._hold(n) == Held.PREVIOUS]
         jumps = np.unique(np.concatenate([t[np.flatnonzero(np.diff(v, prepend=v[:1]))] for v in held] or [np.zeros(0)]))
         most = [longest[d.parameter] for d in delays]
-        return jumps, np.zeros(
-            ring_length(t, 2 * self.substeps, jumps, most)
-        )  # twice: for the check by halving the steps
+        # twice: for the check by halving the steps
+        return jumps, np.zeros(ring_length(t, 2 * self.substeps, jumps, most))
 
     def _hold(self, name: str) -> str:
         return Held.LINEAR if name in self.interpolated else Held.PREVIOUS

@@ -68,9 +68,8 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
             experiments = {n: _with_counts(e, tables[n], model) for n, e in experiments.items()}
     regression, biased = None, missing_instruments(table, model)
     if table.regression is not None:
-        from plantfit.spec.regression import (
-            prepared,
-        )  # filters and instruments need rooms of scipy that are slow to import
+        # filters and instruments need rooms of scipy that are slow to import
+        from plantfit.spec.regression import prepared
 
         regression = prepared(table, model, experiments, path)
         model, experiments = regression.model, regression.experiments

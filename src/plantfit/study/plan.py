@@ -11,10 +11,8 @@ from plantfit.study.store.codec import plain
 MOST_RUNS = 1_000_000  # their tasks are rows of the store and stand in memory
 LIMIT = 2**31  # what `minimise` counts to
 SMALLEST_CHUNK, LARGEST_CHUNK = 5, 100
-AFTER_SHOOTING = (
-    "least_squares",
-    {"agree": 1},
-)  # multiple shooting has found the basin: one descent from there, unless a method is named
+# multiple shooting has found the basin: one descent from there, unless a method is named
+AFTER_SHOOTING = ("least_squares", {"agree": 1})
 TASKS_OF_METHOD = 10  # enough to keep several workers busy to the end
 
 

@@ -71,10 +71,8 @@ def structure(order: int) -> Structure:
         f"a{k}": Parameter((0.003**k, 2.0**k), next(p.unit for p in model.parameters if p.name == f"a{k}"), "log")
         for k in range(1, order + 1)
     }
-    edges = {
-        "low": Parameter((-20.0, -4.0), "V"),
-        "high": Parameter((4.0, 20.0), "V"),
-    }  # below 4 V the record would look flat
+    # below 4 V the record would look flat
+    edges = {"low": Parameter((-20.0, -4.0), "V"), "high": Parameter((4.0, 20.0), "V")}
     return Structure(model, {**edges, **times, "g": Parameter((-200.0, 200.0), "rad/s", shape=(NODES["count"],))})
 
 

@@ -26,12 +26,8 @@ from plantfit.rig import PendubotRig
 from plantfit.space import Parameter
 
 REFERENCE = {"theta1": "theta1_ref", "theta2": "theta2_ref"}
-SPREAD = {
-    "theta1": 0.01,
-    "theta2": 0.01,
-    "omega1": 3.0,
-    "omega2": 3.0,
-}  # of a window's start about its first sample, at rest
+# of a window's start about its first sample, at rest
+SPREAD = {"theta1": 0.01, "theta2": 0.01, "omega1": 3.0, "omega2": 3.0}
 AGREE = 1e-4  # relative difference of the costs of two shots that ended in the same place
 
 

@@ -14,10 +14,8 @@ from plantfit.cases.shared.fitting import fit_file
 from plantfit.cases.shared.record import figure, record
 
 TITLE = "Pendubot on a virtual rig"
-SMALL, WHOLE = (
-    (60, 20, 20),
-    (1000, 100, 1000),
-)  # runs of PSO, CGA and SSA each; of what they are compared with; on the calm record
+# runs of PSO, CGA and SSA each; of what they are compared with; on the calm record
+SMALL, WHOLE = ((60, 20, 20), (1000, 100, 1000))
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:

@@ -19,16 +19,12 @@ import jax.numpy as jnp
 # the paper does not print these; ours
 PERIOD, SAMPLES, SET_POINT, SUPPLY = 1e-3, 1000, 300.0, 12.0
 UPPER = np.array([50.0, 50.0, 1.0])  # Kp, Ki, Kd from 0
-ENCODERS = {
-    "exact speed": 0.0,
-    "pulse period, 1 us timer": 1.5,
-    "counts in 1 ms": 60.0,
-}  # steps in rad/s at the set point
+# steps in rad/s at the set point
+ENCODERS = {"exact speed": 0.0, "pulse period, 1 us timer": 1.5, "counts in 1 ms": 60.0}
 TIMER = ENCODERS["pulse period, 1 us timer"]
 MOTOR = "i' = (V - Ra*i - kw*w)/La\nw' = (kw*i - B*w)/J"
-OPEN = Controller(
-    lambda measurement, duty: (), lambda state, measurement, reference, duty: (state, duty)
-)  # a constant duty
+# a constant duty
+OPEN = Controller(lambda measurement, duty: (), lambda state, measurement, reference, duty: (state, duty))
 
 
 @lru_cache(maxsize=8)

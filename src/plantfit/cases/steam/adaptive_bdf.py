@@ -68,9 +68,8 @@ class Cost:
     upper: np.ndarray  # (31,)
     solver: Solver
     budget: int
-    slopes: Mapping[bytes, np.ndarray] = field(
-        default_factory=dict
-    )  # differences (d,) that are known, by the bytes of their point
+    # differences (d,) that are known, by the bytes of their point
+    slopes: Mapping[bytes, np.ndarray] = field(default_factory=dict)
     evaluations: int = 0
 
     def __post_init__(self) -> None:

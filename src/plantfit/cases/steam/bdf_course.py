@@ -74,11 +74,8 @@ class Course:
         begin = self._own.delay if at_the_edge else 0.0
         self._solver = _solver(self._rate, begin, float(t[-1]), rtol, atol)
         done = int(np.searchsorted(t, begin, side="right")) if at_the_edge else 0
-        self._noted, self._before, self._done = (
-            [self._rate.noted()],
-            [dict[str, Any]()],
-            [done],
-        )  # of each step; first of the making
+        # of each step; first of the making
+        self._noted, self._before, self._done = ([self._rate.noted()], [dict[str, Any]()], [done])
         self.pressures = np.zeros(len(t))
         while self._solver.status == "running":
             self._before.append(_copied(vars(self._solver)))

@@ -14,9 +14,8 @@ _WINDOWS = {"con", "prn", "aux", "nul", *(f"{port}{k}" for port in ("com", "lpt"
 def file_name(name: str, ending: str) -> str:
     """The file of a study in the current folder: the name without what would be a path, a hidden file or no file at
     all."""
-    kept = unicodedata.normalize(
-        "NFC", name.encode("utf-8", "replace").decode()
-    )  # a surrogate alone is in no file name
+    # a surrogate alone is in no file name
+    kept = unicodedata.normalize("NFC", name.encode("utf-8", "replace").decode())
     kept = re.sub(r"[^\w .,+=()\[\]@%~^-]+", "-", kept)  # no separators, colons, quotes, wildcards, control characters
     kept = kept.encode()[:LONGEST].decode(errors="ignore").lstrip("~ .-").rstrip(" .-")
     if kept.split(".")[0].strip().lower() in _WINDOWS:

@@ -198,9 +198,8 @@ def end(sentence: str, before: list[Callable[[], object]] | tuple[()] = ()) -> N
     for step in before:
         with suppress(Exception):
             step()
-    clean = (
-        "\r\x1b[K\x1b[?25h" if sys.stderr is not None and os.isatty(2) else ""
-    )  # a live line may have hidden the cursor
+    # a live line may have hidden the cursor
+    clean = "\r\x1b[K\x1b[?25h" if sys.stderr is not None and os.isatty(2) else ""
     with suppress(OSError):
         os.write(2, f"{clean}plantfit: {sentence}\n".encode())
     os._exit(EXIT_CODE)

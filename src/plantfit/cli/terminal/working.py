@@ -80,9 +80,8 @@ def search(
             numbers += [_begun(opened, one) for one in chosen]
             _here(opened, chosen, numbers, count or 1, tell, stop)
         else:
-            client = stack.enter_context(
-                _client(scheduler, count)
-            )  # first, so that no study is begun if nobody answers
+            # first, so that no study is begun if nobody answers
+            client = stack.enter_context(_client(scheduler, count))
             numbers += [_begun(opened, one) for one in chosen]
             _cluster(opened, chosen, numbers, client, tell, stop)
         return numbers, stop()
@@ -114,9 +113,8 @@ def _here(opened: Any, chosen: Sequence[Ready], numbers: Sequence[int], count: i
     from plantfit.study.running.runner import attend, joined, latched
 
     with helping(opened, numbers, count - 1, say=warn) as team:
-        stop.before_exit += [
-            helper.kill for helper in team
-        ]  # their claims are free at once, their newest checkpoints are saved
+        # their claims are free at once, their newest checkpoints are saved
+        stop.before_exit += [helper.kill for helper in team]
         asked = latched(stop)
         attend(
             [

@@ -23,10 +23,8 @@ from plantfit.simulate.loop.sensors import Actuator, Sensor
 import jax
 import jax.numpy as jnp
 
-INPUTS, SHAKES = (
-    np.geomspace(1e-4, 1e4, 17),
-    np.geomspace(1e-3, 10.0, 9),
-)  # weights of the input, noise of it that the filter expects
+# weights of the input, noise of it that the filter expects
+INPUTS, SHAKES = (np.geomspace(1e-4, 1e4, 17), np.geomspace(1e-3, 10.0, 9))
 TRIED = 12  # designs that are simulated
 FEW = 16  # plants that a design is simulated on in the search
 DISTANCES = 24  # of a start, up to the largest

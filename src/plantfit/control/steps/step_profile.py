@@ -116,9 +116,8 @@ def _observer(profile: StepProfile) -> Observer:
         begin = jnp.where(first, y, seen.begin)
         size, off = jnp.abs(levels - begin), jnp.abs(levels - y)
         since = jnp.where(very_first, 0.0, t - seen.last_t)
-        settled = jnp.where(
-            off <= profile.band * size, jnp.minimum(seen.settled, t - times), jnp.inf
-        )  # nan is not inside
+        # nan is not inside
+        settled = jnp.where(off <= profile.band * size, jnp.minimum(seen.settled, t - times), jnp.inf)
         return _Seen(
             begin,
             seen.area + jnp.where(now & ~first, since * off, 0.0),

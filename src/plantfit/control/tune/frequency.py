@@ -145,9 +145,8 @@ def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: Any, 
     found = margins(open_loop(c, h), w, integrators, unstable)
     if c.ndim == 1:
         return found
-    outside = margins(
-        outer_loop(c, h), w, 0, held=found.stable
-    )  # its encirclements say nothing: poles of the inner loop are not known
+    # its encirclements say nothing: poles of the inner loop are not known
+    outside = margins(outer_loop(c, h), w, 0, held=found.stable)
     smaller = [
         np.where(found.stable, np.minimum(a, np.abs(b)), a)
         for a, b in ((found.gain, outside.gain), (found.phase, outside.phase))
@@ -180,9 +179,8 @@ def margins(
     outside = outside if held is None else np.where(held, 0, 1)
     gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
     angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
-    last = np.real(
-        loop[:, -1]
-    )  # the loop is real at half the sampling frequency, where the axis is reached and not crossed
+    # the loop is real at half the sampling frequency, where the axis is reached and not crossed
+    last = np.real(loop[:, -1])
     for i in range(len(loop)):
         factors = -1.0 / last[i : i + 1][last[i : i + 1] < -NOTHING]
         turns = np.floor((angle[i] + np.pi) / (2 * np.pi))  # changes where the angle passes an odd multiple of pi

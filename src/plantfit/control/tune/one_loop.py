@@ -188,9 +188,8 @@ class OneLoop:
         n, rng = len(self.vector.states), np.random.default_rng(0)
         x, u = 1.0 + rng.random((POINTS, n)), 1.0 + rng.random(POINTS)
         p = tuple(jnp.broadcast_to(v[:1], (POINTS, *v.shape[1:])) for v in self._p(self.plants))
-        a, _, c, _ = (
-            np.any(np.asarray(v) != 0, axis=0) for v in _local(key, x, u, p)
-        )  # not a number counts as something
+        # not a number counts as something
+        a, _, c, _ = (np.any(np.asarray(v) != 0, axis=0) for v in _local(key, x, u, p))
         seen = c
         for _ in range(n):
             seen = seen | np.any(a & seen[:, None], axis=0)

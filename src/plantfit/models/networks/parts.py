@@ -124,10 +124,8 @@ def _constant(
 
 
 _ENDS = ("from", "to")
-_G = {
-    "gravity": "9.81 m/s^2",
-    "small_level": "0.001 m",
-}  # below it the flow through a valve is proportional to the level
+# below it the flow through a valve is proportional to the level
+_G = {"gravity": "9.81 m/s^2", "small_level": "0.001 m"}
 
 PARTS: dict[str, Part] = {
     p.kind: p

@@ -17,9 +17,8 @@ from plantfit.models.text.functions import CALLS, CONSTANTS
 from plantfit.models.text.suggest import suggest
 from plantfit.models.text.table_text import read_table
 
-RESERVED = frozenset(
-    {*CONSTANTS, *CALLS, "t", "delay"}
-)  # play and friction are read as functions only where they are called
+# play and friction are read as functions only where they are called
+RESERVED = frozenset({*CONSTANTS, *CALLS, "t", "delay"})
 
 _QUANTITY = re.compile(r"\s*(?P<number>[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?)(?P<unit>.*)", re.DOTALL)
 _PARAMETER_KEYS = tuple(f.name for f in fields(Declared) if f.name != "name")

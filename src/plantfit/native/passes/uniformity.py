@@ -33,9 +33,8 @@ class Uniformity:
                 self.analyse(test)
                 diverges = self.varies(test.results[0])
             self.analyse(region)
-            after = [
-                diverges or a or self.varies(r) for a, r in zip(varies, region.results, strict=False)
-            ]  # rows may follow
+            # rows may follow
+            after = [diverges or a or self.varies(r) for a, r in zip(varies, region.results, strict=False)]
             if after == varies:
                 return
             varies = after

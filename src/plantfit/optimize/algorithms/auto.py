@@ -22,10 +22,8 @@ from plantfit.optimize.settings import choice, integer, number
 
 from jax import Array
 
-PERFECT, NEARLY = (
-    1e-20,
-    1e-14,
-)  # cost of a perfect fit by least squares, and by a gradient, as a share of the sample's median cost
+# cost of a perfect fit by least squares, and by a gradient, as a share of the sample's median cost
+PERFECT, NEARLY = (1e-20, 1e-14)
 PIECE = 64  # points of a sample that are evaluated in one go
 FEW_JACOBIANS = 25  # what one least-squares search takes, median of the problems in tests/optimize
 

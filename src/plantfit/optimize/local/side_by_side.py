@@ -132,9 +132,8 @@ class LocalSearches:
     aside: list[Lanes] = field(default_factory=list)  # after `max_steps`
     behind: list[Lanes] = field(default_factory=list)
     rungs: Rungs = field(default_factory=Rungs)
-    steps: dict[bool, int] = field(
-        default_factory=lambda: {False: 0, True: 0}
-    )  # of searches once set aside, and of others
+    # of searches once set aside, and of others
+    steps: dict[bool, int] = field(default_factory=lambda: {False: 0, True: 0})
 
     def run(self) -> Status:
         """Converged when enough searches agree on the answer; where the budget ends them first, as `Basins.agreed`

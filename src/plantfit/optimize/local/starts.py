@@ -110,10 +110,8 @@ def far_apart(points: np.ndarray, costs: np.ndarray) -> Iterator[int]:
     """
     left = [int(i) for i in np.argsort(costs, kind="stable") if np.isfinite(costs[i])]
     columns = np.ascontiguousarray(points.T)
-    nearest, apart = (
-        np.full(len(points), np.inf),
-        np.empty_like(columns),
-    )  # squared distance of every point to what is chosen
+    # squared distance of every point to what is chosen
+    nearest, apart = (np.full(len(points), np.inf), np.empty_like(columns))
     for share in APART:
         limit, others = share**2 * points.shape[1] / 6, []
         for i in left:

@@ -22,18 +22,12 @@ import jax
 import jax.numpy as jnp
 
 SIDE_BY_SIDE = 1024  # most candidates evaluated at once
-STATES = (
-    10 << 20
-)  # most bytes of states side by side: more fall out of the cache and a generation takes up to 1.7 times as long
+# most bytes of states side by side: more fall out of the cache and a generation takes up to 1.7 times as long
+STATES = 10 << 20
 REPORT_SECONDS = 0.5
 
-ENDINGS = (
-    Status.running,
-    Status.converged,
-    Status.stagnated,
-    Status.target,
-    Status.budget,
-)  # in the order of `generations`
+# in the order of `generations`
+ENDINGS = (Status.running, Status.converged, Status.stagnated, Status.target, Status.budget)
 
 
 def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> list[RunResult]:

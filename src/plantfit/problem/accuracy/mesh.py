@@ -35,10 +35,8 @@ import jax
 import jax.numpy as jnp
 
 ROUNDS = 40  # refinements of one mesh, at most
-LOST, ROUGH = (
-    0.3,
-    0.01,
-)  # errors of a step as shares of the state: behind it nothing is known, and too large for the estimate to hold
+# errors of a step as shares of the state: behind it nothing is known, and too large for the estimate to hold
+LOST, ROUGH = (0.3, 0.01)
 NEGLIGIBLE = 1e-9  # error of a step as a share of the state, below which halving it changes nothing
 FAR = 10.0  # times the tolerance, above which only the worst steps are halved
 WORST = 8.0  # times less than the worst, down to which steps are among them

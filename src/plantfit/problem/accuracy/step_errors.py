@@ -13,10 +13,8 @@ from plantfit.simulate.steps.registry import STEPPERS
 
 FINE = 0.03  # step error at the answer, as a share of the residual
 FINE_EACH = 0.05  # the same in each recording by itself; the verdict calls more not negligible
-STILL, ROUNDED = (
-    1e-3,
-    1e-9,
-)  # of the level of an output that never moves: what counts as its spread, and what is rounding of it
+# of the level of an output that never moves: what counts as its spread, and what is rounding of it
+STILL, ROUNDED = (1e-3, 1e-9)
 LEAST = 1e-6  # step error that is asked for at most, as a share of the spread of the measured outputs
 
 

@@ -19,10 +19,8 @@ FINEST = 256
 KEPT = 40  # records followed by the tight solver that are kept
 CLOSE = 0.01  # of the cost: how far the reported one may be from that of the tight solver
 RTOL, ATOL = 1e-9, 1e-11  # of the tight solver, `ATOL` as a share of the largest size of each state
-TIGHTER = (
-    1e-2,
-    1e-4,
-)  # of these, where the simulation is not what the tight solver gives: either may be the one that is off
+# of these, where the simulation is not what the tight solver gives: either may be the one that is off
+TIGHTER = (1e-2, 1e-4)
 SURE = 0.3  # of a difference: a change of the tight solution by less, for which it is that of the simulation
 NOTICED = (
     0.05  # of the residual (rms): what a simulation may be off in a recording before the tight solver is asked again

@@ -7,10 +7,8 @@ import numpy as np
 from plantfit.recording.looks.look import Look
 from plantfit.recording.record import Recording
 
-GAP, SHARE = (
-    1.5,
-    0.01,
-)  # median periods from which on a step is a gap; share of steps that are off by a tenth, from which it is said
+# median periods from which on a step is a gap; share of steps that are off by a tenth, from which it is said
+GAP, SHARE = (1.5, 0.01)
 
 
 def clock_looks(recording: Recording) -> Iterator[Look]:

@@ -11,10 +11,8 @@ FRESH = 20  # values at least
 ON_TIME, EACH = 0.98, 0.8  # share of changes that come at the right samples, and of these samples that bring one
 MOST = 60  # samples from one fresh value to the next
 STRAIGHT = 0.02  # of the bends at fresh values, that are left between them
-ROUNDED, PLAIN = (
-    2.01,
-    1.5,
-)  # steps by which a text of few digits bends a line, and times that by which it bends at fresh values
+# steps by which a text of few digits bends a line, and times that by which it bends at fresh values
+ROUNDED, PLAIN = (2.01, 1.5)
 
 
 def refreshed_look(recording: Recording, name: str) -> Look | None:

@@ -18,20 +18,12 @@ STUCK = 20  # equal samples
 STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
 LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
-LAGS, SURE, SHARE = (
-    5,
-    1e-6,
-    0.05,
-)  # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
-OWN, SMALL = (
-    40,
-    0.02,
-)  # samples back of the input itself, and what outputs must tell of it at least, as a share of its deviation
-NEAR, EARLIER, MOST = (
-    (3, LAGS),
-    30,
-    20_000,
-)  # of the test for late stamps: samples back, samples ahead and of the record at most
+# of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
+LAGS, SURE, SHARE = (5, 1e-6, 0.05)
+# samples back of the input itself, and what outputs must tell of it at least, as a share of its deviation
+OWN, SMALL = (40, 0.02)
+# of the test for late stamps: samples back, samples ahead and of the record at most
+NEAR, EARLIER, MOST = ((3, LAGS), 30, 20_000)
 
 
 def signal_looks(recording: Recording, name: str, measured: bool, settles: bool = False) -> Iterator[Look]:

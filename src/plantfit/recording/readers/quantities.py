@@ -28,9 +28,8 @@ _ABOVE = {
     "P",
 }  # fmt: skip
 _TIMES = re.compile(r"(?:[mµu]?s|min|h|d)(?:\^?2|²)?")
-_ONLY_KNOWN = frozenset(
-    ("1", "C", "F", "T", "H", "S", "d", "L")
-)  # single letters that are rather names: A/F, air/F, B/C
+# single letters that are rather names: A/F, air/F, B/C
+_ONLY_KNOWN = frozenset(("1", "C", "F", "T", "H", "S", "d", "L"))
 
 
 def quantity_over_unit(header: str) -> tuple[str, str] | None:

@@ -66,9 +66,8 @@ class _Helper:
         words = [sys.executable, "-I", "-c", _TRY]
         quiet = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
         atexit.register(self.stop)
-        return subprocess.Popen(
-            words, start_new_session=True, **quiet
-        )  # of its own session: Ctrl-C is for the process that asks
+        # of its own session: Ctrl-C is for the process that asks
+        return subprocess.Popen(words, start_new_session=True, **quiet)
 
     def stop(self) -> None:
         process, self.process = self.process, None

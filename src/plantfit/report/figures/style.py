@@ -19,12 +19,8 @@ FIT_ZONE, VALIDATION_ZONE, BOUND_ZONE = "var(--fit-zone)", "var(--validation-zon
 TRACK, WARNING, CLEAR = "var(--track)", "var(--warning)", "rgba(0,0,0,0)"
 SERIES, BANDS = tuple(f"var(--series-{k})" for k in range(1, 7)), tuple(f"var(--band-{k})" for k in range(1, 7))
 SMALL = {"size": 11, "color": MUTED}
-NARROW, WIDE, KEY, ROW = (
-    15,
-    105,
-    6,
-    20,
-)  # characters of a name's line, of a legend's row and of a key in it; pixels of a row
+# characters of a name's line, of a legend's row and of a key in it; pixels of a row
+NARROW, WIDE, KEY, ROW = (15, 105, 6, 20)
 
 
 def layout(height: int, **more: Any) -> dict[str, Any]:

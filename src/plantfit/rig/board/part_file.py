@@ -90,9 +90,8 @@ class PartFile:
             with self._file as file:
                 while text is not None:
                     pieces = [text := self._queue.get()]
-                    time.sleep(
-                        SYNC_SECONDS if text is not None else 0
-                    )  # gather: fsync for every row would wear the disk
+                    # gather: fsync for every row would wear the disk
+                    time.sleep(SYNC_SECONDS if text is not None else 0)
                     while not self._queue.empty():
                         pieces.append(text := self._queue.get())
                     file.write("".join(p for p in pieces if p))

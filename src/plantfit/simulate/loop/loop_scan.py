@@ -166,7 +166,6 @@ def _scan(step: Callable, carry, rows):
     def apart(carry, row):
         return step(lax.optimization_barrier(carry), row)
 
-    strong = jax.tree.map(
-        lambda a: lax.convert_element_type(a, jnp.asarray(a).dtype), carry
-    )  # types that do not change
+    # types that do not change
+    strong = jax.tree.map(lambda a: lax.convert_element_type(a, jnp.asarray(a).dtype), carry)
     return lax.scan(apart, strong, rows, unroll=UNROLL)

@@ -51,10 +51,8 @@ WHOLE = 0.3  # of the allowed error, for an interval in one step: what follows i
 ROUGH = 0.1  # of the allowed error, up to which the linear part is left to rational functions
 NOISE = 1e-14  # rounding of a rate, as a share of the terms that it is a sum of
 SAFETY, SHORTEST, LONGEST = 0.9, 0.1, 5.0  # of the next step, in lengths of this one
-BENT, SEEN = (
-    0.25,
-    1e-5,
-)  # share of a step's way that the second stage changes, and of the allowed error, from which on it is tried anew
+# share of a step's way that the second stage changes, and of the allowed error, from which on it is tried anew
+BENT, SEEN = (0.25, 1e-5)
 
 
 def tolerance(fineness: int) -> float:

@@ -177,9 +177,8 @@ class _Driver:
         self.queue = Queue(f"plantfit-{self.session}", client=client)
         self.sent: dict[str, _Sent] = {}  # by worker
         self.workers: dict[str, int] = {}
-        self.ours = (
-            client.cluster if isinstance(client.cluster, LocalCluster) else None
-        )  # whose workers nobody else starts
+        # whose workers nobody else starts
+        self.ours = client.cluster if isinstance(client.cluster, LocalCluster) else None
         self.looked_at = self.dry_until = -np.inf
         self.said: set[str] = set()
         self.losses: dict[int, int] = {}  # by task, since its last checkpoint

@@ -5,14 +5,11 @@ import re
 import shlex
 from urllib.parse import quote, quote_plus, unquote, unquote_plus
 
-STORE, VARIABLE = (
-    "plantfit.db",
-    "PLANTFIT_STORE",
-)  # where studies are kept unless the environment or --store says otherwise
+# where studies are kept unless the environment or --store says otherwise
+STORE, VARIABLE = ("plantfit.db", "PLANTFIT_STORE")
 MASK = "***"
-_USER = re.compile(
-    r"([A-Za-z][\w+.-]*://[^\s/?#:@'\"]*):([^\s'\"]*)@"
-)  # to the last @: a password may hold one that is not escaped
+# to the last @: a password may hold one that is not escaped
+_USER = re.compile(r"([A-Za-z][\w+.-]*://[^\s/?#:@'\"]*):([^\s'\"]*)@")
 _KEY = r"(?:ssl)?(?:password|passwd|passphrase|pwd)"
 _QUERY = re.compile(rf"([?&;]{_KEY}=)([^&#\s'\"]*)", re.IGNORECASE)
 _WORDS = re.compile(rf"(\b{_KEY}\s*[=:]\s*)('(?:[^'\\]|\\.)*'|\"(?:[^\"\\]|\\.)*\"|[^\s'\",;&)]+)", re.IGNORECASE)

@@ -88,9 +88,8 @@ run = Table(
     Column("seconds", Double, nullable=False),
     Column("status", Text, nullable=False),
     Column("failures", BigInteger, nullable=False),
-    Column(
-        "packing", Integer, nullable=False, server_default=text("0")
-    ),  # of the histories, see codec.py; since version 2
+    # of the histories, see codec.py; since version 2
+    Column("packing", Integer, nullable=False, server_default=text("0")),
     Column("history_evaluations", LargeBinary, nullable=False),
     Column("history_cost", LargeBinary, nullable=False),
     Column("extra", Text, nullable=False),  # JSON

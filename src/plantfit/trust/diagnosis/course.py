@@ -177,9 +177,8 @@ class Course:
         if not first.trials or times_noise(carrier, self.base, self.apart) <= CLEAR:
             return False
         ones = [t for t in first.trials if t.at is not None]
-        changes = [
-            t for t in ones if changing([t.extension])
-        ]  # many stand for much: they must not take the places of others
+        # many stand for much: they must not take the places of others
+        changes = [t for t in ones if changing([t.extension])]
         ones = [*[t for t in ones if t not in changes][:FINALISTS], *changes[:CHANGES]]
         ones.sort(key=lambda t: -t.explained)
         best: tuple[Trial, Fitted] | None = None

@@ -4,9 +4,8 @@ samples of a recording."""
 import numpy as np
 from scipy.linalg import lapack
 
-Shown = tuple[
-    np.ndarray, np.ndarray, np.ndarray | None
-]  # an output (n,), its derivatives (n, d), that by the value of the addition (n,)
+# an output (n,), its derivatives (n, d), that by the value of the addition (n,)
+Shown = tuple[np.ndarray, np.ndarray, np.ndarray | None]
 
 
 def late(t: np.ndarray, u: np.ndarray, delay: float, held: bool) -> np.ndarray:

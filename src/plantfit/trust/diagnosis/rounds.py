@@ -26,19 +26,15 @@ from plantfit.trust.diagnosis.plant.hypothesis import (
 
 QUICK, FINALISTS = 3, 6  # steps of a first try, additions fitted in full
 CHANGES = 6  # of what may change with what that are tried
-MOST, NEAR = (
-    0.5,
-    3.0,
-)  # of the mean square that these must explain, or times the sample-to-sample noise that they may leave
+# of the mean square that these must explain, or times the sample-to-sample noise that they may leave
+MOST, NEAR = (0.5, 3.0)
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
 SAME = 0.5  # cosine of what two additions take from the residual, below which they explain different parts of it
 NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
 SURE = 2.0  # standard errors that a value is off zero
-TRYING, FITTING = (
-    0.65,
-    0.85,
-)  # of the work left to a round: what first tries may take, and full fits may have taken when one begins
+# of the work left to a round: what first tries may take, and full fits may have taken when one begins
+TRYING, FITTING = (0.65, 0.85)
 
 
 @dataclass(frozen=True)

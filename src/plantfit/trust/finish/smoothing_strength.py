@@ -15,14 +15,11 @@ from plantfit.trust.finish.smoothed_descent import Rows, descend
 from plantfit.trust.intervals.linearised import Local, residual_blocks
 
 FOLDS, PIECES = 5, 2  # left-out parts, and the pieces of each recording that one part has
-BENDS = tuple(
-    10.0 ** (-0.5 - 0.5 * k) for k in range(9)
-)  # typical bends (box widths) that cross-validation compares, 0.3 to 3e-5
+# typical bends (box widths) that cross-validation compares, 0.3 to 3e-5
+BENDS = tuple(10.0 ** (-0.5 - 0.5 * k) for k in range(9))
 FINEST, COARSEST = 1e-6, 1e3  # typical bends that strengths stay between
-ROUNDS, SETTLED = (
-    60,
-    0.01,
-)  # of restricted maximum likelihood: rounds at most, change of a strength's logarithm that ends them
+# of restricted maximum likelihood: rounds at most, change of a strength's logarithm that ends them
+ROUNDS, SETTLED = (60, 0.01)
 STEPS = 3  # towards the answer in each round
 
 

@@ -14,9 +14,8 @@ from plantfit.trust.intervals.follow.following import followed_ranges
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows
 
-PREFERRED = float(
-    special.chdtri(1.0, 0.01)
-)  # twice the log-likelihood by which a basin has to be better than that of the joint answer
+# twice the log-likelihood by which a basin has to be better than that of the joint answer
+PREFERRED = float(special.chdtri(1.0, 0.01))
 
 
 @dataclass(frozen=True)

@@ -138,9 +138,8 @@ def _wider(
     least, most = coordinate.limits
     low, high = float(max(least, min(ends[0], row["low"]))), float(min(most, max(ends[1], row["high"])))
     if high - low < (NOTICED if told else WORTH) * (row["high"] - row["low"]):
-        return (
-            {**row, "scatter": scatter} if scatter and scatter["between"] > 0 else row
-        )  # another recording is farther off than the mean
+        # another recording is farther off than the mean
+        return {**row, "scatter": scatter} if scatter and scatter["between"] > 0 else row
     assert local.linear is not None
     status = judged(coordinate, value, Range(low, high), local.linear.sound)
     # an interval that reaches all that is possible is not the same as data that say nothing

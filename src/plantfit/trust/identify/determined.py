@@ -149,9 +149,8 @@ def combinations_of(
     """
     met = [linear.values] + [np.asarray(problem.space.physical(z)) for i in sorted(ranges) for z in ranges[i].points]
     cloud = np.array(met)
-    moved = (
-        np.max(np.abs(cloud - linear.values), axis=0) / linear.size
-    )  # one that is small at the answer may be large elsewhere
+    # one that is small at the answer may be large elsewhere
+    moved = np.max(np.abs(cloud - linear.values), axis=0) / linear.size
     reach = np.maximum(moved, 1.0)[loose]
     spread = linear.spread[np.ix_(loose, loose)]
     wanted = known_directions(linear, loose)

@@ -347,9 +347,8 @@ def with_memory(influences: np.ndarray, residuals: np.ndarray, fitted: int) -> n
     if n < SHORT or r <= 2.0 / np.sqrt(n):
         return plain
     memory = min(r, most_memory(n, fitted))
-    kept = solve_banded(
-        (1, 0), np.vstack([np.ones(n), np.full(n, -memory)]), influences
-    )  # as lfilter, whose room is slow to import
+    # as lfilter, whose room is slow to import
+    kept = solve_banded((1, 0), np.vstack([np.ones(n), np.full(n, -memory)]), influences)
     cross = influences.T @ kept
     return cross + cross.T - plain
 

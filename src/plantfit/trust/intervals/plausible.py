@@ -21,11 +21,8 @@ from plantfit.trust.intervals.parameter_rows import NOT_VISITED
 from plantfit.trust.intervals.ranges import LEVEL
 
 ROUNDS = 60  # of draws until enough of them are within limits
-MORE_ROUNDS, MANY, FEW_KEPT = (
-    40,
-    4096,
-    0.02,
-)  # further rounds of so many draws, where at least such a share has a cost that the data allow
+# further rounds of so many draws, where at least such a share has a cost that the data allow
+MORE_ROUNDS, MANY, FEW_KEPT = (40, 4096, 0.02)
 WIDE = 0.5  # of a value: a standard error above it is no bell's
 # quantile of the costs of draws of what is determined, up to which draws of what is open are kept where no walk begins
 LIKE = 0.99
@@ -221,9 +218,8 @@ class _Around:
         if not np.any(scatters):
             return move
         few = np.where(scatters, self.known.degrees, 1.0)
-        tails = np.sqrt(
-            few / chdtri(few, self.rng.uniform(size=(len(move), 1)))
-        )  # of several variables, each with its own degrees
+        # of several variables, each with its own degrees
+        tails = np.sqrt(few / chdtri(few, self.rng.uniform(size=(len(move), 1))))
         return np.where(scatters, move * tails, move)
 
     def _moved(self, values: np.ndarray, move: np.ndarray) -> np.ndarray:

@@ -132,9 +132,8 @@ def linear_problem(
     by_value = jacobian[:, at] / space.slopes(z)[at]
     norms, free = np.linalg.norm(by_value, axis=0), max(1, len(residuals) - len(at))
     known = known_variance(blocks, len(residuals), len(at))
-    alone = np.sqrt(max(float(residuals @ residuals) / free, known)) / np.maximum(
-        norms, 1e-300
-    )  # how far it is known if all others are
+    # how far it is known if all others are
+    alone = np.sqrt(max(float(residuals @ residuals) / free, known)) / np.maximum(norms, 1e-300)
     size = np.maximum(np.maximum(np.abs(values), typical), np.maximum(np.minimum(alone, width), 1e-12 * width))
     j = by_value * size
     variance = max(float(residuals @ residuals) / free, rounding(np.diag(np.sum(j**2, axis=0)), len(residuals)), known)
@@ -229,9 +228,8 @@ def linear_end(linear: Linear, i: int, sign: float, held: Sequence[int] = ()) ->
         if beyond is not None:
             if beyond - inside <= 1e-3 * beyond:
                 break
-            guess = (
-                step * np.sqrt(top / growth) if growth > 0 and k % 2 else 0.5 * (inside + beyond)
-            )  # halved where it is no parabola
+            # halved where it is no parabola
+            guess = step * np.sqrt(top / growth) if growth > 0 and k % 2 else 0.5 * (inside + beyond)
             step = float(np.clip(guess, inside + 0.05 * (beyond - inside), beyond - 0.05 * (beyond - inside)))
     return inside, at
 

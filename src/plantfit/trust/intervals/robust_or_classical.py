@@ -11,10 +11,8 @@ from plantfit.trust.intervals.covariance import Block
 from plantfit.trust.validate.residual_tests import whiteness
 
 TESTED = 20  # samples of an output in one recording from which on its residuals are tested
-CHANCE, ONE_SIDED = (
-    0.01,
-    2.326,
-)  # how often white residuals are taken for correlated by either test, and the normal quantile of that
+# how often white residuals are taken for correlated by either test, and the normal quantile of that
+CHANCE, ONE_SIDED = (0.01, 2.326)
 
 
 def robust_errors(problem: Problem, residuals: np.ndarray, blocks: Sequence[Block]) -> bool:

@@ -6,9 +6,8 @@ from typing import Any
 
 from plantfit.errors import ModelError
 
-Constraints = Mapping[
-    str, Callable[[Mapping[str, Any]], Any]
-]  # what holds, in words -> a function that is >= 0 where it holds
+# what holds, in words -> a function that is >= 0 where it holds
+Constraints = Mapping[str, Callable[[Mapping[str, Any]], Any]]
 
 
 @dataclass(frozen=True)

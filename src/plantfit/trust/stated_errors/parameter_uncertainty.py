@@ -210,10 +210,8 @@ def _with_constants(problem: Problem, answer: Any, errors: Sequence[SharedError]
         held[name] = value = float(known[name].value or 0.0)
         stated = sum(e.source.standard for e in errors if e.constant == name)
         reach = max(REACH * stated, 1e-9 * abs(value), 1e-12)
-        bounds[name] = (
-            max(value - reach, 0.0) if value > 0 else value - reach,
-            value + reach,
-        )  # a mass or a delay stays one
+        # a mass or a delay stays one
+        bounds[name] = (max(value - reach, 0.0) if value > 0 else value - reach, value + reach)
     if not bounds:
         return problem, z
     work = problem.freed(bounds)

@@ -12,11 +12,8 @@ from plantfit.errors import RecordingError
 
 Shape = Literal["rectangular", "triangular", "normal", "u-shaped"]
 
-_DIVISORS = {
-    "rectangular": np.sqrt(3.0),
-    "triangular": np.sqrt(6.0),
-    "u-shaped": np.sqrt(2.0),
-}  # JCGM 100, 4.3.7 and 4.3.9; M3003
+# JCGM 100, 4.3.7 and 4.3.9; M3003
+_DIVISORS = {"rectangular": np.sqrt(3.0), "triangular": np.sqrt(6.0), "u-shaped": np.sqrt(2.0)}
 MANY = 1e9  # degrees of freedom that count as infinite
 
 

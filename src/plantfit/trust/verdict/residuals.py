@@ -22,10 +22,8 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span,
 
 WHITE = 0.01  # p-value from which on residuals are called white
 SOLVED = 99.99  # percent of what an output does: what is left may be the error of a solver
-FORETOLD, UNTOLD = (
-    0.6,
-    0.05,
-)  # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
+# share of a residual that the past of an input foretells: from there it follows it, up to there it does not
+FORETOLD, UNTOLD = (0.6, 0.05)
 # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
 SEEN = 0.35
 

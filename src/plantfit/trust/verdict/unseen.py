@@ -17,10 +17,8 @@ from plantfit.trust.verdict.outputs import (
 )
 from plantfit.trust.verdict.words import Sentence, number, say, span, with_unit, worst
 
-HOLDS, FAILS = (
-    1.3,
-    2.0,
-)  # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
+# times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
+HOLDS, FAILS = (1.3, 2.0)
 EXACT = 99.9  # percent: so much of what an output does, and unseen samples hold whatever the fitted ones do
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
 MUCH = 3.0  # times that noise: more is left than noise

@@ -157,7 +157,6 @@ def _memory(series: Sequence[np.ndarray]) -> float:
     powers = [float(np.sum((s - centre) ** 2)) for s in series]
     if sum(powers) <= 0:
         return 1.0
-    factors = [
-        inflation(s - centre, np.arange(len(s)), 1) for s in series
-    ]  # a mean is taken off, which hides correlation
+    # a mean is taken off, which hides correlation
+    factors = [inflation(s - centre, np.arange(len(s)), 1) for s in series]
     return float(np.dot(powers, factors) / sum(powers))

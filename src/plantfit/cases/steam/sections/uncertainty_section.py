@@ -22,10 +22,8 @@ from plantfit.trust.stated_errors.parameter_uncertainty import (
 from plantfit.trust.stated_errors.uncertainty_budget import Budget, type_b, uncertainty_budget
 
 SPAN = 39.0  # bar
-PAPER = {
-    "pressure transducer": (0.0225, 0.0450),
-    "analog input card": (0.0675, 0.1351),
-}  # table 5, its "1351" read as 0.1351
+# table 5, its "1351" read as 0.1351
+PAPER = {"pressure transducer": (0.0225, 0.0450), "analog input card": (0.0675, 0.1351)}
 PAPER_TOTAL = 0.1424
 COVERAGE = {1: "68 %", 2: "95 %", 3: "99.7 %"}  # table 4
 SPAN_ENDS = ", span"

@@ -295,9 +295,8 @@ _LETTERS = str.maketrans(
 def _symbol(name: str, spare: str) -> str:
     """A name that equations may use and the template does not."""
     taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*|t|e|pi", name)
-    plain = (
-        unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()
-    )  # a bare key of TOML has no accents
+    # a bare key of TOML has no accents
+    plain = unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()
     return plain if plain.isidentifier() and not taken and len(plain) > len(name) // 2 else spare
 
 

@@ -143,9 +143,8 @@ def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
     from plantfit.trust.finish.refit import refit
     from plantfit.trust.finish.smoothing_strength import choose_strengths
 
-    scales = (
-        found.carrier.given.scales
-    )  # of several outputs those that the fit estimated, or figures could not be compared
+    # of several outputs those that the fit estimated, or figures could not be compared
+    scales = found.carrier.given.scales
     problem, known = choose_substeps(study.problem).with_scales(scales), found.answer_values()
     values = np.array([known.get(n, c) for n, c in zip(problem.space.names, _middle(problem), strict=True)])
     start = np.clip(np.asarray(problem.space.cube(values)), 0.0, 1.0)

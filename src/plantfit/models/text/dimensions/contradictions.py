@@ -133,9 +133,8 @@ def contradiction(relations: Relations, declared: Mapping[Key, Known]) -> Contra
     hidden = System()
     # what functions of numbers say comes last, so that it is seen where it alone does not hold
     said = sorted(relations.all, key=lambda r: r.plain)
-    fair = [
-        r for r in said if hidden.add(r.form) is None
-    ]  # the others need a hidden coefficient whatever the units are
+    # the others need a hidden coefficient whatever the units are
+    fair = [r for r in said if hidden.add(r.form) is None]
     letters = {k: known for k, known in declared.items() if k[0] in OF_LETTERS and not known.form.pure}
     for known, forgiven in (
         (letters, _in_percent),

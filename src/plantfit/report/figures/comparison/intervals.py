@@ -60,9 +60,8 @@ def profile_figure(p: IntervalsOfParameter) -> Figure:
         if len(k.points) > 2 and k.threshold:
             x, y = np.asarray(k.points), array(k.excess) / k.threshold
             dense = np.sort(np.r_[x, np.linspace(max(low, x[0]), min(high, x[-1]), CURVE)])
-            root = np.interp(
-                dense, x, np.where(x < p.value, -1.0, 1.0) * np.sqrt(np.maximum(y, 0.0))
-            )  # linear where y is a parabola
+            # linear where y is a parabola
+            root = np.interp(dense, x, np.where(x < p.value, -1.0, 1.0) * np.sqrt(np.maximum(y, 0.0)))
             data += [
                 {"type": "scatter", "mode": "lines", "name": k.kind, "x": style.numbers(dense),
                  "y": style.numbers(root**2, 4),

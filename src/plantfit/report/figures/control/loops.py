@@ -66,9 +66,8 @@ def loop_figure(found: Mapping[str, Curves], wishes: LoopWishes, output: str, in
     room = 0.5 * abs(wishes.step)
     seen = [c["y"][k] for c in found.values() for k in ("low", "high")]
     low, high = (float(f([np.nanquantile(v, q) for v in seen])) for f, q in ((min, 0.0), (max, 1.0)))
-    inner = np.concatenate(
-        [c["y"][k] for c in found.values() for k in ("middle", "best")]
-    )  # seen whole, if it stays near
+    # seen whole, if it stays near
+    inner = np.concatenate([c["y"][k] for c in found.values() for k in ("middle", "best")])
     near = inner[np.isfinite(inner) & (np.abs(inner - level) < WIDEST * abs(wishes.step))]
     ends = [max(low, min(start, level) - 2 * room), min(high, max(start, level) + 2 * room)]
     span = [min([ends[0], *near]) - 0.1 * room, max([ends[1], *near]) + 0.2 * room]

@@ -163,9 +163,8 @@ def _root_of_cubic(g0, d0, g1, d1, on_surface):
     """Where the Hermite cubic through values g and slopes d at 0 and 1 falls through zero, about; `on_surface`: not
     the root at 0."""
     b, c = 3.0 * (g1 - g0) - 2.0 * d0 - d1, 2.0 * (g0 - g1) + d0 + d1
-    first, *others = (
-        jnp.where(on_surface, low, high) for low, high in ((d0, g0), (b, d0), (c, b), (0.0, c))
-    )  # a root at 0 divided out
+    # a root at 0 divided out
+    first, *others = (jnp.where(on_surface, low, high) for low, high in ((d0, g0), (b, d0), (c, b), (0.0, c)))
     second, third, fourth = others
 
     def better(s):

@@ -72,9 +72,8 @@ class Followed:
         self.lower, self.upper = self.room.lower, self.room.upper
         self.times = 1.0  # the threshold, how much an answer may cost
         self.met: list[np.ndarray] = []
-        self.growths = {
-            self.z.tobytes(): 0.0
-        }  # of the sum of squares over the variance, at every point that a refit ended at
+        # of the sum of squares over the variance, at every point that a refit ended at
+        self.growths = {self.z.tobytes(): 0.0}
 
     def range(self, i: int) -> Range:
         """The range of coordinate i."""
@@ -168,9 +167,8 @@ class Followed:
         step, x = linear_end(self.linear, i, sign)
         end = float(self.linear.values[i] + sign * step * self.linear.size[i])
         if step > OUTSIDE and not self.lower[i] <= end <= self.upper[i]:
-            end = float(
-                self.limits[i][1 if sign > 0 else 0]
-            )  # where nothing can be simulated the linear problem is not followed far
+            # where nothing can be simulated the linear problem is not followed far
+            end = float(self.limits[i][1 if sign > 0 else 0])
         edge = 0.0 if sign < 0 else 1.0
         if abs(edge - float(self.z[i])) <= EDGE or step == 0.0:
             return end
@@ -211,10 +209,8 @@ class Followed:
             elif found.leans:  # a bound may hold what the data do not
                 if at == edge:
                     return float(self.limits[i][1 if sign > 0 else 0])
-                inside, outside = (
-                    replace(found, share=1.0),
-                    None,
-                )  # a refit further out, from another place, says nothing beyond it
+                # a refit further out, from another place, says nothing beyond it
+                inside, outside = (replace(found, share=1.0), None)
                 self.left = max(self.left, STEPS)
             else:
                 outside = found
@@ -259,9 +255,8 @@ class Followed:
             return limit  # far, and nothing has stopped it yet
         if sign * (reached - end) <= 0.0:
             return end
-        return (
-            limit if inside.share < 0.5 or inside.leans else reached
-        )  # a bound of the search stopped it there, and not the data
+        # a bound of the search stopped it there, and not the data
+        return limit if inside.share < 0.5 or inside.leans else reached
 
     def _beyond_bounds(self, i: int, place: "Place") -> bool:
         """Whether coordinate i has left the bounds of the search."""
@@ -271,9 +266,8 @@ class Followed:
         """The place to try next."""
         if outside is not None:
             low, high = inside.at, outside.at
-            off = (
-                0.35 if outside.share > 10.0 and inside.share < 0.1 else 0.1
-            )  # a cliff, or a refit that found no way: no parabola
+            # a cliff, or a refit that found no way: no parabola
+            off = 0.35 if outside.share > 10.0 and inside.share < 0.1 else 0.1
             first, last = sorted((low + off * (high - low), high - off * (high - low)))
             return min(max(self._between(inside, outside), first), last)
         factor = float(np.clip(1.1 / np.sqrt(max(inside.share, SLIGHT)), 1.3, 4.0))

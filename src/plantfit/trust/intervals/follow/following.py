@@ -14,10 +14,8 @@ from plantfit.trust.intervals.follow.followed import Followed
 from plantfit.trust.intervals.ranges import Linear, Range
 
 LEAST, MOST = 30, 60  # Jacobians for each parameter: those that are always allowed, and at most
-OTHERS, APART = (
-    4,
-    0.05,
-)  # ends of other searches that are looked at, and how far they are from the answer in the cube at least
+# ends of other searches that are looked at, and how far they are from the answer in the cube at least
+OTHERS, APART = (4, 0.05)
 FRESH = 4  # of the points met for open coordinates, from which the others are followed anew
 
 

@@ -41,9 +41,8 @@ def by_likelihood(
     high = np.array([min(c.upper, c.limits[1]) for c in space.coordinates])
     here = float(problem.cost(np.asarray(z)))
     share = max(1, len(residuals) - d) / max(1, len(residuals))
-    noise = (
-        max(here, 1e-300) if local.linear is None else max(here, local.linear.variance * share)
-    )  # rounding where a fit is exact
+    # rounding where a fit is exact
+    noise = max(here, 1e-300) if local.linear is None else max(here, local.linear.variance * share)
 
     def grown(values: np.ndarray) -> np.ndarray:
         """The cost beyond the answer's over the noise (n,), infinite outside the bounds. Batches have one size: one
@@ -73,9 +72,8 @@ def by_likelihood(
     usable = np.flatnonzero(np.isfinite(growth))
     if len(usable) < FEW * d + 2:
         return None
-    chance = log_likelihood(np.maximum(growth[usable], most)) + rng.gumbel(
-        size=len(usable)
-    )  # the largest are a draw without replacement
+    # the largest are a draw without replacement
+    chance = log_likelihood(np.maximum(growth[usable], most)) + rng.gumbel(size=len(usable))
     begin = np.resize(usable[np.argsort(-chance, kind="stable")], 2 * half)
     starts = pool[begin]
     x = np.where(log, np.log(np.where(log, starts, 1.0)), starts)

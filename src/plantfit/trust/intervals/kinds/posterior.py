@@ -167,9 +167,8 @@ def _density(
             for k, (mean, deviation) in priors.items():
                 c = space.coordinates[k]
                 total = total - 0.5 * ((values[k] - mean) / deviation) ** 2
-                total = total + (
-                    jnp.log(values[k]) if c.log else 0.0
-                )  # a density over values, not over their logarithms
+                # a density over values, not over their logarithms
+                total = total + (jnp.log(values[k]) if c.log else 0.0)
         return jnp.where(jnp.isnan(total), -jnp.inf, total)
 
     return density

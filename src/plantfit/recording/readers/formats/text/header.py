@@ -61,9 +61,8 @@ def above_the_table(rows: Sequence[Sequence[str]]) -> int:
             and _names(rows[head])
             and all(len(r) == width and unit_row(r) for r in between)
         ):
-            return (
-                0 if head == 1 and len(rows[0]) == width and _names(rows[0]) else head
-            )  # a bad row below the header is no title
+            # a bad row below the header is no title
+            return 0 if head == 1 and len(rows[0]) == width and _names(rows[0]) else head
     return 0
 
 

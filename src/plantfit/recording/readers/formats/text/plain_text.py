@@ -57,9 +57,8 @@ def plain_frame(data: bytes, rows: list[list[str]], first: int, separator: str) 
     if last > start and data.count(mark, last, end) < width - 1:  # a recording that ended in the middle of a line
         cut, end, lines = first + lines - 1, last - 1, lines - 1
     top = data[:start].replace(b"\r", b"").removeprefix(b"\xef\xbb\xbf")
-    whole = (
-        end + 2 >= len(data) and not top.startswith(b"\n") and b"\n\n" not in top
-    )  # versions of polars count empty lines differently
+    # versions of polars count empty lines differently
+    whole = end + 2 >= len(data) and not top.startswith(b"\n") and b"\n\n" not in top
     names = headings(width)
     schema = {name: pl.Float64 if kind else pl.String for name, kind in zip(names, kinds, strict=True)}
     try:
