@@ -295,9 +295,9 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
         seconds = _seconds(known, at, input_)
         proposed["horizon"] = f"{seconds:.3g} s, {TIMES:g} times the slowest time of the plant there"
     return HoldWishes(
-        at, input_, period, float(given["lower"]), float(given["upper"]), along, lean if lean is not None else 0.0,
-        largest, seconds,  # type: ignore[arg-type]
-        0.1 * largest, sizes, quantum, noise, ms=chosen.ms or 2.0, share=chosen.share or 0.95,
+        at, input_, period, float(given["lower"]), float(given["upper"]), along,  # type: ignore[arg-type]
+        lean if lean is not None else 0.0, largest, seconds, 0.1 * largest, sizes, quantum, noise,
+        ms=chosen.ms or 2.0, share=chosen.share or 0.95,
     )  # fmt: skip
 
 

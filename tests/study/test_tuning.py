@@ -2,6 +2,7 @@
 
 import dataclasses
 import itertools
+from typing import Any
 
 import numpy as np
 import pytest
@@ -187,8 +188,9 @@ def test_traced_settings_have_the_bits_of_compiled_ones():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "method", [n for n, e in REGISTRY.items() if hasattr(e.kind, "ask") and not e.kind.needs.raw_box]
-)  # type: ignore[attr-defined]
+    "method",
+    [n for n, e in REGISTRY.items() if hasattr(e.kind, "ask") and not e.kind.needs.raw_box],  # type: ignore[attr-defined]
+)
 def test_traced_settings_of_every_method_differ_in_rounding_at_most(method):
     # a constant is folded into its neighbours where data is not: cmaes, elite_ga and sea round differently
     assert_same(bowl(3), method, 500, 2, rel=1e-6)
@@ -234,9 +236,10 @@ def test_the_interval_of_the_ratio_covers_the_truth():
 
 
 def told(c: Contest | None, **more) -> Tuned:
+    trials: Any = [None]
     plain = Tuned(
-        "pso", "random", {"inertia": 0.5}, {"inertia": 0.7}, [], [None], c, False, 100, 1, (0, 19), (20, 39), 0.0, 0.0
-    )  # type: ignore[list-item]
+        "pso", "random", {"inertia": 0.5}, {"inertia": 0.7}, [], trials, c, False, 100, 1, (0, 19), (20, 39), 0.0, 0.0
+    )
     return dataclasses.replace(plain, **more)
 
 

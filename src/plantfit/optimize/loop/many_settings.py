@@ -222,8 +222,11 @@ class Sweep:
         self._advance = program(objective, method, facts).advance
         self._data = objective.costs.data if isinstance(objective.costs, CostOfData) else ()
         self._begin = jax.jit(
-            lambda keys, values: lax.map(lambda kv: first_carry(_Begun(method, kv[1]), facts, kv[0]), (keys, values))
-        )  # type: ignore[arg-type]
+            lambda keys, values: lax.map(
+                lambda kv: first_carry(_Begun(method, kv[1]), facts, kv[0]),  # type: ignore[arg-type]
+                (keys, values),
+            )
+        )
         start = np.zeros((0, facts.dimension)) if objective.start is None else np.clip(objective.start, 0.0, 1.0)
         self._start = jnp.asarray(start[: self.rows])
 
