@@ -67,6 +67,10 @@ class Score(Record):
     """Of unseen samples that are followed worse than fitted ones: the RMSE that noise and the uncertainty of the
     parameters foretell for a model that is right, exceeded in 1 %; none where residuals or records allow no such
     figure."""
+    started: Number = None
+    """Of unseen samples that are followed worse than fitted ones, in a recording whose simulation begins at first
+    measured values: the RMSE if it began at these less their noise, which is estimated from the unseen samples; none
+    where noise cannot be why."""
     spare: Number = None
     """Of fitted samples that are no more than the free parameters: how many they are beyond the parameters that
     follow them (by leverage). 0: they are followed whatever they are, which shows nothing."""

@@ -48,6 +48,7 @@ from plantfit.trust.validate.residual_tests import (
 )
 from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.turned import turned
+from plantfit.trust.validate.unseen_starts import with_started
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import ROUNDING, TESTED
 from plantfit.trust.verdict.residuals import WHITE
@@ -90,9 +91,8 @@ def assess(
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
     tests = list(_residual_tests(problem, predictions))
-    scores = with_foretold(
-        problem, local, with_spare(problem, best.x, local, list(_scores(problem, predictions))), tests
-    )
+    scores = with_spare(problem, best.x, local, list(_scores(problem, predictions)))
+    scores = with_foretold(problem, local, with_started(problem, local.values, scores), tests)
     found = Findings(
         schema_version=VERSION,
         name=problem.name,

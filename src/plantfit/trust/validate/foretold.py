@@ -42,7 +42,7 @@ def with_foretold(
             or s.output in coloured
             or not own
             or not s.rmse
-            or s.rmse < HOLDS * min(f.rmse or 0.0 for f in own)
+            or (s.rmse if s.started is None else s.started) < HOLDS * min(f.rmse or 0.0 for f in own)
         ):
             found.append(s)
             continue

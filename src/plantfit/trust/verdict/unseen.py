@@ -2,9 +2,11 @@
 
 from collections.abc import Iterator, Sequence
 
+from plantfit.findings.recordings import Score
 from plantfit.trust.verdict.outputs import (
     FLOOR,
     GOOD,
+    SPARE,
     Findings,
     Row,
     diagnosed,
@@ -87,6 +89,20 @@ def _base(findings: Findings, row: Row) -> float | None:
     return own if own is not None else min((v for (_, o), v in fitted.items() if o == row["output"]), default=None)
 
 
+def fitted_rmse(scores: Sequence[Score]) -> dict[str, float]:
+    """The least RMSE of each output in fitted samples, of what shows anything."""
+    found: dict[str, float] = {}
+    for s in scores:
+        if s.part == "fit" and s.rmse and not (s.spare is not None and s.spare < SPARE):
+            found[s.output] = min(s.rmse, found.get(s.output, s.rmse))
+    return found
+
+
+def _off(row: Row) -> float:
+    """The RMSE that tells whether unseen samples are followed: without what noise of first measured values does."""
+    return row["rmse"] if row.get("started") is None else min(row["started"], row["rmse"])
+
+
 def _alone(findings: Findings, output: str) -> str:
     """That nothing can be compared with an unseen RMSE where fitted samples show nothing."""
     empty = any(shows_nothing(r) for r in findings["scores"] if r["part"] == "fit" and r["output"] == output)
@@ -108,7 +124,7 @@ def _exact(row: Row) -> bool:
 
 def _is_foretold(findings: Findings, row: Row, level: str) -> bool:
     """Whether a miss is no larger than the uncertainty of the parameters lets expect of a model that is right."""
-    return level != "good" and row["rmse"] <= (row.get("foretold") or 0.0) and not disagree(findings)
+    return level != "good" and _off(row) <= (row.get("foretold") or 0.0) and not disagree(findings)
 
 
 def failing(findings: Findings) -> list[str]:
@@ -119,7 +135,7 @@ def failing(findings: Findings) -> list[str]:
             found[row["output"]] = None
             continue
         base = _base(findings, row) if row["part"] == "validation" else None
-        level = _held_level(row, row["rmse"] / base) if base else "good"
+        level = _held_level(row, _off(row) / base) if base else "good"
         if level == "bad" and not _drift_ends(findings, row) and not _is_foretold(findings, row, level):
             found[row["output"]] = None
     return list(found)
@@ -155,7 +171,14 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     if not base:
         return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
     ratio = row["rmse"] / base
-    level = _held_level(row, ratio)
+    level = _held_level(row, _off(row) / base)
+    if ratio >= HOLDS > _off(row) / base and not _exact(row):
+        text += (
+            f", {ratio:.2f} times that of the fitted samples, and {_off(row) / base:.2f} times if the simulation "
+            f"begins "
+        )
+        text += "at the first measured values less their noise: it holds."
+        return say("good", text, rmse=row["rmse"], ratio=ratio, started=_off(row))
     if ratio >= HOLDS and _exact(row):
         text += (
             f", {ratio:.2f} times that of the fitted samples, and a fit of {number(row['fit_percent'], 6)} %: it holds."
@@ -179,8 +202,16 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         return say("warning", text, rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
     words = words or _but(findings, row, level)
     level = "warning" if words else level
-    text = f"{text}, {ratio:.2f} times that of the fitted samples: {words or _HOLDS[level]}.{_shift(findings, row)}"
+    text = f"{text}, {ratio:.2f} times that of the fitted samples{_less(row, base)}: {words or _HOLDS[level]}."
+    text += _shift(findings, row)
     return say(level, text, rmse=row["rmse"], ratio=ratio)
+
+
+def _less(row: Row, base: float) -> str:
+    """How much of a miss noise of the first measured values makes up."""
+    if _off(row) >= row["rmse"]:
+        return ""
+    return f" ({_off(row) / base:.2f} times without what the noise of the first measured values does)"
 
 
 def _drift_ends(findings: Findings, row: Row) -> str | None:
@@ -219,16 +250,22 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
     noise = most_noise(findings, output)
-    ends = [_end(findings, r, _held_level(r, q), noise) for r, q in zip(rows, ratios, strict=True)]
+    own_ratios = [_off(r) / base for r, base in zip(rows, bases, strict=True) if base]
+    ends = [_end(findings, r, _held_level(r, q), noise) for r, q in zip(rows, own_ratios, strict=True)]
     by = {
         end: [r for r, own in zip(rows, ends, strict=True) if own == end]
         for end in (*_HOLDS.items(), _CHANCE, _POOR, _FORETOLD)
         if end in ends
     }
     held = "; ".join(f"{words} ({len(own)}: {recordings_named(own)})" for (_, words), own in by.items())
+    less = (
+        ""
+        if own_ratios == ratios
+        else f" ({span(own_ratios, None)} times without what the noise of the first measured values does)"
+    )
     yield say(
         worst(level for level, _ in by),
-        f"{text}, {span(ratios, None)} times that of the fitted samples: {held}.",
+        f"{text}, {span(ratios, None)} times that of the fitted samples{less}: {held}.",
         ratio=max(ratios),
     )
 
