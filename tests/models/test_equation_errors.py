@@ -19,6 +19,8 @@ PLACES = [
     # text, line, column, part of the message
     ("x' = k*u\ny = uu", 1, 4, "'uu' is not known. Did you mean 'u'?"),
     ("x' = k*u\n\n  y = x + sni(u)  # sine", 2, 10, "'sni' is not known. Did you mean 'sin'?"),
+    ("x' = k*u(t - 2.5)\ny = x", 0, 7, "some time ago write delay(u, 2.5)."),
+    ("x' = k*u(t)\ny = x", 0, 7, "A signal stands without its time; write u."),
     ("x' = k*u; y = x.real", 0, 15, "A dot after a name"),
     ("x' = k*u; y = (x).real", 0, 17, "A dot after a name"),
     ("x' = k*u; y = x[0]", 0, 15, "An index in brackets"),

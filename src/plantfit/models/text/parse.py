@@ -103,6 +103,17 @@ def parse_expression(text: str, tables: Tables) -> Node:
     return _Reader(sources[0], text, tables).read()
 
 
+def _at_a_time(name: str, node: ast.Call) -> str:
+    """What to write for a signal at a time, y(t) or y(t - L); "" for another call."""
+    [when] = node.args if len(node.args) == 1 else [None]
+    if isinstance(when, ast.Name) and when.id == "t":
+        return f" A signal stands without its time; write {name}."
+    match when:
+        case ast.BinOp(left=ast.Name(id="t"), op=ast.Sub(), right=ago):
+            return f" For what the signal was some time ago write delay({name}, {ast.unparse(ago)})."
+    return ""
+
+
 class _Reader:
     """One expression: its characters as Python reads them (^ as **), and their places."""
 
@@ -312,7 +323,8 @@ class _Reader:
                 n for n in ("sin", "exp", "sqrt", "tanh", "min", "where", "delay", "friction") if n in known
             )
             hint = (
-                suggest(name, known)
+                _at_a_time(name, node)
+                or suggest(name, known)
                 or f" There are {some} and {len(known) - 8} more (docs/models.md); a table must be declared."
             )
             raise self._fail(f"The function {name!r} is not known.{hint}", place)
