@@ -84,7 +84,8 @@ def _unseen(section: Record, rows: Sequence[Record], count: int) -> list[Sentenc
     if not tested:
         return []
     shown = [f"{100 * size(t):.2g} % of {t['name']}" for t in tested[:MOVED]]
-    more = f", less in the {len(tested) - MOVED} others" if len(tested) > MOVED else ""
+    left = len(tested) - MOVED
+    more = f", less in the other{f' {left}' if left > 1 else ''}" if left > 0 else ""
     told = f"is told in 8 of 10 such studies from a standard deviation of {some(shown)} on{more}"
     if others:
         all_of_them = len(others) == len(section["parameters"])
