@@ -47,8 +47,8 @@ def run(pairs: int = PAIRS) -> dict[str, float]:
         compiled, floats = np.median(np.array(times[1:]), axis=0)
         found[f"confirmation_{name.replace(' ', '_')}"] = float(compiled / floats)
         print(
-            f"{name:28s} {1e3 * compiled:7.0f} ms compiled, {1e3 * floats:6.0f} ms on floats: {compiled / floats:5.1f} "
-            f"times less"
+            f"{name:28s} {1e3 * compiled:7.0f} ms compiled, {1e3 * floats:6.0f} "
+            f"ms on floats: {compiled / floats:5.1f} times less"
         )
     return found
 

@@ -84,8 +84,8 @@ def run(seeds: int, first: int) -> None:
                 ]
                 share = " ".join(f"{100 * x:.0f}" for x in np.mean(held, axis=0))
                 print(
-                    f"| {plant} | {size:g} | {len(held)} of {seeds} | {' '.join(truth)} | {root[0]} % | {root[1]} % | "
-                    f"{share} % |",
+                    f"| {plant} | {size:g} | {len(held)} of {seeds} | "
+                    f"{' '.join(truth)} | {root[0]} % | {root[1]} % | {share} % |",
                     flush=True,
                 )
         what = "a slow drift" if slow else "a disturbance that wanders"

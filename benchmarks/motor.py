@@ -104,8 +104,8 @@ def run(quick: bool) -> dict[str, float]:
     for name, row in rows.items():
         rms, worst = np.sqrt(np.mean(row.error**2)), np.max(np.abs(row.error))
         print(
-            f"{name:42}{1000 * seconds[name]:11.1f} ms{POPULATION / seconds[name]:15.1f}{rms:8.1e} rad/s{worst:8.1e} "
-            f"rad/s"
+            f"{name:42}{1000 * seconds[name]:11.1f} "
+            f"ms{POPULATION / seconds[name]:15.1f}{rms:8.1e} rad/s{worst:8.1e} rad/s"
         )
     return figures
 

@@ -253,8 +253,8 @@ def run(quick: bool) -> dict[str, float]:
     """Print the tables and return the ratios."""
     head = f"{'':18}{'rows':>6}{'own':>13}   {'reference':20}{'own':>12}{'ratio':>10}"
     print(
-        f"own processor time of one evaluation, {DIMENSION}-D, {RUNS} runs side by side, {BUDGET} evaluations "
-        f"each\n{head}"
+        f"own processor time of one evaluation, {DIMENSION}-D, "
+        f"{RUNS} runs side by side, {BUDGET} evaluations each\n{head}"
     )
     lines = small(1 if quick else 5)
     print(f"own processor time of one generation, {LARGE}-D\n{head}")

@@ -57,8 +57,8 @@ def run(quick: bool) -> dict[str, float]:
     mine, theirs = np.stack(ours["exact"](gains[0])), twin(gains[0])
     same = np.mean(np.all(np.isclose(mine, theirs, rtol=1e-6, atol=1e-6), axis=0))
     print(
-        f"plantfit and C agree to 1e-6 in all five metrics for {100 * same:.1f} % of the loops (rounding to counts may "
-        f"fall apart)"
+        "plantfit and C agree to 1e-6 in all five metrics for "
+        f"{100 * same:.1f} % of the loops (rounding to counts may fall apart)"
     )
     figures |= _family(task, 100 if quick else PLANTS)
     return figures | {

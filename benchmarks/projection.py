@@ -153,8 +153,8 @@ def compared(case: Case, starts: int) -> dict[str, list[tuple[Search, float]]]:
 def main() -> None:
     starts = QUICK_STARTS if os.environ.get("QUICK", "") not in ("", "0") else STARTS
     print(
-        f"{starts} random starts; calls: median of rows with derivatives asked for, in searches that succeed; ms: of a "
-        f"call\n"
+        f"{starts} random starts; calls: median of rows with derivatives "
+        "asked for, in searches that succeed; ms: of a call\n"
     )
     print(
         "| problem | solved for | way | published starts | random starts | calls | ms |\n|---|---|---|---|---|---|---|"

@@ -129,8 +129,8 @@ def measured(case: str, seed: int) -> dict[str, Any]:
 def show(rows: list[dict[str, Any]]) -> None:
     """A row for each case and tuning."""
     print(
-        "| case | records | tuned on | promised, mean | truths that keep it | records that promise 95 % | of these "
-        "kept |"
+        "| case | records | tuned on | promised, mean | truths "
+        "that keep it | records that promise 95 % | of these kept |"
     )
     print("|---|---:|---|---:|---:|---:|---:|")
     for case in CASES:

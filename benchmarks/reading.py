@@ -101,8 +101,8 @@ def memory() -> None:
                 frame(100).write_csv(small.with_suffix(".csv"))
                 _, _, grown = reading("plantfit", small.with_suffix(".csv"), large)
                 print(
-                    f"{what:12} {ending:15} {large.stat().st_size / 1e6:7.2f} MB, {grown / large.stat().st_size:6.1f} "
-                    f"bytes for a byte",
+                    f"{what:12} {ending:15} {large.stat().st_size / 1e6:7.2f} "
+                    f"MB, {grown / large.stat().st_size:6.1f} bytes for a byte",
                     flush=True,
                 )
 

@@ -91,8 +91,8 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     given = parser.parse_args()
     print(
-        "| recordings | memory of the noise | alike, told to differ | changed by 10 %, told | the changed one named, "
-        "tau first |"
+        "| recordings | memory of the noise | alike, told to differ "
+        "| changed by 10 %, told | the changed one named, tau first |"
     )
     print("|---|---|---|---|---|")
     for count in (2, 4):

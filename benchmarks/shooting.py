@@ -76,8 +76,8 @@ def main() -> None:
     for name, make in (("pendubot", pendubot_problem), ("double well", well_problem)):
         loop, slow, alone = run(make, repeats)
         print(
-            f"{name}: {1e3 * loop:.2f} ms in one loop, {slow / loop:.1f} times that for both modes; {loop / alone:.0f} "
-            f"simulations"
+            f"{name}: {1e3 * loop:.2f} ms in one loop, {slow / loop:.1f} "
+            f"times that for both modes; {loop / alone:.0f} simulations"
         )
 
 

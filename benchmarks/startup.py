@@ -61,8 +61,8 @@ def commands(turns: int) -> dict[str, float]:
             call()
         seconds = [{name: call() for name, call in calls.items()} for _ in range(turns)]
     print(
-        f"{'':24}{'s':>8}{'s of CPU':>10}{'over import jax, CPU':>22}{'asked':>7}  (medians of {turns} turns; in "
-        f"brackets the quartiles)"
+        f"{'':24}{'s':>8}{'s of CPU':>10}{'over import jax, CPU':>22}{'asked':>7} "
+        f" (medians of {turns} turns; in brackets the quartiles)"
     )
     figures: dict[str, float] = {"help_seconds": _median([turn["plantfit --help"][0] for turn in seconds])}
     for name in calls:

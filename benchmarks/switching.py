@@ -44,8 +44,8 @@ def run(quick: bool) -> dict[str, float]:
     seconds = {name: timing.cpu for name, timing in interleaved(calls, 3 if quick else 15, 0.01).items()}
     figures: dict[str, float] = {}
     print(
-        f"{SAMPLES} samples, {CANDIDATES} candidates, one step a sample; seconds of this process, ratios to the smooth "
-        f"model"
+        f"{SAMPLES} samples, {CANDIDATES} candidates, one step a "
+        "sample; seconds of this process, ratios to the smooth model"
     )
     print(f"{'':28}{'costs':>10}{'ratio':>8}{'gradients':>12}{'ratio':>8}")
     for kind in KINDS:

@@ -248,9 +248,8 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
                 right = sum(named == name for d, named in mine if d is not None and d >= 0)
                 middle, late = (np.median(seen), np.quantile(seen, 0.9)) if seen else (np.nan, np.nan)
                 print(
-                    f"{plant.name}, {name} by {100 * size:.0f} %: {len(seen)} of {len(mine)} seen, delay {middle:.3g} "
-                    f"s "
-                    f"(90 %: {late:.3g} s), named rightly {right}",
+                    f"{plant.name}, {name} by {100 * size:.0f} %: {len(seen)} of {len(mine)} "
+                    f"seen, delay {middle:.3g} s (90 %: {late:.3g} s), named rightly {right}",
                     flush=True,
                 )
             print(f"{plant.name}, {100 * size:.0f} %: {early} alarms before the change", flush=True)

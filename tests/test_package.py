@@ -102,8 +102,8 @@ def test_the_range_of_pythons_is_said_alike():
     assert f"Python {', '.join(versions[:-1])} or {versions[-1]}" in readme
     assert "tools/python_version.py" in (ROOT / "Makefile").read_text("utf-8")
     code = (
-        "import runpy; f = runpy.run_path('tools/python_version.py')['allowed']; print([f('{}', (3, n)) for n in "
-        "range(9, 16)])"
+        "import runpy; f = runpy.run_path('tools/python_version.py')['allowed']; "
+        "print([f('{}', (3, n)) for n in range(9, 16)])"
     )
     told = subprocess.run(
         [sys.executable, "-c", code.format(PROJECT["requires-python"])], cwd=ROOT, capture_output=True, text=True

@@ -130,9 +130,8 @@ def test_a_look_that_fails_is_one_sentence(tmp_path, monkeypatch):
         "[plantfit.looks]\na = math:sin\nb = no_such_module:f\nc = builtins:str\nd = grave_look:f\n",
     )
     text = (
-        "from plantfit.recording.looks import Look\ndef f(r, name, _): return [Look('a', 'grave', r.name, name, "
-        "'It "
-        "is.', 0.0, 1.0)]\n"
+        "from plantfit.recording.looks import Look\ndef f(r, name, _): "
+        "return [Look('a', 'grave', r.name, name, 'It is.', 0.0, 1.0)]\n"
     )
     (tmp_path / "grave_look.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
@@ -204,10 +203,10 @@ def test_a_candidate_of_a_package_is_tried_named_and_fitted(bench_tools, tmp_pat
     lagging(tmp_path, "straight", 0.0)
     lagging(tmp_path, "treated", 0.03, "extensions = { sensor_curve = { y = [-1, 1] } }")
     code = (
-        "import json, plantfit as pf\nfrom plantfit.spec import load\n"
-        "bent, straight, treated = (pf.fit(load(f'{n}.toml').problem, budget=400) for n in ('bent', 'straight', "
-        "'treated'))\n"
-        "print(json.dumps([bent.diagnose(), straight.diagnose(whole=True), treated.findings['parameters']]))\n"
+        "import json, plantfit as pf\nfrom plantfit.spec import load\nbent, "
+        "straight, treated = (pf.fit(load(f'{n}.toml').problem, budget=400) for n "
+        "in ('bent', 'straight', 'treated'))\nprint(json.dumps([bent.diagnose(), "
+        "straight.diagnose(whole=True), treated.findings['parameters']]))\n"
     )
     found, nothing, rows = json.loads(run((bench_tools[0], tmp_path), code=code))
     assert found["rounds"][0]["found"] == ["bend of the sensor of y"]

@@ -147,9 +147,8 @@ def report_rate(name: str, dimension: int, parts: list[Result], wall: float) -> 
     rate = seconds / max(1, evaluations)
     most = rate * len(FUNCTIONS) * len(INSTANCES) * FULL["per_dimension"] * dimension / 60
     print(
-        f"{time.strftime('%H:%M:%S')} {name:28}{dimension:3}-D {len(parts):2} functions {seconds:8.1f} s processor "
-        f"{wall:8.1f} s "
-        f"{1e6 * rate:7.1f} us/evaluation; all at most {most:.1f} min",
+        f"{time.strftime('%H:%M:%S')} {name:28}{dimension:3}-D {len(parts):2} functions {seconds:8.1f} "
+        f"s processor {wall:8.1f} s {1e6 * rate:7.1f} us/evaluation; all at most {most:.1f} min",
         flush=True,
     )
 

@@ -115,10 +115,8 @@ def main() -> None:
         keep()
         print(
             f"{name}: at the published parameters {row['steps']:g} steps a sample; error as a share of the range: "
-            f"default steps "
-            f"{row['default']:.1e}, steps for these values {row['at the values']:.1e}; against the published "
-            f"simulation "
-            f"{row['published']:.1e} (tight solver {row['published and tight']:.1e})",
+            f"default steps {row['default']:.1e}, steps for these values {row['at the values']:.1e}; against the "
+            f"published simulation {row['published']:.1e} (tight solver {row['published and tight']:.1e})",
             flush=True,
         )
         for seed in range(options.seeds):

@@ -52,8 +52,8 @@ def converted(folder: Path, name: str, to: Path) -> None:
         )
     simulated = {_row(s): s for s in published}  # the two tables need not have one order
     text = [
-        f"# {name} of the collection Benchmark-Models-PEtab (BSD-3-Clause), made by "
-        f"benchmarks/published_odes/from_petab.py"
+        f"# {name} of the collection Benchmark-Models-PEtab "
+        "(BSD-3-Clause), made by benchmarks/published_odes/from_petab.py"
     ]
     text.append(f'name = "{short}"\n')
     for condition in conditions:

@@ -28,8 +28,8 @@ CASES = (
     Case(
         "cogging",
         "friction",
-        "Force over a rail: friction by the direction, and cogging whose pitch is unknown. The best offset is on its "
-        "bound.",
+        "Force over a rail: friction by the direction, and cogging "
+        "whose pitch is unknown. The best offset is on its bound.",
         "y = Fc*v + a*sin(k*x) + b*cos(k*x) + off",
         {"y": "N"},
         {
@@ -88,8 +88,8 @@ CASES = (
     Case(
         "friction of two joints",
         "friction",
-        "Torques of two joints with one Stribeck velocity, far below the middle of its box, and cogging of unknown "
-        "order.",
+        "Torques of two joints with one Stribeck velocity, far "
+        "below the middle of its box, and cogging of unknown order.",
         "s = exp(-(v/vs)^2)\np = sign(v)*(F1 + S1*s) + a*sin(n*x)\nq = sign(v)*(F2 + S2*s) + b*sin(n*x)",
         {"p": "N*m", "q": "N*m"},
         {

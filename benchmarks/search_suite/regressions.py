@@ -88,8 +88,8 @@ CASES = (
     Case(
         "thin film",
         "regression",
-        "Interference of light in a film: thickness from fringes over the wavelength, with one optimum for every "
-        "fringe order.",
+        "Interference of light in a film: thickness from fringes over "
+        "the wavelength, with one optimum for every fringe order.",
         "y = a + b*cos(4*pi*n*d/lam)*(1 + s*(lam - 600))",
         {"y": None},
         {

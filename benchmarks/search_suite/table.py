@@ -53,8 +53,8 @@ def nist_table(scores: Sequence[Score]) -> list[str]:
     for begin in dict.fromkeys(s.begin for s in scores):
         own = [s for s in scores if s.begin == begin]
         lines.append(
-            f"{WANTED:.0f} digits, {'no start' if begin == 'none' else begin}: {sum(s.passed for s in own)} of "
-            f"{len(own)}"
+            f"{WANTED:.0f} digits, {'no start' if begin == 'none' else begin}: "
+            f"{sum(s.passed for s in own)} of {len(own)}"
         )
     return lines
 

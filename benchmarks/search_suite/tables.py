@@ -12,8 +12,8 @@ CASES = (
     Case(
         "place on a scale",
         "table",
-        "A sensor reads a coded scale that is known as a table: where does the piece lie, and how much is it "
-        "stretched?",
+        "A sensor reads a coded scale that is known as a table: "
+        "where does the piece lie, and how much is it stretched?",
         "y = gain*code(place + stretch*x) + off",
         {"y": "V"},
         {
@@ -61,8 +61,8 @@ CASES = (
     Case(
         "wind-up of a spring",
         "table",
-        "Torque over an angle in two recordings, each with a zero of its own; the characteristic is known and goes up "
-        "and down.",
+        "Torque over an angle in two recordings, each with a zero of "
+        "its own; the characteristic is known and goes up and down.",
         "y = scale*code(x + zero)",
         {"y": "N*m"},
         {

@@ -43,8 +43,8 @@ def run() -> None:
             if enough is None and max(found) < TARGET:
                 enough = substeps
         print(
-            f"{scheme}: {'more than 8' if enough is None else enough} steps a sample keep every error under {TARGET:g} "
-            f"bar"
+            f"{scheme}: {'more than 8' if enough is None else enough} "
+            f"steps a sample keep every error under {TARGET:g} bar"
         )
 
 

@@ -52,9 +52,8 @@ def run(pairs: int = PAIRS) -> dict[str, float]:
     whole, part = np.array(times[1:]).T
     ratio = float(np.median(whole / part))
     print(
-        f"descents of at most {STEPS} steps: {np.median(whole):.1f} s with all openings, {np.median(part):.1f} s with "
-        f"those that move "
-        f"({100 * np.mean(asked):.0f} %), {ratio:.1f} times less; same bits"
+        f"descents of at most {STEPS} steps: {np.median(whole):.1f} s with all openings, {np.median(part):.1f} "
+        f"s with those that move ({100 * np.mean(asked):.0f} %), {ratio:.1f} times less; same bits"
     )
     return {"last_descents": ratio, "last_descents_moving": float(np.mean(asked))}
 

@@ -29,8 +29,8 @@ def run(repeats: int = 15) -> dict[str, float]:
         last = max(equal)
         equal[2 * last] = equal[last].with_simulator(equal[last].predictor.stepping().refined(2))
     print(
-        f"{'vector':>8}{'steps a sample':>16}{'error':>12}{'adaptive':>10}{'error':>12}   (times in those of one step "
-        f"a sample)"
+        f"{'vector':>8}{'steps a sample':>16}{'error':>12}{'adaptive':>10}{'error':>12} "
+        "  (times in those of one step a sample)"
     )
     found = []
     for k, theta in enumerate(candidates(data)):

@@ -27,8 +27,8 @@ def run(quick: bool) -> dict[str, float]:
     timings = interleaved(calls | {label: rival.call for label, rival in rows.items()}, 3 if quick else 5)
     ours = {label: (timings[label] if callable(value) else value, batch) for label, (value, batch) in own.items()}
     print(
-        "24 400 samples, 310 parameters; one thread; medians; errors against Radau at the truth; a batch is drawn over "
-        "the box"
+        "24 400 samples, 310 parameters; one thread; medians; errors "
+        "against Radau at the truth; a batch is drawn over the box"
     )
     print(f"{'':34}{'batch':>6}{'first':>9}{'ms each':>10}{'CPU ms':>10}{'per CPU s':>10}{'max error':>13}")
     for label, (timing, batch) in ours.items():
@@ -53,8 +53,8 @@ def _check_twin(data: Steam) -> None:
         difference = check(engine)
         if not difference < AGREEMENT:
             raise RuntimeError(
-                f"twin.c ({scheme}) differs from numpy by {difference:.1e}, more than {AGREEMENT:g}; do not trust its "
-                f"timing."
+                f"twin.c ({scheme}) differs from numpy by {difference:.1e}, "
+                f"more than {AGREEMENT:g}; do not trust its timing."
             )
 
 

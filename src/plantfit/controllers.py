@@ -116,9 +116,8 @@ class Controller:
             told[1:1] = schedule_told(self.schedule, self.design, self.output)
         if self.drawn.open:
             more = (
-                f"{', '.join(self.drawn.open)} {'is' if len(self.drawn.open) == 1 else 'are'} not determined by "
-                f"the "
-                f"data"
+                f"{', '.join(self.drawn.open)} "
+                f"{'is' if len(self.drawn.open) == 1 else 'are'} not determined by the data"
             )
             told.append(
                 Sentence(
@@ -127,8 +126,8 @@ class Controller:
             )
         if self.drawn.scatters:
             more = (
-                f"Recordings scatter in {', '.join(self.drawn.scatters)}: plants are those of another recording, "
-                f"within 95 % of each."
+                f"Recordings scatter in {', '.join(self.drawn.scatters)}: "
+                "plants are those of another recording, within 95 % of each."
             )
             told.append(Sentence(level="info", sentence=more))
         return told
@@ -316,8 +315,8 @@ def tune(
     chosen = _table(answer, control, wishes)
     if chosen.hold or chosen.controller == "lqr":
         raise SpecError(
-            "pf.hold(answer, hold=...) or `plantfit tune --hold` holds an equilibrium; tune() closes a loop of one "
-            "output."
+            "pf.hold(answer, hold=...) or `plantfit tune --hold` "
+            "holds an equilibrium; tune() closes a loop of one output."
         )
     model = answer.problem.model
     if not isinstance(model, Model):
@@ -362,9 +361,8 @@ def tune(
     plan = design.best.form.plan
     if plan is not None and final.prediction is None:
         proposed["prediction"] = (
-            f"{plan.seconds:.4g} s: the dead time of {plan.plant.ahead * plan.plant.period:.4g} s, and then as long as "
-            f"the plant's lag and "
-            "dead time; after it the LQ servo goes on"
+            f"{plan.seconds:.4g} s: the dead time of {plan.plant.ahead * plan.plant.period:.4g} "
+            "s, and then as long as the plant's lag and dead time; after it the LQ servo goes on"
         )
     judged = replace(drawn, values=drawn.values[fresh][design.rows_used])
     scale = full_scales(answer, chosen, final, loop, proposed)

@@ -99,8 +99,8 @@ class FlatLikelihood(SearchError):
     def __init__(self, names: Sequence[str]):
         self.names = tuple(names)
         super().__init__(
-            f"The likelihood is flat along {list(names)}: these recordings do not tell them apart; hold one or measure "
-            f"more."
+            f"The likelihood is flat along {list(names)}: these "
+            "recordings do not tell them apart; hold one or measure more."
         )
 
 

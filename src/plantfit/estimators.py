@@ -265,8 +265,8 @@ def _refuse(problem: Problem) -> None:
         filterable(problem)
     except ModelError as error:
         raise ModelError(
-            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out; `plantfit run` fits the "
-            f"model as it is."
+            f"{error} Write dry friction as tanh(v/width) and leave backlash "
+            "and resets out; `plantfit run` fits the model as it is."
         ) from None
 
 

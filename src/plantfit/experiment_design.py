@@ -219,8 +219,8 @@ def design(
     found = designed(goal, bench, budget=budget, seed=seed, tell=tell)
     values = {n: Signal(found.best.u[:, k], problem.needs[n]) for k, n in enumerate(model.inputs)}
     said = (
-        f"Designed by plantfit for {problem.name}: {len(t)} samples at {1 / period:g} Hz ({len(t) * period:g} s), "
-        f"seed {seed}."
+        f"Designed by plantfit for {problem.name}: {len(t)} samples "
+        f"at {1 / period:g} Hz ({len(t) * period:g} s), seed {seed}."
     )
     return ExperimentDesign(answer, goal, bench, found, Recording(t, values, f"{problem.name}-next", (said,)), against)
 
@@ -233,9 +233,8 @@ def _model(answer: Answer) -> Model:
         raise ModelError(f"The model {model.name!r} has no input, so there is none to design.")
     if answer.problem.space.dimension > MOST_COORDINATES:
         raise ModelError(
-            f"{answer.problem.name!r} has {answer.problem.space.dimension} free values, and inputs are designed for up "
-            f"to "
-            f"{MOST_COORDINATES}; hold the entries of tables at their values."
+            f"{answer.problem.name!r} has {answer.problem.space.dimension} free values, and inputs "
+            f"are designed for up to {MOST_COORDINATES}; hold the entries of tables at their values."
         )
     return model
 
@@ -349,9 +348,8 @@ def _goal(
     }
     if unknown := [n for n in unknown_noise(problem) if n not in given]:
         raise SpecError(
-            f"Nothing shows how large the errors of {unknown[0]} are: it has no more samples than there are free "
-            f"parameters. "
-            f"Give its noise, as in --noise {unknown[0]}=0.1."
+            f"Nothing shows how large the errors of {unknown[0]} are: it has no more samples "
+            f"than there are free parameters. Give its noise, as in --noise {unknown[0]}=0.1."
         )
     levels = _noise(problem, z) | given
     rows = answer.findings["parameters"]

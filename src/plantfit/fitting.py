@@ -111,9 +111,8 @@ def _stated(problem: Problem, errors: Sequence[SharedError] | None, draws: int |
     file = problem.study_file
     if stored and file is not None and errors is not None and (tuple(errors), draws) != (file.errors, file.draws):
         raise SearchError(
-            f"{file.path.name} states other errors or draws than were given, and the stored study would be opened with "
-            f"those of the "
-            "file; write them into the file, or leave errors or store out."
+            f"{file.path.name} states other errors or draws than were given, and the stored study would "
+            "be opened with those of the file; write them into the file, or leave errors or store out."
         )
     return stated_in_file(problem, errors, draws)
 

@@ -47,8 +47,7 @@ def code_folder(kind: str) -> Path | None:
         return folder
     said_once(
         f"The cache folder {open_to_others} can be written by other users, so no compiled code is taken from it or "
-        f"kept in it; "
-        f"make it yours alone with `chmod go-w {open_to_others}`, or set PLANTFIT_CACHE to another folder."
+        f"kept in it; make it yours alone with `chmod go-w {open_to_others}`, or set PLANTFIT_CACHE to another folder."
     )
     return None
 

@@ -206,8 +206,8 @@ def _regressed(study: Study, count: int, seed: int) -> _Plants:
         elif p.name not in values:
             if p.value is None:
                 raise ModelError(
-                    f"The regression of {study.name} does not give {p.name}, which {model.name} needs; add it to "
-                    f"[regression.constants]."
+                    f"The regression of {study.name} does not give {p.name}, "
+                    f"which {model.name} needs; add it to [regression.constants]."
                 )
             values[p.name] = np.full(len(rows), float(p.value))
     name, first = next(iter(table.recording.items()))  # as it was measured: the regression has its columns alone
@@ -234,9 +234,8 @@ def _twin(study: Study) -> tuple[Model, dict[str, float]]:
         model = own
     else:
         raise ModelError(
-            f"The plant behind the regression {table.model.kind!r} is not known; `plantfit tune --hold` knows "
-            f"pendubot_regression, and "
-            "regressions of equations."
+            f"The plant behind the regression {table.model.kind!r} is not known; `plantfit "
+            "tune --hold` knows pendubot_regression, and regressions of equations."
         )
     declared = {p.name: p.unit for p in model.parameters}
     values = {

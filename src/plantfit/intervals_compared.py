@@ -191,9 +191,8 @@ def _posterior(
     wrong = [n for n in noises if n.against]
     if wrong:
         refused["posterior"] = (
-            f"No posterior is drawn: the residuals of {wrong[0].output} {wrong[0].against}, so they are not the noise "
-            f"that a likelihood is "
-            "made of. `plantfit diagnose` looks for what the model lacks."
+            f"No posterior is drawn: the residuals of {wrong[0].output} {wrong[0].against}, so they are not "
+            "the noise that a likelihood is made of. `plantfit diagnose` looks for what the model lacks."
         )
         return None, {}
     found = posterior(

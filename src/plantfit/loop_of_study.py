@@ -69,8 +69,8 @@ def check_number(chosen: ControlTable, output: str, input_: str) -> None:
         return
     if chosen.controller not in ("pid", "pi"):
         raise SpecError(
-            f"Fixed point is written of a PID or PI, and {chosen.controller!r} was asked for; give number = 'float' or "
-            f"'double'."
+            f"Fixed point is written of a PID or PI, and {chosen.controller!r} "
+            "was asked for; give number = 'float' or 'double'."
         )
     unknown = [n for n in chosen.full_scale if n not in (output, input_)]
     if unknown:
@@ -116,9 +116,8 @@ def inner_output(chosen: ControlTable, model: Model, output: str) -> str | None:
     ):
         if getattr(chosen, name) is not None and chosen.controller != owner:
             raise SpecError(
-                f"[control] {name} belongs to controller = {owner!r}, and the controller is {chosen.controller!r}; "
-                f"leave it out, or ask "
-                f"for {owner!r}."
+                f"[control] {name} belongs to controller = {owner!r}, and the controller "
+                f"is {chosen.controller!r}; leave it out, or ask for {owner!r}."
             )
     if chosen.controller != "cascade":
         return None
@@ -165,8 +164,8 @@ def levels_to_hold(
         )
     found = [rounded(float(v), high - low) for v in np.linspace(can[0], can[-1], count)]
     proposed["levels"] = (
-        f"{', '.join(f'{v:.5g}' for v in found)} {unit or ''}: evenly over what the recordings cover and the limits "
-        f"hold"
+        f"{', '.join(f'{v:.5g}' for v in found)} {unit or ''}: "
+        "evenly over what the recordings cover and the limits hold"
     )
     return found
 
@@ -282,9 +281,8 @@ class _Asked:
         lower, upper = found
         if not lower < upper:
             raise SimulationError(
-                f"The recordings have {input_} from {lower:g} to {upper:g} {unit or ''} only; give the actuator's "
-                f"limits "
-                f"([control] lower and upper)."
+                f"The recordings have {input_} from {lower:g} to {upper:g} {unit or ''} "
+                "only; give the actuator's limits ([control] lower and upper)."
             )
         return lower, upper
 

@@ -97,8 +97,7 @@ def one_recording(problem: Problem) -> str:
     name = next(iter(problem.data["drive"]))
     return (
         f"{problem.name!r} fits one recording, {name!r}, and there is nothing to compare it with; add another "
-        f"[recording.NAME], or name "
-        "its file twice with different parts, as in fit = [0, 100] and fit = [100, 200]."
+        "[recording.NAME], or name its file twice with different parts, as in fit = [0, 100] and fit = [100, 200]."
     )
 
 

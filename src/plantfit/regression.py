@@ -21,7 +21,7 @@ def regress(study: Study | str | Path) -> Regressed:
     study = study if isinstance(study, Study) else load(study)
     if study.regression is None:
         raise SearchError(
-            f"{study.path.name} has no table [regression]; fit it by `plantfit run {study.path.name}`, or add the "
-            f"table."
+            f"{study.path.name} has no table [regression]; fit it "
+            f"by `plantfit run {study.path.name}`, or add the table."
         )
     return solved(study.problem, study.regression.instruments)

@@ -66,9 +66,8 @@ def study_of(record: StudyRecord, path: str | Path = "study.toml") -> spec.Study
     """
     if not record.spec_text:
         raise StoreError(
-            f"Study {record.id} ({record.name}) was made from Python without a study file; use its script to go on, or "
-            f"open it with "
-            f"pf.open_study({record.id}, problem=...)."
+            f"Study {record.id} ({record.name}) was made from Python without a study file; use "
+            f"its script to go on, or open it with pf.open_study({record.id}, problem=...)."
         )
     return spec.parse(record.spec_text, record.spec_path or path)
 
@@ -104,8 +103,8 @@ def _found(store: Store, study: str | int) -> StudyRecord:
     names = list(dict.fromkeys(r.name for r in records))
     if not names:
         raise StoreError(
-            f"{shown(store.name)} holds no study yet; start one with `plantfit run STUDY.toml` or pf.fit(problem, "
-            f"store=...)."
+            f"{shown(store.name)} holds no study yet; start one with "
+            "`plantfit run STUDY.toml` or pf.fit(problem, store=...)."
         )
     near = difflib.get_close_matches(study, names, 3, 0.5)
     hint = f"did you mean {' or '.join(map(repr, near))}?" if near else f"it has {', '.join(map(repr, names[-8:]))}."

@@ -192,9 +192,8 @@ class Space:
         for c, v in zip(self.coordinates, given, strict=True):
             if v is not None and not c.lower <= v <= c.upper:
                 raise SpaceError(
-                    f"Parameter {_entry(c.parameter, c.index)!r} starts at {v:g}, outside its bounds [{c.lower:g}, "
-                    f"{c.upper:g}]; "
-                    "widen them or move the start."
+                    f"Parameter {_entry(c.parameter, c.index)!r} starts at {v:g}, outside "
+                    f"its bounds [{c.lower:g}, {c.upper:g}]; widen them or move the start."
                 )
         inside = self.cube([c.lower if v is None else v for c, v in zip(self.coordinates, given, strict=True)])
         return np.where([v is None for v in given], 0.5, inside)
@@ -250,8 +249,8 @@ class Space:
         mine, its = self.parameters[name].unit, self.parameters[root].unit
         if mine is not None and its is not None and mine != its and not units.equal(mine, its):
             raise SpaceError(
-                f"Parameter {name!r} in {mine!r} is tied to {root!r} in {its!r}, whose number it would take as it is; "
-                f"give both one unit."
+                f"Parameter {name!r} in {mine!r} is tied to {root!r} in {its!r}, "
+                "whose number it would take as it is; give both one unit."
             )
 
     def root(self, name: str) -> str:
@@ -370,15 +369,14 @@ def _checked_limits(name: str, p: Parameter, low: float, high: float) -> tuple[f
         return (0.0 if low >= 0 else -np.inf), (0.0 if high <= 0 else np.inf)
     if isinstance(p.limits, str) or len(p.limits) != 2 or not all(_is_number(v) and not np.isnan(v) for v in p.limits):
         raise SpaceError(
-            f"Parameter {name!r} has limits {p.limits!r}; give two numbers (low, high), infinite where there is no "
-            f"limit."
+            f"Parameter {name!r} has limits {p.limits!r}; give two "
+            "numbers (low, high), infinite where there is no limit."
         )
     least, most = float(p.limits[0]), float(p.limits[1])
     if low < least or high > most:
         raise SpaceError(
-            f"Parameter {name!r} is searched from {low:g} to {high:g}, beyond its physical limits [{least:g}, "
-            f"{most:g}]; "
-            "narrow the bounds or widen the limits."
+            f"Parameter {name!r} is searched from {low:g} to {high:g}, beyond its physical "
+            f"limits [{least:g}, {most:g}]; narrow the bounds or widen the limits."
         )
     return least, most
 
@@ -400,6 +398,6 @@ def _check_pair(name: str, low: float, high: float, scale: str) -> None:
         raise SpaceError(f"Parameter {name!r} has equal bounds {low:g}; write value = {low:g} to hold it.")
     if scale == "log" and low <= 0:
         raise SpaceError(
-            f"Parameter {name!r} has scale 'log' but lower bound {low:g}; give a lower bound above 0 or scale = "
-            f"'linear'."
+            f"Parameter {name!r} has scale 'log' but lower bound "
+            f"{low:g}; give a lower bound above 0 or scale = 'linear'."
         )

@@ -57,9 +57,8 @@ class Alarm:
         chance = f"p = {self.p:.1g}" if self.p > 0 else "p below 1e-300"
         if self.parameter is None:
             return (
-                f"ALARM at {self.t:.6g} s: since {self.since:.6g} s the innovations are {self.factor:.2g} times as "
-                f"large as the study "
-                f"expects ({chance}), and no parameter explains it: look at the sensors."
+                f"ALARM at {self.t:.6g} s: since {self.since:.6g} s the innovations are {self.factor:.2g} times "
+                f"as large as the study expects ({chance}), and no parameter explains it: look at the sensors."
             )
         unit = f" {self.unit}" if self.unit and self.unit != "1" else ""
         more = f"; a change of {listed(list(self.alike))} would explain as much" if self.alike else ""
@@ -230,9 +229,8 @@ class Tracker:
         there = [n for n in model.outputs if n in signals]
         if not there:
             raise RecordingError(
-                f"Recording {recording.name!r} has none of the outputs {list(model.outputs)}, and nothing can be "
-                f"tracked; it has "
-                f"{list(signals)}. Name the columns as in the study file."
+                f"Recording {recording.name!r} has none of the outputs {list(model.outputs)}, and "
+                f"nothing can be tracked; it has {list(signals)}. Name the columns as in the study file."
             )
         for n in model.outputs:
             if n not in signals:
@@ -258,16 +256,15 @@ class Tracker:
         if t[0] <= self._last or np.any(np.diff(t) <= 0):
             at = t[0] if t[0] <= self._last else t[1:][np.diff(t) <= 0][0]
             raise RecordingError(
-                f"A sample at {at:.6g} s came after one at {max(self._last, t[0]):.6g} s; give samples in order of "
-                f"time."
+                f"A sample at {at:.6g} s came after one at "
+                f"{max(self._last, t[0]):.6g} s; give samples in order of time."
             )
         known = np.all(np.isfinite(u), axis=1)
         if not np.any(known) and self.samples == 0:
             lost = list(self.problem.model.inputs)[int(np.argmax(~np.isfinite(u[0])))]  # type: ignore[union-attr]
             raise RecordingError(
-                f"Recording {recording.name!r}: input {lost!r} has no value in any of its {len(t)} rows, and a filter "
-                f"needs one; check the "
-                "column."
+                f"Recording {recording.name!r}: input {lost!r} has no value in any "
+                f"of its {len(t)} rows, and a filter needs one; check the column."
             )
         self._last = float(t[-1])
         self.left_out += int(np.sum(~known))
@@ -355,9 +352,8 @@ class Tracker:
         if self.alarms:
             return f"{self.alarms[0].sentence} {told[:1].upper()}{told[1:]}."
         return (
-            f"No alarm: the plant is what the study knows of it ({told}; a healthy plant raises an alarm with a chance "
-            f"of at most "
-            f"{100 * self.false_alarm:g} %, however long it runs)."
+            f"No alarm: the plant is what the study knows of it ({told}; a healthy plant raises an "
+            f"alarm with a chance of at most {100 * self.false_alarm:g} %, however long it runs)."
         )
 
     def to_frame(self) -> "pl.DataFrame":

@@ -218,8 +218,7 @@ def _parse(text: str) -> "pint.Unit":
     if (plain := gauge(text)) is not None:
         raise GaugeUnitError(
             f"Unit {text!r} counts from the pressure of the surroundings; write {plain!r}, and where absolute "
-            f"pressures are meant add that "
-            f"pressure to the numbers, {surroundings(plain):.6g} {plain} as a rule."
+            f"pressures are meant add that pressure to the numbers, {surroundings(plain):.6g} {plain} as a rule."
         )
     # towers of powers would keep pint busy for ever
     if not _ALLOWED.fullmatch(spelled) or re.search(r"\d{4}|\*\*[^A-Za-z]*\*\*", spelled):
@@ -347,9 +346,8 @@ def factor_offset(source: "str | pint.Unit", target: "str | pint.Unit") -> tuple
     convert_units = registry().convert
     if (_has_offset(a) and is_difference(b)) or (is_difference(a) and _has_offset(b)):
         raise UnitError(
-            f"Of the units {str(source)!r} and {str(target)!r} one is for temperatures and the other for differences "
-            f"of temperatures; "
-            "they cannot be converted, so name the unit that the values really have."
+            f"Of the units {str(source)!r} and {str(target)!r} one is for temperatures and the other for "
+            "differences of temperatures; they cannot be converted, so name the unit that the values really have."
         )
     factor = float(convert_units(1.0, _difference(a), _difference(b)))
     zero = float(convert_units(0.0, a, b)) if _has_offset(a) or _has_offset(b) else 0.0

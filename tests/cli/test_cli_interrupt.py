@@ -18,9 +18,8 @@ def test_a_stopped_command_says_so(command, tmp_path):
         wait = "print('ready', flush=True); run_cli()"
     else:  # the signal comes while the command runs, wherever that is
         wait = (
-            "import plantfit.cli.commands.reference.catalogue as c; c.methods = lambda *given: "
-            "os.kill(os.getpid(), "
-            "2); run_cli()"
+            "import plantfit.cli.commands.reference.catalogue as c; "
+            "c.methods = lambda *given: os.kill(os.getpid(), 2); run_cli()"
         )
     process = subprocess.Popen(
         [sys.executable, "-c", f"{begin}; {wait}"],

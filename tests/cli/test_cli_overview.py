@@ -61,9 +61,8 @@ def test_what_a_command_prints_as_json_has_a_schema():
     )
     missing = sorted(taking - described - set(excepted))
     assert missing == [], (
-        f"make a record below src/plantfit/findings/results/, with a line in RESULTS of all_results.py, of what "
-        f"{missing} prints with "
-        "--json, as `Sensitivities`; or name it in NO_RESULT here with the reason"
+        "make a record below src/plantfit/findings/results/, with a line in RESULTS of all_results.py, of "
+        f"what {missing} prints with --json, as `Sensitivities`; or name it in NO_RESULT here with the reason"
     )
     assert sorted(excepted) == sorted(taking - described), (
         "take out of NO_RESULT what has a schema, takes no --json, or stands there twice"

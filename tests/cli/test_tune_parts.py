@@ -45,8 +45,8 @@ def test_lines_of_a_log_tell_parts_at_once_and_searches_apart(clock, capsys):
     assert capsys.readouterr().err.splitlines() == [
         "0 s: drawing plants",
         "70 s: search 1 of 2 (PID, best fit alone)",
-        "105 s: search 1 of 2 (PID, best fit alone): 8 of 200 evaluations, best cost 205.3, about 7 s left in this "
-        "search",
+        "105 s: search 1 of 2 (PID, best fit alone): 8 of 200 "
+        "evaluations, best cost 205.3, about 7 s left in this search",
         "155 s: search 2 of 2 (PID, all plants)",
         "185 s: search 2 of 2 (PID, all plants): 8 of 100 evaluations, best cost 99.97, about 29 s left in this search",
     ]

@@ -185,8 +185,8 @@ def test_it_is_searched_and_judged_as_a_pid_is_and_stands_beside_one(design):
     assert design.best.share > design.rows[1].share + 0.1
     told = [v.sentence for v in verdict(design, {})]
     assert (
-        f"{100 * design.best.share:.0f} % have an overshoot under 10 % and an Ms under 1.6; tuned on the best fit "
-        f"alone: " in told[0]
+        f"{100 * design.best.share:.0f} % have an overshoot under "
+        "10 % and an Ms under 1.6; tuned on the best fit alone: " in told[0]
     )
     assert any(sentence.startswith("A PID tuned on the same plants: ") for sentence in told)
     first, pid = table(design)[0], table(design)[2]

@@ -97,8 +97,8 @@ def test_more_of_the_plants_keep_the_wishes_than_with_the_best_fits_own_tuning(d
     told = verdict(design, {n: v for n, v in design.family.plants.items() if np.ptp(v)})
     assert told[0].level == "good"
     assert (
-        f"{100 * design.best.share:.0f} % have an overshoot under 10 % and an Ms under 1.6; tuned on the best fit "
-        f"alone: " in told[0].sentence
+        f"{100 * design.best.share:.0f} % have an overshoot under "
+        "10 % and an Ms under 1.6; tuned on the best fit alone: " in told[0].sentence
     )
 
 

@@ -127,10 +127,9 @@ def test_a_study_from_python_is_kept_and_given_to_commands(folder, finished, tmp
     fitted.findings["reproduction"]["command"] = opened.command  # the store does not keep what a program called itself
     alike(fitted, opened)
     code = (
-        "import sys; from plantfit import stages; stages.finish = None\n"
-        f"sys.argv = ['plantfit', 'export', 'growth.toml', '--store', {str(tmp_path / 's.db')!r}, '--to', 'python', "
-        f"'--out', "
-        f"{str(tmp_path)!r}]\nfrom plantfit.cli.start import run; run()"
+        "import sys; from plantfit import stages; stages.finish = None\nsys.argv = "
+        f"['plantfit', 'export', 'growth.toml', '--store', {str(tmp_path / 's.db')!r}, '--to', "
+        f"'python', '--out', {str(tmp_path)!r}]\nfrom plantfit.cli.start import run; run()"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=folder, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

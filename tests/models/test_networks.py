@@ -196,12 +196,10 @@ def test_units_of_all_parts_fit():
         RLC,
         TANKS,
         "q inflow t\nA tank t\nI pipe_inertia t s\nB tank s\nR pipe s out\nh0 level out\nmeasure h(t), q(I)",
-        "V source a 0\nR resistor a b\nL inductor b c\nE battery c d\nK motor d 0 s\nJ inertia s\nF rotary_friction s "
-        "0\n"
-        "M0 constant_torque s\nG gear s l\n"
-        "k torsion_spring l t\nD rotary_damper l t\nJ2 inertia t\nrad wheel t z\nks spring z y\ndd damper z y\nm mass "
-        "y\n"
-        "Fc friction y 0\nW constant_force y\nmeasure w(s), phi(t), x(y), i(K), M(G), F(Fc)",
+        "V source a 0\nR resistor a b\nL inductor b c\nE battery c d\nK motor d 0 s\nJ inertia "
+        "s\nF rotary_friction s 0\nM0 constant_torque s\nG gear s l\nk torsion_spring l t\nD "
+        "rotary_damper l t\nJ2 inertia t\nrad wheel t z\nks spring z y\ndd damper z y\nm mass "
+        "y\nFc friction y 0\nW constant_force y\nmeasure w(s), phi(t), x(y), i(K), M(G), F(Fc)",
         "F force a\nm mass a\nk spring a b\nd damper a b\nv0 velocity b\nmeasure x(a), v(a)",
         "W0 speed a\nk torsion_spring a b\nJ inertia b\nM torque b\nD rotary_damper b 0\nmeasure w(b)",
         "I0 current_source 0 a\nR resistor a 0\nC capacitor a 0\nmeasure voltage(a)",

@@ -279,8 +279,8 @@ def test_the_equations_that_plantfit_models_prints_are_those_of_the_models():
         np.testing.assert_allclose(both[j], printed, rtol=1e-10, atol=1e-12)
         np.testing.assert_allclose(model.predict(s, TRUTH, f"tau{j + 1}"), printed, rtol=1e-10, atol=1e-12)
     for line in ("M = [[b1 + b2 + 2 b3 cos(theta2), b2 + b3 cos(theta2)], [b2 + b3 cos(theta2), b2]]",
-                 "C = [[-b3 omega2 sin(theta2), -b3 (omega1 + omega2) sin(theta2)], [b3 omega1 sin(theta2), "
-                 "0]]"):  # fmt: skip
+                 "C = [[-b3 omega2 sin(theta2), -b3 (omega1 + "
+                 "omega2) sin(theta2)], [b3 omega1 sin(theta2), 0]]"):  # fmt: skip
         assert line in (pendubot.__doc__ or "")
     assert "cos(theta2) (2 alpha1 + alpha2) - sin(theta2) omega2 (2 omega1 + omega2)" in (
         pendubot_regression.__doc__ or ""

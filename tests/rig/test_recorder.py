@@ -148,12 +148,10 @@ def test_a_minute_of_faults(program, tmp_path):
     told, line, truth, seconds = faulty(program, tmp_path, excitation, flip=1e-4, drop=1e-4, events=events)
     got, share = held_to_truth(tmp_path / "run.csv", truth)
     print(
-        f"\n{told.samples} samples came, {told.lost} lost in {told.gaps} gaps ({100 * (1 - share):.2f} %), "
-        f"{told.garbled} garbled here, "
-        f"{told.refused} on the board; {line.flipped} bits flipped, {line.dropped} bytes dropped; {told.reconnects} "
-        f"reconnects, "
-        f"{told.watchdogs} watchdog stops, {told.starved} starved; recorder {seconds:.1f} s of processor in "
-        f"{told.seconds:.0f} s"
+        f"\n{told.samples} samples came, {told.lost} lost in {told.gaps} gaps ({100 * (1 - share):.2f} "
+        f"%), {told.garbled} garbled here, {told.refused} on the board; {line.flipped} bits flipped, "
+        f"{line.dropped} bytes dropped; {told.reconnects} reconnects, {told.watchdogs} watchdog stops, "
+        f"{told.starved} starved; recorder {seconds:.1f} s of processor in {told.seconds:.0f} s"
     )
     assert told.samples > 55_000
     assert line.flipped > 150

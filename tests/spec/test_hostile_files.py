@@ -116,8 +116,8 @@ def test_cleaning_steps_are_told_in_words(step, told, tmp_path):
         (
             "",
             "skip = 500",
-            "s.toml: No measured sample of 'y' is left to fit (recording 'a' lasts from 0 to 29 s, and 0 of its 30 "
-            "samples",
+            "s.toml: No measured sample of 'y' is left to fit (recording "
+            "'a' lasts from 0 to 29 s, and 0 of its 30 samples",
         ),
         (
             "",

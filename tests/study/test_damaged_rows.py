@@ -169,8 +169,8 @@ def test_a_read_only_mount(place, tmp_path):
         if subprocess.run(["mount", "-o", "remount,ro,bind", str(mount)], capture_output=True).returncode:
             pytest.skip("no mount can be made read-only here")
         code = (
-            "import sys; sys.argv = ['plantfit', 'list', '--store', sys.argv[1]]; from plantfit.cli.start import "
-            "run; run()"
+            "import sys; sys.argv = ['plantfit', 'list', '--store', "
+            "sys.argv[1]]; from plantfit.cli.start import run; run()"
         )
         done = subprocess.run(
             [sys.executable, "-c", code, str(mount / place.name)], capture_output=True, text=True, cwd=tmp_path

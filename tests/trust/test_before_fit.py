@@ -212,9 +212,9 @@ def test_an_output_whose_errors_nothing_shows_fixes_nothing(text, own, samples, 
     assert (found.silent, found.heard, found.heard_alone) == ({"w": samples}, 2, heard)
     assert found.sentences[0] == (
         "warning",
-        f"w has {samples} fitted samples, no more than the parameters that follow them, and nothing shows how large "
-        f"its errors are. Unless "
-        f"the study gives a scale for w, these records determine 2 of {len(names)} parameters at best: K, tau.",
+        f"w has {samples} fitted samples, no more than the parameters that follow them, "
+        "and nothing shows how large its errors are. Unless the study gives a scale "
+        f"for w, these records determine 2 of {len(names)} parameters at best: K, tau.",
     )
     assert told(found)[1].startswith(f"With a scale for w these records can tell all {len(names)} parameters apart")
 

@@ -214,8 +214,8 @@ def test_determined_parameters_of_a_model_that_lacks_something_are_its_own(left,
     }
     (told,) = parameter_sentences({**found, "diagnosis": diagnosis, "parameters": [row]})
     text = (
-        "The residuals of y are not white: if the model lacks something, the plant's values may be others, by more "
-        "than ± tells."
+        "The residuals of y are not white: if the model lacks something, "
+        "the plant's values may be others, by more than ± tells."
     )
     assert told["sentence"].endswith(text) is said
     assert told["level"] == ("info" if said else "good")

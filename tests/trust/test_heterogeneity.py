@@ -330,9 +330,8 @@ def test_intervals_of_recordings_that_agree_allow_for_what_so_few_would_not_tell
         "0.65 s instead of 0.59 to 0.61. tau is not called determined for that."
     )
     assert unseen == (
-        "A scatter between recordings is told in 8 of 10 such studies from a standard deviation of 3.3 % of tau on; a "
-        "smaller one may stay "
-        "unseen."
+        "A scatter between recordings is told in 8 of 10 such studies from a "
+        "standard deviation of 3.3 % of tau on; a smaller one may stay unseen."
     )
     alike = {
         **findings,
@@ -340,10 +339,9 @@ def test_intervals_of_recordings_that_agree_allow_for_what_so_few_would_not_tell
         "parameters": [{**row, "scatter": None}],
     }
     assert answer_sentences(alike)[0]["sentence"] == (
-        "The 2 recordings agree within chance, as so few often do where a plant scatters between them. Intervals allow "
-        "for that: that of "
-        "tau is 0.55 to 0.65 s instead of 0.59 to 0.61. tau is not called determined for that. A third one makes them "
-        "shorter."
+        "The 2 recordings agree within chance, as so few often do where a plant scatters "
+        "between them. Intervals allow for that: that of tau is 0.55 to 0.65 s instead of "
+        "0.59 to 0.61. tau is not called determined for that. A third one makes them shorter."
     )
     (only,) = answer_sentences({**findings, "parameters": [{**row, "by_noise": None}]})
     assert only["sentence"].startswith(

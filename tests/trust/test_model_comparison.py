@@ -67,9 +67,8 @@ def test_left_out_errors_are_told_and_who_has_none():
     found = by_criteria({f"order {p}": polynomial(p, u, y) for p in (1, 2)}, {"order 2": 0.51})
     assert found.best("left_out").name == "order 2"
     assert found.sentences[-1] == (
-        "Recordings left out are predicted best by order 2, with an RMS error of 0.51; order 1: cannot predict a "
-        "recording without having "
-        "seen it."
+        "Recordings left out are predicted best by order 2, with an RMS error "
+        "of 0.51; order 1: cannot predict a recording without having seen it."
     )
     assert [row[-1] for row in found.table("V")["rows"]] == ["cannot", "0.51"]
     with pytest.raises(ModelError, match="give left_out"):

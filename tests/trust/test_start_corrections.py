@@ -215,8 +215,8 @@ def test_a_stored_study_opens_with_the_same_bits(tmp_path, monkeypatch):
     text += "[parameters.K]\nbounds = [0.1, 20]\n[parameters.tau]\nbounds = [0.1, 50]\n"
     (tmp_path / "lag.toml").write_text(text, "utf-8")
     code = (
-        "import sys; sys.argv = ['plantfit', 'run', 'lag.toml', '--no-diagnose']; from plantfit.cli.start import "
-        "run; run()"
+        "import sys; sys.argv = ['plantfit', 'run', 'lag.toml', "
+        "'--no-diagnose']; from plantfit.cli.start import run; run()"
     )
     assert subprocess.run([sys.executable, "-c", code]).returncode == 0
     # the second one reads what the first one's finishing left in the store

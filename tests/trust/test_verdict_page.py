@@ -26,8 +26,8 @@ def test_no_sentence_is_missing():
         if pieces and max(pieces, key=len) not in PAGE and pieces[0] not in PAGE
     }
     assert missing == {}, (
-        f"add a row to docs/verdict.md for each sentence that is said at {sorted(missing)} (files of "
-        f"src/plantfit/trust/verdict/)"
+        "add a row to docs/verdict.md for each sentence that is said "
+        f"at {sorted(missing)} (files of src/plantfit/trust/verdict/)"
     )
 
 

@@ -248,8 +248,8 @@ def test_what_could_not_fail_is_not_praised(samples, given):
         assert score["spare"] == pytest.approx(0.0, abs=0.01)
         assert told["level"] == "warning"
         assert told["sentence"].endswith(
-            "these 2 are no more than the free parameters that follow them, so that this shows nothing: give more "
-            "samples of w."
+            "these 2 are no more than the free parameters that follow "
+            "them, so that this shows nothing: give more samples of w."
         )
         assert praised(found, "w") == []
     else:

@@ -33,9 +33,7 @@ def _linear(plant: Plant) -> tuple[Any, np.ndarray, float, tuple[str, ...]]:
     if len(model.inputs) != 1 or len(model.outputs) != 1:
         raise SimulationError(
             f"Model {model.name!r} has {len(model.inputs)} inputs and {len(model.outputs)} outputs; matrices can be "
-            f"exported "
-            "only for one input and one output. "
-            "Export --to python, c or casadi, which hold the whole model."
+            "exported only for one input and one output. Export --to python, c or casadi, which hold the whole model."
         )
     (input_,), (output,) = model.inputs, model.outputs
     loop = OneLoop(model, output, input_, {}, {n: np.asarray(v)[None] for n, v in plant.p.items()})

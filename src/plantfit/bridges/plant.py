@@ -61,9 +61,8 @@ class Plant:
         wrong = [n for n, v in self.p.items() if np.ndim(v)]
         if wrong:
             raise ModelError(
-                f"Model {self.model.name!r} reads the table {wrong[0]!r}, which is not written as {language} yet; "
-                f"export --to csv "
-                f"or control instead."
+                f"Model {self.model.name!r} reads the table {wrong[0]!r}, which is "
+                f"not written as {language} yet; export --to csv or control instead."
             )
         sizes = (len(self.vector.states), len(self.vector.channels), len(self.vector.parameters))
         names = [[f"{n}[{i}]" for i in range(size)] for n, size in zip("xup", sizes, strict=True)]
@@ -76,8 +75,8 @@ def plant_of(answer: Answer, name: str | None = None, recording: str | None = No
     model, problem = answer.problem.model, answer.problem
     if not isinstance(model, Model) or not model.states:
         raise ModelError(
-            "A regression or a static model has nothing to simulate; export --to csv is not for it either: see "
-            "to_frame()."
+            "A regression or a static model has nothing to simulate; "
+            "export --to csv is not for it either: see to_frame()."
         )
     if not model.smooth:
         raise ModelError(

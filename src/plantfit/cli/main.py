@@ -83,8 +83,8 @@ def _ended(command: Callable[[], Any]) -> int:
     except OSError as error:
         place = f" {error.filename!r}" if error.filename else ""
         return _failed(
-            f"the file system refused{place}: {error.strerror or error}. Free space or choose another place and run "
-            f"again.",
+            f"the file system refused{place}: {error.strerror or error}. "
+            "Free space or choose another place and run again.",
             12,
         )
     except KeyboardInterrupt:

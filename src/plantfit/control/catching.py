@@ -86,8 +86,8 @@ def largest_initial_angle(
         good = np.asarray(jax.vmap(one)(np.r_[0.0, far.ravel()])) <= tolerance  # nan is not caught
         if not good[0]:
             raise SimulationError(
-                "The loop does not hold the state at which it begins; change the controller, or give more seconds or "
-                "tolerance."
+                "The loop does not hold the state at which it begins; "
+                "change the controller, or give more seconds or tolerance."
             )
         return good[1:].reshape(far.shape)
 

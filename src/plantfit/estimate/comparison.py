@@ -45,8 +45,8 @@ def compare_estimates(
     """
     if first.names != second.names:
         raise SearchError(
-            f"Estimates of {list(first.names)} and {list(second.names)} cannot be compared; estimate the same "
-            f"parameters."
+            f"Estimates of {list(first.names)} and {list(second.names)} "
+            "cannot be compared; estimate the same parameters."
         )
     difference = first.values - second.values
     covariance, paired = _covariance(first, second)

@@ -136,8 +136,8 @@ def _normal(rows: _Rows, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray
     correlation = zx / np.outer(size_z, size_x)
     if np.linalg.cond(correlation) > 1e12:
         raise SearchError(
-            f"The instruments of {list(names)} do not tell them apart; take instruments that move with the regressor, "
-            f"or fewer parameters."
+            f"The instruments of {list(names)} do not tell them apart; take "
+            "instruments that move with the regressor, or fewer parameters."
         )
     inverse = np.linalg.inv(correlation) / np.outer(size_x, size_z)
     return inverse @ np.einsum("nmk,nm->k", rows.z, rows.y), inverse
@@ -176,8 +176,8 @@ def _checked(
     x, y = np.asarray(regressor, dtype=float), np.asarray(target, dtype=float)
     if x.ndim not in (2, 3) or y.shape != x.shape[:-1]:
         raise SearchError(
-            f"A regressor of shape {x.shape} with a target of {y.shape}; give (N, k) with (N,), or (N, m, k) with (N, "
-            f"m)."
+            f"A regressor of shape {x.shape} with a target of {y.shape}; "
+            "give (N, k) with (N,), or (N, m, k) with (N, m)."
         )
     if x.ndim == 2:
         x, y = x[:, None, :], y[:, None]
@@ -186,8 +186,8 @@ def _checked(
     for what, values in (("regressor", x), ("target", y)):
         if not np.all(np.isfinite(values)):
             raise SearchError(
-                f"The {what} is not finite at sample {int(np.argwhere(~np.isfinite(values))[0, 0])}; leave such "
-                f"samples out, with index."
+                f"The {what} is not finite at sample {int(np.argwhere(~np.isfinite(values))[0, 0])}; "
+                "leave such samples out, with index."
             )
     index = np.arange(len(x)) if index is None else np.asarray(index, dtype=int)
     if index.shape != (len(x),) or np.any(np.diff(index) <= 0):

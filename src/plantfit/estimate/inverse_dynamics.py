@@ -122,9 +122,8 @@ class InverseDynamics:
         """
         if simulate is None and reference is None:
             raise RecordingError(
-                "There is nothing to make instruments of; give simulate (the closed loop without noise) or reference "
-                "(the "
-                "motion to follow)."
+                "There is nothing to make instruments of; give simulate (the "
+                "closed loop without noise) or reference (the motion to follow)."
             )
         (x, y), names = self.rows(recording), tuple(self.model.coefficients)
         plain = instrumental_variables(x, y, x, names, whiten=False)

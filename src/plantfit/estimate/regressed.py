@@ -117,9 +117,8 @@ def _held(problem: Problem, model: LinearModel) -> dict[str, float]:
             continue
         if name not in model.coefficients:
             raise SearchError(
-                f"Parameter {name!r} is held, but it is none of the coefficients {list(model.coefficients)} that the "
-                f"regression has; "
-                "hold one of these."
+                f"Parameter {name!r} is held, but it is none of the coefficients "
+                f"{list(model.coefficients)} that the regression has; hold one of these."
             )
         held[name] = float(p.value)
     return held

@@ -45,8 +45,8 @@ class OperatingTable(Record):
                 raise ValueError(f"{what} has {length} entries but the nodes make {entries}")
         if not len(self.over) == len(self.over_units) == len(self.nodes) or entries == 0:
             raise ValueError(
-                f"over names {len(self.over)} signals but there are {len(self.nodes)} lists of nodes, none of them "
-                f"empty"
+                f"over names {len(self.over)} signals but there are "
+                f"{len(self.nodes)} lists of nodes, none of them empty"
             )
         return self
 

@@ -69,8 +69,8 @@ class Findings(Record):
     def _not_newer(cls, version: int) -> int:
         if version > VERSION:
             raise ValueError(
-                f"it was written by a newer plantfit, in version {version} of the record; this one reads up to "
-                f"{VERSION}"
+                "it was written by a newer plantfit, in version "
+                f"{version} of the record; this one reads up to {VERSION}"
             )
         return version
 
@@ -83,8 +83,8 @@ def read_findings(findings: Mapping[str, Any] | Findings) -> Findings:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(step) for step in first["loc"]) or "its top level"
         raise PlantfitError(
-            f"The findings record is wrong at {place} ({first['msg'].removeprefix('Value error, ')}); make it with "
-            f"plantfit.trust.assess."
+            f"The findings record is wrong at {place} "
+            f"({first['msg'].removeprefix('Value error, ')}); make it with plantfit.trust.assess."
         ) from None
 
 

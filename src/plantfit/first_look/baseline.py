@@ -46,8 +46,8 @@ def baseline(records: Sequence[Data], orders: Sequence[int] = ORDERS) -> Baselin
     made = [f for order in orders if (f := fit_linear(records, order, shifts)) is not None]
     if not made:
         raise RecordingError(
-            f"Recording {records[0].name!r}: no linear model can be fitted to so few samples; give a longer part to "
-            f"the fit."
+            f"Recording {records[0].name!r}: no linear model can be "
+            "fitted to so few samples; give a longer part to the fit."
         )
     chosen_bic = _bic(records, made)
     k = int(np.argmin(chosen_bic))

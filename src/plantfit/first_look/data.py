@@ -45,8 +45,8 @@ def data_of(recording: Recording, inputs: Sequence[str], output: str, fitted: np
     n, where = len(recording), f"Recording {recording.name!r}"
     if n < FEWEST:
         raise RecordingError(
-            f"{where} has {n} sample{'s' * (n != 1)}, and a first look needs {FEWEST} at least; give a longer "
-            f"recording."
+            f"{where} has {n} sample{'s' * (n != 1)}, and a first "
+            f"look needs {FEWEST} at least; give a longer recording."
         )
     fitted = np.ones(n, dtype=bool) if fitted is None else fitted
     unseen = np.zeros(n, dtype=bool) if unseen is None else unseen

@@ -40,8 +40,8 @@ def frequency_response(data: Data, level: float = 0.95) -> list[FrequencyRespons
     m, length = len(moving), (stop - start) // SEGMENTS
     if length < 8 or not moving:
         raise RecordingError(
-            f"Recording {data.name!r}: its longest stretch without gaps has {n} samples, too few for a frequency "
-            f"response."
+            f"Recording {data.name!r}: its longest stretch without "
+            f"gaps has {n} samples, too few for a frequency response."
         )
     settings = {
         "fs": 1.0 / data.period,

@@ -82,8 +82,8 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
     else:
         when = f"after {delay.value:.3g} s" if delay.value > 0 else "within a sample"
         text = (
-            f"{data.output} reacts to {name} {when} (first lag of the cross-correlation beyond chance, {name} made "
-            f"white)."
+            f"{data.output} reacts to {name} {when} (first lag of the "
+            f"cross-correlation beyond chance, {name} made white)."
         )
         said.append(_said("info", text, delay=delay.value))
     try:
@@ -130,14 +130,13 @@ def _explains(output: str, unit: str | None, found: Baseline) -> Sentence:
     what = f"the {'unseen' if part == 'unseen' else 'fitted'} {output}"
     if share <= 0:
         text = (
-            f"{found.sentence} explains nothing of {what}: its RMSE, {rmse:.3g}{tail}, is no less than {output} "
-            f"spreads."
+            f"{found.sentence} explains nothing of {what}: its RMSE, "
+            f"{rmse:.3g}{tail}, is no less than {output} spreads."
         )
         return _said("warning", text, rmse=rmse, share=share)
     text = (
-        f"{found.sentence} explains {100 * share:.1f} % of {what}: RMSE {rmse:.3g}{tail}, simulated from the "
-        f"inputs "
-        f"alone."
+        f"{found.sentence} explains {100 * share:.1f} % of {what}: "
+        f"RMSE {rmse:.3g}{tail}, simulated from the inputs alone."
     )
     return _said("good" if share > 0.9 else "info", text, rmse=rmse, share=share)
 

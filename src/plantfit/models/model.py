@@ -90,8 +90,8 @@ class Model:
         twice = sorted({n for n in names if names.count(n) > 1} - (set(self.states) & set(self.outputs)))
         if twice:
             raise ModelError(
-                f"Model {self.name!r}: the name {twice[0]!r} is declared twice; give each signal and parameter its own "
-                f"name."
+                f"Model {self.name!r}: the name {twice[0]!r} is declared "
+                "twice; give each signal and parameter its own name."
             )
         if self.states and self.derivative is None:
             raise ModelError(f"Model {self.name!r} has states but no derivative; give derivative(x, u, p).")

@@ -70,7 +70,7 @@ def _check(model: Any, name: str, value: Any) -> None:
         pickle.dumps(value)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise ModelError(
-            f"Model {model.name!r} cannot be pickled, because its {name} is or holds a function that is local to "
-            f"another one or a lambda "
-            f"({error}); define its functions at the top of a module, or write the model as equations."
+            f"Model {model.name!r} cannot be pickled, because its {name} is or holds "
+            f"a function that is local to another one or a lambda ({error}); define "
+            "its functions at the top of a module, or write the model as equations."
         ) from None

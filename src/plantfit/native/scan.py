@@ -113,8 +113,8 @@ def _length(rows: Sequence[Any], length: int | None) -> int:
     lengths = {r.shape[0] for r in rows} | ({length} if length is not None else set())
     if len(lengths) != 1:
         raise ValueError(
-            f"native_scan got steps of lengths {sorted(lengths)}; give leaves of xs with one leading length, or "
-            f"`length`."
+            f"native_scan got steps of lengths {sorted(lengths)}; "
+            "give leaves of xs with one leading length, or `length`."
         )
     return lengths.pop()
 

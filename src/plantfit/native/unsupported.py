@@ -11,8 +11,8 @@ class NativeUnsupported(PlantfitError):
     def __init__(self, what: str):
         self.what = what
         super().__init__(
-            f"Native loops cannot do {what!r}; run this loop with jax.lax.scan instead (native_scan(..., "
-            f"fallback=True))."
+            f"Native loops cannot do {what!r}; run this loop with "
+            "jax.lax.scan instead (native_scan(..., fallback=True))."
         )
 
 

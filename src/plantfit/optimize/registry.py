@@ -104,8 +104,8 @@ REGISTRY = {
     "sea": Entry(
         "algorithms.genetic.sea.SimpleEvolution",
         "Simple evolution: tournaments and Gaussian mutation whose step is drawn over many scales.",
-        "Schaefer and Kolodziej 2003, Foundations of Genetic Algorithms 7; Dietzfelbinger et al. 2011, Algorithmica "
-        "59:301",
+        "Schaefer and Kolodziej 2003, Foundations of Genetic "
+        "Algorithms 7; Dietzfelbinger et al. 2011, Algorithmica 59:301",
     ),
     "jso": Entry(
         "algorithms.differential_evolution.jso.Jso",
@@ -135,8 +135,8 @@ REGISTRY = {
     "nelder_mead": Entry(
         "algorithms.nelder_mead.NelderMead",
         "Downhill simplex from many starts: a baseline without derivatives for few parameters.",
-        "Nelder and Mead 1965, Computer Journal 7:308; Gao and Han 2012, Computational Optimization and Applications "
-        "51:259",
+        "Nelder and Mead 1965, Computer Journal 7:308; Gao and Han "
+        "2012, Computational Optimization and Applications 51:259",
     ),
     "sobol": Entry(
         "algorithms.sobol_search.SobolSearch",
@@ -168,9 +168,8 @@ class Brought:
             and isinstance(getattr(kind, "needs", None), Needs)
         ):
             raise SearchError(
-                f"{self.plugin.name!r} of the package {self.plugin.package} is no search method: it has to be a frozen "
-                f"dataclass "
-                "with `needs = Needs(...)`; see docs/plug-ins.md."
+                f"{self.plugin.name!r} of the package {self.plugin.package} is no search method: "
+                "it has to be a frozen dataclass with `needs = Needs(...)`; see docs/plug-ins.md."
             )
         return kind
 

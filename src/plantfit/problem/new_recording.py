@@ -42,9 +42,8 @@ def predict_over(
         recording = problem.experiments[recording]
     elif not isinstance(recording, Recording | Experiment):
         raise RecordingError(
-            f"{type(recording).__name__} is no recording to predict over; give a recording, as of pf.read_csv, or the "
-            f"name of one of "
-            f"{list(problem.experiments)}."
+            f"{type(recording).__name__} is no recording to predict over; give a recording, "
+            f"as of pf.read_csv, or the name of one of {list(problem.experiments)}."
         )
     return NewRecording.of(problem, recording).outputs(np.asarray(values, dtype=float), dict(named or {}))
 
@@ -118,8 +117,7 @@ class NewRecording:
         if lost:
             raise RecordingError(
                 f"Recording {r.name!r} has no value of {lost[0]!r}, and the model {simulator.vector.model.name!r} "
-                f"begins at the first "
-                "measured one; add the signal with its first value (the others may be missing)."
+                "begins at the first measured one; add the signal with its first value (the others may be missing)."
             )
         raise SimulationError(
             f"Recording {r.name!r}: the state {state!r} begins at no finite value; check the parameters."

@@ -142,10 +142,9 @@ class Problem:
         unseen = [n for n, e in self.experiments.items() if not np.any(e.mask("fit"))]
         if own and unseen:
             raise SpaceError(
-                f"Parameter {own[0]!r} is per_recording, but recording {unseen[0]!r} is not fitted at all, "
-                "so nothing gives its value there; "
-                "fit a short first part of that recording (fit = [start, stop], validate = [stop, end]) or share the "
-                "parameter."
+                f"Parameter {own[0]!r} is per_recording, but recording {unseen[0]!r} is not "
+                "fitted at all, so nothing gives its value there; fit a short first part of that "
+                "recording (fit = [start, stop], validate = [stop, end]) or share the parameter."
             )
 
     def _prepare(self) -> None:

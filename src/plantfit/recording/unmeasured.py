@@ -16,8 +16,8 @@ def unmeasured(recording: Recording, names: Sequence[str]) -> Recording:
     for name in names:
         if name in recording.signals:
             raise RecordingError(
-                f"Recording {recording.name!r} has the signal {name!r}, but unmeasured names it too; remove one of the "
-                f"two."
+                f"Recording {recording.name!r} has the signal {name!r}, "
+                "but unmeasured names it too; remove one of the two."
             )
     missing = {name: Signal(np.full(len(recording.t), np.nan), None) for name in names}
     log = [f"{name}: not measured here." for name in names]

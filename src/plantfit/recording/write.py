@@ -43,7 +43,7 @@ def _header(recording: Recording, name: str) -> str:
     header = name if unit is None else f"{name} [{unit}]"
     if split_header(header) != (name, unit) or identifier(name) != name:
         raise RecordingError(
-            f"Recording {recording.name!r}: signal {name!r} with unit {unit!r} could not be read back; use a plain "
-            f"name and a known unit."
+            f"Recording {recording.name!r}: signal {name!r} with unit {unit!r} "
+            "could not be read back; use a plain name and a known unit."
         )
     return header

@@ -82,13 +82,13 @@ def _check_place(path: Path) -> None:
         )
     if not os.access(path.parent, os.W_OK):
         raise StoreError(
-            f"The report cannot be written to {path}: you may not write to the folder {path.parent}; choose another "
-            f"folder."
+            f"The report cannot be written to {path}: you may not "
+            f"write to the folder {path.parent}; choose another folder."
         )
     if (path.exists() or path.is_symlink()) and not is_report(path):
         raise StoreError(
-            f"The report is not written to {path}, which is not a report of plantfit; move that file, or choose "
-            f"another name."
+            f"The report is not written to {path}, which is not a report "
+            "of plantfit; move that file, or choose another name."
         )
 
 

@@ -132,8 +132,8 @@ class DcMotorRig:
             "angle": (turned[at], "rad"),
         }
         told = (
-            f"Virtual DC motor, seed {seed}: {self.pulses} pulses, {self.tick:g} s timer, {self.current_noise:g} A "
-            f"rms noise."
+            f"Virtual DC motor, seed {seed}: {self.pulses} pulses, "
+            f"{self.tick:g} s timer, {self.current_noise:g} A rms noise."
         )
         truth = {
             "seed": seed, "parameters": dict(self.parameters), "load_Nm": self.load,

@@ -202,9 +202,8 @@ class PendubotRig:
         fallen = ~(np.abs(states[0] + states[1] - np.pi / 2) < np.pi / 2)
         if np.any(fallen):
             raise SimulationError(
-                f"The pendubot fell at {self.t[int(np.argmax(fallen))]:g} s with the start {tuple(offset)} rad off the "
-                f"upright; "
-                "start nearer to it, or move to nearer poses in more time."
+                f"The pendubot fell at {self.t[int(np.argmax(fallen))]:g} s with the start {tuple(offset)} "
+                "rad off the upright; start nearer to it, or move to nearer poses in more time."
             )
         return dict(zip(STATES, states, strict=True)) | {"V": voltage}, (seen1, seen2)
 

@@ -144,8 +144,8 @@ class RobotDriveRig:
         fastest = float(np.max(scale) * self.speed * (1 + 0.5 * widest * self.track))
         if fastest > 0.9 * free:
             raise SimulationError(
-                f"At {self.speed:g} m/s a motor has to turn at {fastest:.4g} rad/s, but its supply gives {free:.4g} "
-                f"rad/s; lower the speed."
+                f"At {self.speed:g} m/s a motor has to turn at {fastest:.4g} "
+                f"rad/s, but its supply gives {free:.4g} rad/s; lower the speed."
             )
         ends = np.cumsum([s.length for s in path])
         whole, top = float(ends[-1]), min(self.speed, float(np.sqrt(ends[-1] * self.acceleration)))

@@ -58,8 +58,8 @@ def driven_by_controller(
         duty = np.clip(np.round(float(command) * volt / rig.volts_per_count), -most, most)
         if not np.isfinite(duty):
             raise SimulationError(
-                f"The loop has no finite voltage any more at {fine[end]:.6g} s; its controller makes the motor "
-                f"unstable."
+                f"The loop has no finite voltage any more at {fine[end]:.6g} "
+                "s; its controller makes the motor unstable."
             )
         volts[k] = duty * rig.volts_per_count
         if k + 1 < n:

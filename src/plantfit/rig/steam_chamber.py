@@ -85,8 +85,8 @@ class SteamChamberRig:
         low, high = self.valve_limits
         if not 0 <= low < high <= 100:
             raise SimulationError(
-                f"The steam rig's valve_limits are {self.valve_limits}; give two openings (%), low and high, in 0 to "
-                f"100."
+                f"The steam rig's valve_limits are {self.valve_limits}; "
+                "give two openings (%), low and high, in 0 to 100."
             )
 
     # -- what a user calls ------------------------------------------------------------------------
@@ -124,8 +124,8 @@ class SteamChamberRig:
         if self.zeroed:
             shown = shown - sum(e["zero"] for e in errors.values())
         told = (
-            f"Virtual steam chamber, seed {seed}: {self.noise:g} bar rms noise, {self.span / 2**self.bits:.4f} bar a "
-            f"step, "
+            f"Virtual steam chamber, seed {seed}: {self.noise:g} bar "
+            f"rms noise, {self.span / 2**self.bits:.4f} bar a step, "
             + (
                 "no instrument errors."
                 if not self.errors

@@ -43,8 +43,8 @@ class RestToRest:
         for move in self.moves:
             if not (np.all(np.isfinite([move.start, move.duration, move.to])) and move.duration > 0):
                 raise SimulationError(
-                    f"A move at {move.start} s over {move.duration} s to {move.to}; give finite numbers, a duration > "
-                    f"0."
+                    f"A move at {move.start} s over {move.duration} s "
+                    f"to {move.to}; give finite numbers, a duration > 0."
                 )
             if move.start < before:
                 raise SimulationError(

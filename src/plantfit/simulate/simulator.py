@@ -79,38 +79,36 @@ class Simulator:
         vector = vectorise(model)
         if stepper == EXACT and (model.state_delays or not model.states or not is_linear(vector)):
             raise SimulationError(
-                f"Model {model.name!r} is not linear in its states and inputs, so that no step is exact; use stepper = "
-                f"'exponential'."
+                f"Model {model.name!r} is not linear in its states and inputs, "
+                "so that no step is exact; use stepper = 'exponential'."
             )
         if stepper == EXACT and (model.frictions or model.backlashes):
             raise SimulationError(
-                f"Model {model.name!r} has dry friction or backlash, which no matrix exponential follows; use stepper "
-                f"= 'exponential'."
+                f"Model {model.name!r} has dry friction or backlash, which "
+                "no matrix exponential follows; use stepper = 'exponential'."
             )
         if stepper == ADAPTIVE and (not model.smooth or model.state_delays):
             raise SimulationError(
-                f"Model {model.name!r} has late states, events, dry friction that sticks or backlash, whose steps have "
-                f"a length of their "
-                "own; use stepper = 'exponential'."
+                f"Model {model.name!r} has late states, events, dry friction that sticks or "
+                "backlash, whose steps have a length of their own; use stepper = 'exponential'."
             )
         if stepper == ADAPTIVE and substeps > FINEST:
             raise SimulationError(
-                f"substeps = {substeps} is a fineness of adaptive steps beyond that of the numbers; give at most "
-                f"{FINEST}."
+                f"substeps = {substeps} is a fineness of adaptive steps "
+                f"beyond that of the numbers; give at most {FINEST}."
             )
         if substeps < 1:
             raise SimulationError(f"substeps = {substeps}; give a whole number of at least 1.")
         for delay in model.delays:
             if model.declared(delay.parameter).shape:
                 raise SimulationError(
-                    f"Model {model.name!r}: the dead time {delay.parameter!r} is a table, which only closed loops "
-                    f"follow; give one number."
+                    f"Model {model.name!r}: the dead time {delay.parameter!r} is "
+                    "a table, which only closed loops follow; give one number."
                 )
         if model.state_delays and (model.events or model.frictions or model.backlashes):
             raise SimulationError(
-                f"Model {model.name!r} has late states together with events, dry friction or backlash, whose jumps the "
-                f"history would "
-                "not see; use a smooth form of one of them."
+                f"Model {model.name!r} has late states together with events, dry friction or "
+                "backlash, whose jumps the history would not see; use a smooth form of one of them."
             )
         for name, kind in hold.items():
             if name not in model.inputs:
@@ -206,9 +204,8 @@ class Simulator:
         if initial_time is not None and initial_time != t[0]:
             if not initial_time < t[0]:
                 raise SimulationError(
-                    f"initial_time = {initial_time:g} s is not before the first sample at {t[0]:g} s; give a time "
-                    f"before it, on the "
-                    "recording's own axis, or leave it out."
+                    f"initial_time = {initial_time:g} s is not before the first sample at {t[0]:g} "
+                    "s; give a time before it, on the recording's own axis, or leave it out."
                 )
             pace = float(np.median(np.diff(t))) if len(t) > 1 else t[0] - initial_time
             count = min(int(np.ceil((t[0] - initial_time) / pace)), max(len(t), EARLY))

@@ -39,8 +39,8 @@ def steady_states(vector: VectorModel, u: Scalars, p: Scalars, guess: Scalars) -
     """
     if vector.rate_uses_time:
         raise ModelError(
-            f"Model {vector.model.name!r} never rests, because its rate depends on the time t; remove t or use records "
-            f"in time."
+            f"Model {vector.model.name!r} never rests, because its rate "
+            "depends on the time t; remove t or use records in time."
         )
     if not vector.states:
         return ()

@@ -15,8 +15,8 @@ def before_filter(study: Study) -> Regression | None:
     """
     if study.regression is not None:
         raise SpecError(
-            f"{study.path.name} has a table [regression], which is solved in closed form and cannot be diagnosed; use "
-            f"`plantfit run` alone."
+            f"{study.path.name} has a table [regression], which is solved in "
+            "closed form and cannot be diagnosed; use `plantfit run` alone."
         )
     if study.table.model.filter_alike is None:
         return None

@@ -37,8 +37,8 @@ def check_tables(table: SpecTable, path: Path) -> None:
             count *= len(axis) if isinstance(axis, list) else 1
         if count > MOST_NODES:
             raise SpecError(
-                f"{path.name}: model.tables.{name} has {count} nodes; a table can have at most {MOST_NODES}, so use "
-                f"fewer."
+                f"{path.name}: model.tables.{name} has {count} nodes; "
+                f"a table can have at most {MOST_NODES}, so use fewer."
             )
 
 
@@ -79,8 +79,6 @@ def check_problem(problem: "Problem", table: SpecTable) -> None:
         if c.parameter in late and c.lower < 0:
             raise SpecError(
                 f"parameters.{c.parameter} is a dead time, and its lower bound is "
-                f"{f'{c.lower:g} {c.unit or str()}'.rstrip()}; "
-                "an input cannot act before it happens, so begin the bounds at 0. If the clocks of two signals differ, "
-                "use "
-                "model.clock_shift."
+                f"{f'{c.lower:g} {c.unit or str()}'.rstrip()}; an input cannot act before it happens, "
+                "so begin the bounds at 0. If the clocks of two signals differ, use model.clock_shift."
             )

@@ -127,9 +127,9 @@ def experiments_of(name: str, r: RecordingTable, path: Path, files: Mapping[str,
     for key, given in beside.items():
         if given:
             raise SpecError(
-                f"{path.name}: recording.{name} has pieces, which are parts of what is fitted, and also {key}; leave "
-                f"one of them out. "
-                "An unseen part can stand in a table of its own, [recording.OTHER], with the same file."
+                f"{path.name}: recording.{name} has pieces, which are parts of what is "
+                f"fitted, and also {key}; leave one of them out. An unseen part can "
+                "stand in a table of its own, [recording.OTHER], with the same file."
             )
     assert whole.fit is not None
     with errors_at(f"{path.name}, [recording.{name}] pieces"):
@@ -143,8 +143,8 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(
-                f"{path.name}: recording.{name} has split, and also fit or validate; keep split alone, or fit and "
-                f"validate."
+                f"{path.name}: recording.{name} has split, and also fit "
+                "or validate; keep split alone, or fit and validate."
             )
         with errors_at(path.name):
             cut = split(record, r.split, r.skip)
@@ -156,21 +156,19 @@ def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, 
     fit = None if r.fit is False or (r.fit is None and r.validate_ is True) else (r.fit or every)
     if fit is not None and unseen is not None and fit == every:
         raise SpecError(
-            f"{path.name}: recording.{name} has validate but no fit; add fit = [start, stop] in seconds, with no time "
-            f"that is "
-            "in validate too."
+            f"{path.name}: recording.{name} has validate but no fit; add fit = "
+            "[start, stop] in seconds, with no time that is in validate too."
         )
     for what, interval in (("fit", fit), ("validate", unseen)):
         if interval is not None and interval[0] >= interval[1]:
             raise SpecError(
-                f"{path.name}: recording.{name}.{what} = {list(interval)} is empty; give [start, stop] in seconds with "
-                f"start before stop."
+                f"{path.name}: recording.{name}.{what} = {list(interval)} is "
+                "empty; give [start, stop] in seconds with start before stop."
             )
     if fit is not None and unseen is not None and max(fit[0], unseen[0]) < min(fit[1], unseen[1]):
         raise SpecError(
-            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} overlap; unseen data must not "
-            f"be "
-            "fitted, so choose intervals that do not overlap."
+            f"{path.name}: recording.{name}: fit {list(fit)} and validate {list(unseen)} "
+            "overlap; unseen data must not be fitted, so choose intervals that do not overlap."
         )
     with errors_at(path.name):
         return Experiment(record, fit, unseen, r.skip, r.before, r.steady, r.shared_errors, r.initial_time, **steps)

@@ -144,17 +144,14 @@ def _check(r: RegressionTable, model: LinearModel, experiments: Mapping[str, Exp
             )
         if reference in r.derivatives or reference in made:
             raise SpecError(
-                f"{where}: reference = {{ {signal} = {reference!r} }} is a measured signal and has the errors of the "
-                f"columns; name "
-                "the motion that the controller was to follow."
+                f"{where}: reference = {{ {signal} = {reference!r} }} is a measured signal and has "
+                "the errors of the columns; name the motion that the controller was to follow."
             )
         for name, e in experiments.items():
             if np.array_equal(e.recording[signal], e.recording[reference], equal_nan=True):
                 raise SpecError(
                     f"{where}: in recording {name!r} {reference!r} has the same samples as {signal!r}, so it has the "
-                    f"same "
-                    "errors and cannot be "
-                    "an instrument; record the motion that the controller was to follow."
+                    "same errors and cannot be an instrument; record the motion that the controller was to follow."
                 )
     lacking = [a for a in r.derivatives if a not in r.reference]
     if r.reference and lacking:

@@ -59,8 +59,8 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
         own = experiments_of(n, r, path, files)
         if twice := own.keys() & experiments.keys():
             raise SpecError(
-                f"{path.name}: a piece of recording.{n} is called {min(twice)!r}, as another recording is; rename one "
-                f"of them."
+                f"{path.name}: a piece of recording.{n} is called "
+                f"{min(twice)!r}, as another recording is; rename one of them."
             )
         experiments, tables = {**experiments, **own}, {**tables, **dict.fromkeys(own, r)}
     if isinstance(model, Model):
@@ -171,8 +171,8 @@ def _with_counts(e: Experiment, r: RecordingTable, model: Model) -> Experiment:
 def _filtered_alike(model, experiments: Mapping[str, Experiment], options: AlikeTable, path: Path):
     if not isinstance(model, LinearModel):
         raise SpecError(
-            f"{path.name}, [model]: filter_alike is only for regressions, but {model.name!r} is simulated; leave it "
-            f"out."
+            f"{path.name}, [model]: filter_alike is only for "
+            f"regressions, but {model.name!r} is simulated; leave it out."
         )
     from plantfit.problem.measure.filter_alike import filter_alike  # needs scipy.signal, slow to import and rarely used
 

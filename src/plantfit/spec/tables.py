@@ -284,8 +284,8 @@ def validated(text: str, path: Path) -> SpecTable:
     """The text as checked tables; nothing is read or built yet."""
     if len(text) > LONGEST:
         raise SpecError(
-            f"{path.name} has {len(text)} characters; a study file can have at most {LONGEST}, so put data into "
-            f"recordings."
+            f"{path.name} has {len(text)} characters; a study file "
+            f"can have at most {LONGEST}, so put data into recordings."
         )
     try:
         raw = tomllib.loads(text.removeprefix("\ufeff"))
@@ -301,8 +301,8 @@ def validated(text: str, path: Path) -> SpecTable:
         ) from None
     if (place := _too_deep(raw)) is not None:
         raise SpecError(
-            f"{path.name}: {place[:80]} is nested more than {DEEPEST} levels deep; write it with fewer brackets or "
-            f"dots."
+            f"{path.name}: {place[:80]} is nested more than {DEEPEST} "
+            "levels deep; write it with fewer brackets or dots."
         )
     try:
         return SpecTable.model_validate(raw)

@@ -84,8 +84,8 @@ def _check_together(own: UncertaintyTable, names: list[str], problem: Problem) -
     if len(set(found.values())) > 1:
         units_said = ", ".join(f"{n} in {unit}" for n, unit in found.items())
         raise SpecError(
-            f"signals in different units ({units_said}) cannot share one {own.kind}; they can share a gain, or write "
-            f"one table for each."
+            f"signals in different units ({units_said}) cannot share one "
+            f"{own.kind}; they can share a gain, or write one table for each."
         )
 
 
@@ -105,8 +105,8 @@ def _check_constant(of: str, table: SpecTable, problem: Problem) -> None:
         raise SpecError(f"{of!r} is tied to {p.tied!r}; state the uncertainty of {problem.space.root(of)!r}.")
     if p.value is None:
         raise SpecError(
-            f"{of!r} is fitted, so its uncertainty comes from the data; hold it with [parameters.{of}] value, or leave "
-            f"this table out."
+            f"{of!r} is fitted, so its uncertainty comes from the data; "
+            f"hold it with [parameters.{of}] value, or leave this table out."
         )
     if p.shape:
         raise SpecError(f"{of!r} is a table; only single held numbers can have an uncertainty.")

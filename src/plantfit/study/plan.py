@@ -66,9 +66,8 @@ class Plan:
         if odd:
             has = "lacks" if odd[0] in needed else "has the unknown"
             raise SearchError(
-                f"The stored plan {has} {', '.join(map(repr, odd))[:200]}; it is of a newer plantfit or damaged, so "
-                f"update plantfit, "
-                "or restore the database from a copy."
+                f"The stored plan {has} {', '.join(map(repr, odd))[:200]}; it is of a newer "
+                "plantfit or damaged, so update plantfit, or restore the database from a copy."
             )
         return cls(**{**record, "methods": tuple(record["methods"])})
 
@@ -137,8 +136,8 @@ def _settings(name: str, settings: Any, methods: tuple[str, ...]) -> dict[str, d
     for method, own in settings.items():
         if method not in methods:
             raise SearchError(
-                f"Study {name!r} has settings for {method!r}, which is not one of its methods {list(methods)}; add or "
-                f"remove it."
+                f"Study {name!r} has settings for {method!r}, which is not "
+                f"one of its methods {list(methods)}; add or remove it."
             )
         if not isinstance(own, Mapping):
             raise SearchError(

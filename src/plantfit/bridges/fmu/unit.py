@@ -119,8 +119,8 @@ def _binary(name: str, sources: Mapping[str, str | bytes]) -> dict[str, bytes]:
 
 def _without(why: str) -> dict[str, bytes]:
     warnings.warn(
-        f"The FMU has sources and no binary, because {why}; an importer has to compile them, or export it where a "
-        f"compiler is.",
+        f"The FMU has sources and no binary, because {why}; an importer "
+        "has to compile them, or export it where a compiler is.",
         PlantfitWarning, stacklevel=2,
     )  # fmt: skip
     return {}

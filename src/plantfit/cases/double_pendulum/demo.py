@@ -112,8 +112,8 @@ def _sentences(r: Results) -> list[str]:
     behind = [n for n in r.runs if r.angles["ours"][n]["both"] > min(r.angles[m][n]["both"] for m in PUBLISHED)]
     return [
         f"Left out in turn, the runs choose the law: {r.choice.best}.",
-        "Scored as the data set does: torque through a zero-phase third-order low-pass of 5 Hz, 50 samples dropped at "
-        "both ends.",
+        "Scored as the data set does: torque through a zero-phase "
+        "third-order low-pass of 5 Hz, 50 samples dropped at both ends.",
         "A run that is scored was left out of the fit; the published parameters are those of the data set's authors.",
         f"Angles over 0.5 s follow better than with the published parameters in {len(r.runs) - len(behind)} of "
         f"{len(r.runs)} runs" + (f"; worse in {', '.join(behind)}." if behind else "."),

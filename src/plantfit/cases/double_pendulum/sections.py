@@ -46,18 +46,16 @@ def laws(r: Results) -> Section:
         "title": "Which friction law",
         "sentences": [
             f"Each run left out in turn: {r.choice.best} predicts the unseen runs best.",
-            "Widths, velocities and distances are fitted inside of every fold, so that the left-out run has no say in "
-            "them.",
-            "All runs: fitted to all, encoder zeros too where the law has them (two more parameters for each run). A "
-            "law with more terms "
-            "fits all runs a little better and may still lose on an unseen one. With five runs the standard error of a "
-            "gain is rough.",
-            "Behind: the mean square of the runs left out, above that of the chosen law; last the runs left out one by "
-            "one.",
-            "Load: friction per torque through the gear, which a law without load, fitted first, estimates. "
-            "Presliding: Dahl's state for "
-            "the sign of the velocity. Encoder zeros: two angles of each fitted run, nuisances; an unseen run is taken "
-            "as recorded.",
+            "Widths, velocities and distances are fitted inside of "
+            "every fold, so that the left-out run has no say in them.",
+            "All runs: fitted to all, encoder zeros too where the law has them (two more "
+            "parameters for each run). A law with more terms fits all runs a little better and may "
+            "still lose on an unseen one. With five runs the standard error of a gain is rough.",
+            "Behind: the mean square of the runs left out, above that "
+            "of the chosen law; last the runs left out one by one.",
+            "Load: friction per torque through the gear, which a law without load, fitted first, "
+            "estimates. Presliding: Dahl's state for the sign of the velocity. Encoder zeros: "
+            "two angles of each fitted run, nuisances; an unseen run is taken as recorded.",
         ],
         "tables": [{"caption": "Torque RMSE of both joints [N m] by friction law", "columns": columns, "rows": rows}],
     }
@@ -79,8 +77,8 @@ def left_out(r: Results) -> Section:
         "sentences": [
             "Ours is fitted to the other four runs. The published models are scored as their authors filter: motion "
             "first, then the law.",
-            "Filtering torque and columns alike helps the published models too; the rest of the gain is the law and "
-            "its fit.",
+            "Filtering torque and columns alike helps the published "
+            "models too; the rest of the gain is the law and its fit.",
         ],
         "tables": [{"caption": "Torque RMSE [N m]", "columns": columns, "rows": rows}],
         "figures": [
@@ -134,10 +132,9 @@ def parameters(r: Results) -> Section:
             }
         )
         sentences.append(
-            "The zeros differ from run to run by up to degrees, as if each run had begun where friction held the "
-            "hanging links. "
-            "They show as a torque that follows the cosine of the angle, and cannot be known for a run before it is "
-            "measured."
+            "The zeros differ from run to run by up to degrees, as if each run had begun "
+            "where friction held the hanging links. They show as a torque that follows "
+            "the cosine of the angle, and cannot be known for a run before it is measured."
         )
     return {"title": "Parameters", "sentences": sentences, "tables": tables}
 
@@ -149,17 +146,15 @@ def forward(r: Results) -> Section:
     columns = ["run", *(f"{j}, {w}" for j in ("both", "joint 1", "joint 2") for w in who)]
     worse = [n for n in r.runs if r.angles["ours"][n]["both"] > min(r.angles[m][n]["both"] for m in PUBLISHED)]
     sentences = [
-        "Simulated from the recorded torques; every 0.5 s the simulation begins anew at the measured angles and rates. "
-        "Ours are the "
-        "parameters fitted without that run.",
-        "Angles add an error of torque up twice and show errors that act at low frequency: encoder zeros and friction "
-        "at rest.",
+        "Simulated from the recorded torques; every 0.5 s the simulation begins anew at "
+        "the measured angles and rates. Ours are the parameters fitted without that run.",
+        "Angles add an error of torque up twice and show errors that "
+        "act at low frequency: encoder zeros and friction at rest.",
     ]
     if worse:
         sentences.append(
-            f"In {', '.join(worse)} a published model follows better, though its torque is worse there: the torque of "
-            f"all runs hardly "
-            "weighs what these angles add up. docs/demos.md says what was tried."
+            f"In {', '.join(worse)} a published model follows better, though its torque is worse there: the "
+            "torque of all runs hardly weighs what these angles add up. docs/demos.md says what was tried."
         )
     return {
         "title": "Forward simulation over 0.5 s",
@@ -204,8 +199,8 @@ def differentiation(r: Results) -> Section:
         "sentences": [
             "Angles are Kalman smoothed on their own, jittered time stamps at the most likely cut-off, with velocity "
             "and acceleration.",
-            "The noise found is 1.4 to 3.4 times what encoder steps of 0.38 mrad make (0.11 mrad): more than the steps "
-            "disturbs it.",
+            "The noise found is 1.4 to 3.4 times what encoder steps of "
+            "0.38 mrad make (0.11 mrad): more than the steps disturbs it.",
         ],
         "tables": [
             {"caption": "Cut-off by rule", "columns": [

@@ -28,8 +28,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     sentences = [
         "The plant is a pure integrator: in the free run every error of force adds up twice, so millimetres over 25 s "
         "are a hard test.",
-        "In closed loop the position follows its reference whatever the model, so the controller output is what is "
-        "scored.",
+        "In closed loop the position follows its reference whatever "
+        "the model, so the controller output is what is scored.",
         "The controller gains are held at what the recorded controller law itself shows, 159.5 1/s and 266.8 V s/m.",
         "Force regression, free run and closed loop in turn give "
         + "; ".join(

@@ -86,9 +86,8 @@ def section(estimates: Estimates, units: dict[str, str]) -> dict[str, Any]:
     sentences = [
         "All intervals meet." if not apart_now else "Intervals that do not meet: " + " ".join(apart_now),
         nis_test(estimates.extended).sentence,
-        f"Neighbouring innovations are correlated ({memory:.2f}): the model's error is not white. The likelihood's and "
-        f"the regression's "
-        "intervals allow for it, those of the filters do not.",
+        f"Neighbouring innovations are correlated ({memory:.2f}): the model's error is not white. "
+        "The likelihood's and the regression's intervals allow for it, those of the filters do not.",
     ]
     reference = {n: (v, low, high) for n, (low, v, high) in estimates.intervals["force regression"].items()}
     figure = constants_figure([estimates.extended.track(n) for n in CONSTANTS], reference, "force regression, 95 %")

@@ -34,17 +34,15 @@ def unseen_section(
     worse = [name for name, (a, b) in scores.items() if rms(a) > rms(b)]
     better = [name for name, (a, b) in scores.items() if "fitted" not in name and rms(a) < rms(b)]
     sentences = [
-        f"The table of January has {free} free numbers for {n} samples. With nodes at every second level only, the "
-        f"levels that the fit "
-        f"does not see are off by {left_out:.2g} degC: what settles between two levels is not on a line, as if the "
-        f"valve stuck.",
-        f"The table loses to the linear model on: {'; '.join(worse)}. At the same valve the plant of June settles many "
-        f"degC away from "
-        "January's (last section), so that a finer map of January carries no further."
+        f"The table of January has {free} free numbers for {n} samples. With nodes at every "
+        f"second level only, the levels that the fit does not see are off by {left_out:.2g} "
+        "degC: what settles between two levels is not on a line, as if the valve stuck.",
+        f"The table loses to the linear model on: {'; '.join(worse)}. At the same valve the plant of June settles "
+        "many degC away from January's (last section), so that a finer map of January carries no further."
         if worse
         else "The table wins on every recording.",
-        f"On data not fitted, the table wins on: {'; '.join(better) or 'nothing'}. The mean errors there are a drift "
-        f"that nobody measured.",
+        f"On data not fitted, the table wins on: {'; '.join(better) or 'nothing'}. "
+        "The mean errors there are a drift that nobody measured.",
     ]
     return {
         "title": "One table model, and where it holds",
@@ -89,8 +87,8 @@ def levels_section(recording: Recording, own: Answer) -> dict[str, Any]:
     return {
         "title": "What each step tells",
         "sentences": [
-            f"{len(kept)} of {len(judged)} steps moved the temperature by more than twice the range over which it "
-            f"wanders at rest.",
+            f"{len(kept)} of {len(judged)} steps moved the temperature "
+            "by more than twice the range over which it wanders at rest.",
             *untold,
         ],
         "tables": [
@@ -133,8 +131,8 @@ def map_section(recordings: Mapping[str, Recording], table: Answer) -> dict[str,
         "title": "Settled temperature over the valve",
         "sentences": [
             "Each point is the mean over the last half of a level.",
-            f"In the staircases of June, what settles after a step down differs from what settles after a step up "
-            f"{said}.",
+            "In the staircases of June, what settles after a step "
+            f"down differs from what settles after a step up {said}.",
         ],
         "figures": [
             {

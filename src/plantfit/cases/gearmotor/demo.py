@@ -73,14 +73,11 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     ]
     near, far = static[0], static[2]
     sentences = [
-        f"Its static curve was measured apart, from -5 to 5 V; the record above holds {low:.2f} to {high:.2f} V. "
-        f"Within that range the "
-        f"prediction is {near['value']:.0f} deg/s off; at 5 V, far outside, it says {far['value']:.0f} deg/s and "
-        f"{far['reference']:.0f} "
-        "were measured.",
-        f"What is left on the unseen half is a drift: {np.mean(error[settled]):.1f} deg/s in the mean, which constant "
-        f"parameters do not "
-        "follow.",
+        f"Its static curve was measured apart, from -5 to 5 V; the record above holds {low:.2f} to "
+        f"{high:.2f} V. Within that range the prediction is {near['value']:.0f} deg/s off; at 5 V, "
+        f"far outside, it says {far['value']:.0f} deg/s and {far['reference']:.0f} were measured.",
+        f"What is left on the unseen half is a drift: {np.mean(error[settled]):.1f} "
+        "deg/s in the mean, which constant parameters do not follow.",
         joint_sentence(joint),
     ]
     sections = [

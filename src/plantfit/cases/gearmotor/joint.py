@@ -54,7 +54,6 @@ def joint_sentence(answer: Answer) -> str:
     """What one set of parameters leaves of both records."""
     scales = answer.problem.scales
     return (
-        f"`plantfit run static_and_prbs.toml` fits both records together and leaves {scales['y']:.1f} deg/s of the one "
-        f"and "
-        f"{scales['settled']:.1f} deg/s of the static curve; by these the fit weighs them."
+        f"`plantfit run static_and_prbs.toml` fits both records together and leaves {scales['y']:.1f} deg/s "
+        f"of the one and {scales['settled']:.1f} deg/s of the static curve; by these the fit weighs them."
     )

@@ -41,9 +41,8 @@ def first_section(plain: Answer) -> Section:
         "title": "1. A first model",
         "command": "plantfit run plain.toml",
         "sentences": [
-            f"Voltage in, speed out: w' = gain*u - loss*w. It misses the speed by {seen:.1f} deg/s on the half that it "
-            f"was fitted to, and "
-            f"by {unseen:.1f} deg/s on the half that it has not seen (shaded)."
+            f"Voltage in, speed out: w' = gain*u - loss*w. It misses the speed by {seen:.1f} deg/s on the "
+            f"half that it was fitted to, and by {unseen:.1f} deg/s on the half that it has not seen (shaded)."
         ],
         "figures": [
             {
@@ -68,8 +67,8 @@ def cause_section(diagnosis: Mapping[str, Any]) -> Section:
         "title": "2. What it lacks",
         "command": "plantfit diagnose plain.toml",
         "sentences": [
-            f"plantfit tried {len(tried)} additions, each with all parameters fitted again, and judged them on data "
-            f"left out.",
+            f"plantfit tried {len(tried)} additions, each with all "
+            "parameters fitted again, and judged them on data left out.",
             *(v["sentence"] for v in diagnosis["verdict"]),
         ],
         "tables": [
@@ -98,8 +97,7 @@ def fuller_section(plain: Answer, fuller: Answer, added: str, moves_from: float)
         "sentences": [
             "The diagnosis wrote this study file: one line more, under [model.extensions].",
             f"RMSE {seen:.2f} deg/s, and {unseen:.2f} deg/s instead of {before:.1f} on the unseen half. The sensor "
-            f"reports speed in "
-            f"steps of {SENSOR} deg/s; rounding to them alone leaves {QUANTISED:.1f} deg/s.",
+            f"reports speed in steps of {SENSOR} deg/s; rounding to them alone leaves {QUANTISED:.1f} deg/s.",
             _determined(fuller),
             "In this record the motor never stops or turns back, so that dry friction and a dead zone are the same. On "
             "its static curve, "
@@ -133,8 +131,8 @@ def physics_section(
         "title": "4. Physics that reaches further",
         "command": "plantfit run gearmotor.toml",
         "sentences": [
-            f"Dry friction, the PWM driver and a dead time as equations: RMSE {seen:.2f} deg/s, {unseen:.2f} on the "
-            f"unseen half.",
+            "Dry friction, the PWM driver and a dead time as equations: "
+            f"RMSE {seen:.2f} deg/s, {unseen:.2f} on the unseen half.",
             _determined(physics, _determined(fuller)),
             *sentences,
         ],

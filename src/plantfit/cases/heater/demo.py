@@ -107,8 +107,8 @@ def _both_section(both: Answer) -> dict[str, Any]:
     return {
         "title": "Two heaters side by side",
         "sentences": [
-            "Two energy balances in text, coupled between the heaters; the first half is fitted, the second only "
-            "predicted.",
+            "Two energy balances in text, coupled between the heaters; "
+            "the first half is fitted, the second only predicted.",
             *(v["sentence"] for v in both.findings["verdict"] if "not seen" in v["sentence"]),
         ],
         "tables": [

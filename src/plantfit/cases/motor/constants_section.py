@@ -62,12 +62,10 @@ def constants_section(found: Targets, current: Answer, methods: Methods) -> dict
         "sentences": [
             f"{len(found.raw.values)} records, each fitted as recorded and through its own surrogate: "
             f"{_compared(found)}",
-            f"With a current channel beside the speed (Hall sensor, 20 mA) {inside} of the {total} constants that the "
-            f"data determine lie "
-            "inside their 95 % intervals; the current opens both flat directions, since voltage, speed and current "
-            "show Rm, Lm and Kb one "
-            "by one. With Kt free a scale of Kt, Jm, Cm and Tf stays open even then. Tf = 0.05 mN m is below what this "
-            "record can show.",
+            f"With a current channel beside the speed (Hall sensor, 20 mA) {inside} of the {total} constants "
+            "that the data determine lie inside their 95 % intervals; the current opens both flat directions, "
+            "since voltage, speed and current show Rm, Lm and Kb one by one. With Kt free a scale of Kt, Jm, "
+            "Cm and Tf stays open even then. Tf = 0.05 mN m is below what this record can show.",
             "The genetic algorithm's runs end at about the same J with constants far apart; its best run is no "
             "estimate of them.",
         ],
@@ -100,12 +98,10 @@ def _errors(which: Laws) -> np.ndarray:
 def _compared(found: Targets) -> str:
     raw, other = found.inside(found.raw)[:3], found.inside(found.surrogate)[:3]
     return (
-        f"the intervals of the raw fits hold the truth in {100 * raw.mean():.0f} % of the coefficients of w, w' and "
-        f"w'', those of the "
-        f"surrogate fits in {100 * other.mean():.0f} %. The estimates are about as good; but the noise in a surrogate "
-        f"does not show in the "
-        "residual of a fit to it, so that such intervals mean nothing. Fit the record; keep the surrogate for looking "
-        "at it."
+        f"the intervals of the raw fits hold the truth in {100 * raw.mean():.0f} % of the coefficients "
+        f"of w, w' and w'', those of the surrogate fits in {100 * other.mean():.0f} %. The estimates "
+        "are about as good; but the noise in a surrogate does not show in the residual of a fit to it, "
+        "so that such intervals mean nothing. Fit the record; keep the surrogate for looking at it."
     )
 
 

@@ -26,9 +26,8 @@ from plantfit.spec import load
 RUNS, RECORDS = (10, 50), (6, 40)  # small, full: runs of each method; records of the surrogate's comparison
 TITLE = "DC motor on a microcontroller (virtual bench)"
 SUBTITLE = (
-    "A surrogate, two error signals and a genetic algorithm without a current sensor: what that determines, "
-    "and "
-    "what it does not."
+    "A surrogate, two error signals and a genetic algorithm without "
+    "a current sensor: what that determines, and what it does not."
 )
 
 
@@ -69,24 +68,20 @@ def _found(denoised: Surrogate, methods: Methods, both: Targets, current: Answer
     strays = {row[0]: float(row[1]) for row in tracked["tables"][0]["rows"]}
     rm = next(p for p in current.findings["parameters"] if p["name"] == "Rm")
     return [
-        f"The surrogate fits the record to {denoised.fit_raw:.1f} % (the paper: up to 98 %). Fitted to the record, 95 "
-        f"% intervals of the "
-        f"combinations hold the truth in {raw:.0f} % of cases, fitted to the surrogate in {other:.0f} %. Fit the "
-        f"record.",
-        f"The paper's J does not lead to the motor: at its lowest Kb is {methods.best('auto')['Kb']:.3g} V s/rad and "
-        f"the truth is "
-        f"{TRUTH['Kb']}; at the true constants J is {methods.truth / lowest:.0f} times as large.",
+        f"The surrogate fits the record to {denoised.fit_raw:.1f} % (the paper: up to 98 "
+        "%). Fitted to the record, 95 % intervals of the combinations hold the truth in "
+        f"{raw:.0f} % of cases, fitted to the surrogate in {other:.0f} %. Fit the record.",
+        f"The paper's J does not lead to the motor: at its lowest Kb is {methods.best('auto')['Kb']:.3g} V s/rad "
+        f"and the truth is {TRUTH['Kb']}; at the true constants J is {methods.truth / lowest:.0f} times as large.",
         f"The binary genetic algorithm's runs end with Rm from {low:.2g} to {high:.2g} ohm (truth {TRUTH['Rm']:.4g}) "
-        f"at a median J of "
-        f"{np.median(ends[label]):.1e}; `auto` reaches {lowest:.1e} with the same budget in "
+        f"at a median J of {np.median(ends[label]):.1e}; `auto` reaches {lowest:.1e} with the same budget in "
         f"{int(np.sum(ends['auto'] <= 1.01 * lowest))} of {len(ends['auto'])} runs, and no constants either.",
         f"Speed and voltage determine four combinations of the six constants. With a current sensor {inside} of the "
         f"{total} constants that "
         f"are determined lie inside their 95 % intervals: Rm = {rm['value']:.4g} ohm ({rm['low']:.4g} to "
         f"{rm['high']:.4g}).",
-        f"A pendubot driven by the identified motor follows its path to {strays['identified']:.2f} degrees rms, with "
-        f"the true constants to "
-        f"{strays['true']:.2f}.",
+        "A pendubot driven by the identified motor follows its path to "
+        f"{strays['identified']:.2f} degrees rms, with the true constants to {strays['true']:.2f}.",
     ]
 
 

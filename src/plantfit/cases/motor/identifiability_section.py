@@ -43,10 +43,10 @@ def identifiability_section(
         "title": "What the speed determines without a current sensor",
         "sentences": [
             found.sentence,
-            f"With Kt free: {apart.open} flat directions of {len(apart.names)} parameters, because Kt, Jm, Cm and Tf "
-            f"can grow together.",
-            f"Rm Tf/K is {1e3 * true[LAW.index('f')]:.1f} mV at the truth, a thirtieth of a step of the bridge: below "
-            f"its interval.",
+            f"With Kt free: {apart.open} flat directions of {len(apart.names)} "
+            "parameters, because Kt, Jm, Cm and Tf can grow together.",
+            f"Rm Tf/K is {1e3 * true[LAW.index('f')]:.1f} mV at the truth, "
+            "a thirtieth of a step of the bridge: below its interval.",
             *(c.sentence for c in curves),
             *_along_sentence(*along),
             *opened.sentences,
@@ -95,9 +95,7 @@ def _moving_kb(problem: Problem, curves: tuple[FlatCurve, ...]) -> tuple[np.ndar
 def _along_sentence(kb: np.ndarray, e1: np.ndarray, e2: np.ndarray) -> list[str]:
     low, high = int(np.argmin(kb)), int(np.argmax(kb))
     return [
-        f"Along the curve on which Kb goes from {number(kb[low])} to {number(kb[high])}, e1 stays between "
-        f"{e1.min():.4g} and "
-        f"{e1.max():.4g} rad/s rms, while e2 goes from {e2[low]:.3g} to {e2[high]:.3g} V: what J seems to determine "
-        f"beyond the "
-        "combinations is the bias of e2."
+        f"Along the curve on which Kb goes from {number(kb[low])} to {number(kb[high])}, e1 stays "
+        f"between {e1.min():.4g} and {e1.max():.4g} rad/s rms, while e2 goes from {e2[low]:.3g} to "
+        f"{e2[high]:.3g} V: what J seems to determine beyond the combinations is the bias of e2."
     ]

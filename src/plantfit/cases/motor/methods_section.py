@@ -41,26 +41,20 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
     return {
         "title": "The paper's objective and the genetic algorithm",
         "sentences": [
-            f"J is the mean of (e1/{scales['w']:.3g} rad/s)^2 and (e2/{scales['Ve']:.3g} V)^2, each signal weighed by "
-            f"its standard "
-            "deviation: e1 is the surrogate's speed less the model's, e2 the voltage less Rm/Kt torque + Kb w with the "
-            "model's torque and "
-            "the surrogate's speed.",
-            f"The paper's binary GA, 200 generations of 70 ({found.budget} evaluations), in two readings of its rates "
-            f"0.6 and 0.4, and "
-            "other methods with the same budget. The third reading, 0.4 for each bit, is random search and is not "
-            "offered.",
-            "e2 measures nothing: along any solution of the model it is Lm di/dt + Kb (w of the model - w of the "
-            "surrogate). "
-            f"At the truth J is {found.truth:.4g}; {_below(found)}, which makes e2 small.",
-            f"By least squares the model's speed of the genetic algorithm's best run is {_lag(_late(found))} the "
-            f"surrogate's (the paper: "
-            "slightly delayed).",
+            f"J is the mean of (e1/{scales['w']:.3g} rad/s)^2 and (e2/{scales['Ve']:.3g} V)^2, each "
+            "signal weighed by its standard deviation: e1 is the surrogate's speed less the model's, "
+            "e2 the voltage less Rm/Kt torque + Kb w with the model's torque and the surrogate's speed.",
+            f"The paper's binary GA, 200 generations of 70 ({found.budget} evaluations), in "
+            "two readings of its rates 0.6 and 0.4, and other methods with the same budget. "
+            "The third reading, 0.4 for each bit, is random search and is not offered.",
+            "e2 measures nothing: along any solution of the model it is Lm di/dt + Kb (w of the model - w "
+            f"of the surrogate). At the truth J is {found.truth:.4g}; {_below(found)}, which makes e2 small.",
+            "By least squares the model's speed of the genetic algorithm's best run "
+            f"is {_lag(_late(found))} the surrogate's (the paper: slightly delayed).",
             f"The paper's answer too has a small Kb ({PUBLISHED['Kb']}) beside its Kt ({PUBLISHED['Kt']}).",
-            f"Overflow: with a fixed step of 10 ms (RK4), {guard.failures} of the {GUARDED} candidates of a run of 30 "
-            f"generations diverge; "
-            "each is counted, costs infinity, and the run goes on. With the stepper of all other runs "
-            f"{sum(r.failures for rs in found.results.values() for r in rs)} candidates do.",
+            f"Overflow: with a fixed step of 10 ms (RK4), {guard.failures} of the {GUARDED} candidates of a run "
+            "of 30 generations diverge; each is counted, costs infinity, and the run goes on. With the stepper "
+            f"of all other runs {sum(r.failures for rs in found.results.values() for r in rs)} candidates do.",
             *told,
         ],
         "tables": [

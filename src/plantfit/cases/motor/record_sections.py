@@ -26,16 +26,14 @@ def bench_section(made: Bench) -> Section:
     return {
         "title": "The record (virtual bench)",
         "sentences": [
-            f"{len(r)} lines, one every {1e3 * PERIOD:g} ms: H-bridge of 12 V at 98 % with 8 bits, encoder of 500 "
-            f"lines read on four "
-            "edges, timer of 1 us. Blocks of the paper's kind: a sine above and one below zero, both beyond 1 V, and a "
-            "square wave.",
+            f"{len(r)} lines, one every {1e3 * PERIOD:g} ms: H-bridge of 12 V at 98 % with 8 "
+            "bits, encoder of 500 lines read on four edges, timer of 1 us. Blocks of the "
+            "paper's kind: a sine above and one below zero, both beyond 1 V, and a square wave.",
             f"{int(np.sum(np.isnan(r['w'])))} samples have no speed: there the last pulse was older than "
             f"{1e3 * OLDEST:g} ms.",
-            "The paper prints Kb = 0.0061 and Kt = 0.0926. In SI units both are one constant; a motor with that pair "
-            "would give "
-            f"{power:.0f} W of shaft power for each watt that its back-EMF takes. The bench has its constants, but Kb "
-            f"= Kt = 0.0926.",
+            "The paper prints Kb = 0.0061 and Kt = 0.0926. In SI units both are one constant; "
+            f"a motor with that pair would give {power:.0f} W of shaft power for each watt "
+            "that its back-EMF takes. The bench has its constants, but Kb = Kt = 0.0926.",
         ],
         "tables": [
             {
@@ -71,16 +69,14 @@ def surrogate_section(found: Surrogate, made: Bench) -> Section:
     return {
         "title": "The surrogate (Hammerstein-Wiener)",
         "sentences": [
-            f"Input saturation, a linear block, a piecewise linear output. Order {found.order}: the simplest of which "
-            f"the error on blocks "
-            f"left out ({BLOCKS}, a round of the excitation each) is within one standard error of the "
-            f"best{_best(found)}.",
-            f"It fits the record to {found.fit_raw:.2f} % (the paper: up to 98 %), as well as the true speed itself "
-            f"does "
-            f"({found.fit_sensor:.2f} %), and is closer to the true speed ({found.fit_exact:.2f} %) than the record: "
-            f"it takes noise out.",
-            f"Its saturation ({number(v['low'])} and {number(v['high'])} V) ends up at the ends of what was played: "
-            f"nothing saturates.",
+            f"Input saturation, a linear block, a piecewise linear output. Order {found.order}: "
+            f"the simplest of which the error on blocks left out ({BLOCKS}, a round of the "
+            f"excitation each) is within one standard error of the best{_best(found)}.",
+            f"It fits the record to {found.fit_raw:.2f} % (the paper: up to 98 %), as well "
+            f"as the true speed itself does ({found.fit_sensor:.2f} %), and is closer to "
+            f"the true speed ({found.fit_exact:.2f} %) than the record: it takes noise out.",
+            f"Its saturation ({number(v['low'])} and {number(v['high'])} "
+            "V) ends up at the ends of what was played: nothing saturates.",
         ],
         "tables": [
             {

@@ -38,17 +38,15 @@ def tracking_section(identified: Mapping[str, float], truth: Mapping[str, float]
     return {
         "title": "Verified by control (virtual rig)",
         "sentences": [
-            f"A pendubot with link 2 upright follows three moves of 20 and 40 degrees. An LQR decides on a torque "
-            f"every "
-            f"{1000 * rig.period:g} ms, which becomes the voltage V = (Rm/Kt) tau + Kb w by the constants that it "
-            f"takes for true. "
-            "The motor has the true ones, with its winding, rotor and friction.",
-            f"In the loop: encoders of {rig.counts} counts, an {rig.bits}-bit bridge of +-{rig.limit:.4g} V, speeds by "
-            f"a Kalman filter.",
+            "A pendubot with link 2 upright follows three moves of 20 and 40 degrees. An LQR decides on a torque "
+            f"every {1000 * rig.period:g} ms, which becomes the voltage V = (Rm/Kt) tau + Kb w by the constants "
+            "that it takes for true. The motor has the true ones, with its winding, rotor and friction.",
+            f"In the loop: encoders of {rig.counts} counts, an {rig.bits}-bit "
+            f"bridge of +-{rig.limit:.4g} V, speeds by a Kalman filter.",
             _compared(runs),
-            f"At rest the voltage plays by {_play(rig, runs['identified']):.2f} V rms, because a step of an encoder is "
-            f"a jump "
-            f"of the speeds that the filter takes from it; encoders {FINE} times finer leave {_play(rig, fine):.2f} V.",
+            f"At rest the voltage plays by {_play(rig, runs['identified']):.2f} V rms, "
+            "because a step of an encoder is a jump of the speeds that the filter "
+            f"takes from it; encoders {FINE} times finer leave {_play(rig, fine):.2f} V.",
         ],
         "tables": [{"caption": f"Tracking error of both angles over {rig.duration:g} s", "columns": columns,
                     "rows": rows}],
@@ -87,16 +85,14 @@ def _compared(runs: Mapping[str, Tracked]) -> str:
     rms = {name: np.degrees(run.rms[0]) for name, run in runs.items()}
     wrong = [name for name in runs if "Rm/Kt" in name]
     said = (
-        f"With the identified constants theta1 strays by {rms['identified']:.2f} degrees rms, with the true ones "
-        f"by "
-        f"{rms['true']:.2f}; "
+        f"With the identified constants theta1 strays by {rms['identified']:.2f} "
+        f"degrees rms, with the true ones by {rms['true']:.2f}; "
     )
     said += f"Rm/Kt wrong by {100 * OFF:.0f} % makes it {' and '.join(f'{rms[name]:.2f}' for name in wrong)}. "
     fastest = np.max(np.abs(np.asarray(runs["true"].run.states["omega1"])))
     return said + (
-        f"The published pair, whose Kb is 15 times too low, gives {rms['published']:.2f}: at {fastest:.2g} rad/s at "
-        f"most the back-EMF is "
-        "too small for this test to judge Kb."
+        f"The published pair, whose Kb is 15 times too low, gives {rms['published']:.2f}: at "
+        f"{fastest:.2g} rad/s at most the back-EMF is too small for this test to judge Kb."
     )
 
 

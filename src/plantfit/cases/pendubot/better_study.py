@@ -55,10 +55,9 @@ def _unbiased(inverse: InverseFit, truth: Mapping[str, float]) -> str:
     worst = max(plain, key=lambda n: abs(plain[n]))
     far = float(np.max(np.abs((inverse.estimate.values - true) / inverse.estimate.standard_error)))
     return (
-        f"Plain least squares of the torque has {worst} off by {plain[worst]:+.0f} %, because its columns are "
-        f"differentiated encoder "
-        f"steps; instrumental variables have all of {', '.join(inverse.estimate.names)} within {far:.1f} standard "
-        f"errors of the truth."
+        f"Plain least squares of the torque has {worst} off by {plain[worst]:+.0f} %, because "
+        "its columns are differentiated encoder steps; instrumental variables have all of "
+        f"{', '.join(inverse.estimate.names)} within {far:.1f} standard errors of the truth."
     )
 
 
@@ -67,6 +66,6 @@ def _caught(held: Mapping[str, Any]) -> str:
     leans = {row[0]: min(float(row[2]), float(row[3])) for row in held["tables"][0]["rows"]}
     said = ", ".join(f"{n} {v:.1f}" for n, v in sorted(leans.items(), key=lambda p: -p[1]))
     return (
-        f"Designed on the identified plant and tried on the true one, controllers catch leans of link 1 of so many "
-        f"degrees: {said}."
+        "Designed on the identified plant and tried on the true one, "
+        f"controllers catch leans of link 1 of so many degrees: {said}."
     )

@@ -48,9 +48,9 @@ def _found(study: PaperStudy, truth: dict[str, float]) -> list[str]:
     apart = max(study.problem.space.names, key=lambda n: np.ptp([b[n] for b in best.values()]) / truth[n])
     seconds = np.mean([np.mean(r.seconds) for r in runs])
     return [
-        f"No parameters within the paper's bounds explain this torque better than {study.floor.rmse:.5f} N m RMSE, "
-        f"which is proven. "
-        f"Relative to that, the median run ends above it by: {gaps}; bounded least squares ends on it.",
+        "No parameters within the paper's bounds explain this torque better than "
+        f"{study.floor.rmse:.5f} N m RMSE, which is proven. Relative to that, the "
+        f"median run ends above it by: {gaps}; bounded least squares ends on it.",
         f"A run of 10 000 evaluations takes {1e3 * seconds:.0f} ms; the paper's took about 900 s.",
         f"The methods' best runs agree to {np.ptp(at_best) / min(at_best):.0e} in RMSE, and have {apart} from "
         f"{min(b[apart] for b in best.values()):.3g} to {max(b[apart] for b in best.values()):.3g} (truth "
@@ -73,7 +73,7 @@ def _sentences(study: PaperStudy) -> list[str]:
     total = sum(r.total_seconds for r in study.tuned.values())
     count = sum(len(r.gap) for r in study.tuned.values())
     return [
-        f"{count} runs of PSO, CGA and SSA with 10 000 evaluations each took {total:.0f} s on the virtual rig's "
-        f"record.",
+        f"{count} runs of PSO, CGA and SSA with 10 000 evaluations "
+        f"each took {total:.0f} s on the virtual rig's record.",
         *study.floor.sentences,
     ]

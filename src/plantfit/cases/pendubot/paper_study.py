@@ -61,8 +61,8 @@ def paper_study(
     told.append(bound_bias([(tuned[m].label, s) for m, s in found.items()]))
     share, _ = least_squares.share_close
     told.append(
-        f"Bounded least squares from random starts: {100 * share:.0f} % of {len(least_squares.gap)} runs reach the "
-        f"optimum."
+        f"Bounded least squares from random starts: {100 * share:.0f} "
+        f"% of {len(least_squares.gap)} runs reach the optimum."
     )
     every = list(tuned.values())
     sections = [
@@ -91,9 +91,9 @@ def calm_section(file: Path, runs: int, progress: Callable[[Any], None] | None =
     )
     exact = made("least_squares", {"agree": 3})
     told = [
-        f"An observer that takes the encoders' noise for what it is makes the torque chatter less: the optimum has an "
-        f"RMSE of "
-        f"{floor.rmse:.4g} N m in place of the paper's 0.015. A relative gap of 0.1 % is then a smaller torque.",
+        "An observer that takes the encoders' noise for what it is makes the torque "
+        f"chatter less: the optimum has an RMSE of {floor.rmse:.4g} N m in place of "
+        "the paper's 0.015. A relative gap of 0.1 % is then a smaller torque.",
         *floor.sentences,
         *causes({r.label: stagnation(problem, floor, r, plan.budget) for r in [*tuned, printed]}),
         salps_in(valley(problem, floor), plan.budget // plan.settings["salp_swarm"]["population"]),

@@ -87,18 +87,16 @@ def causes(found: Mapping[str, Stagnation]) -> list[str]:
     free = {n: s for n, s in found.items() if s.refined == 1}
     if free:
         told.append(
-            f"No other minimum above {REACHED:g} holds {_and(free)}: least squares from the {ENDS} worst answers of "
-            f"each ends below that. "
-            f"At almost the same misfit their answers lie {_and(f'{s.distance:.2f}' for s in free.values())} of the "
-            f"bounds' width away "
-            "from the optimum (median; the parameter farthest off): a flat valley."
+            f"No other minimum above {REACHED:g} holds {_and(free)}: least squares from the "
+            f"{ENDS} worst answers of each ends below that. At almost the same misfit their "
+            f"answers lie {_and(f'{s.distance:.2f}' for s in free.values())} of the bounds' "
+            "width away from the optimum (median; the parameter farthest off): a flat valley."
         )
     early, late = ({n: s for n, s in free.items() if (s.last < STILL) is is_early} for is_early in (True, False))
     if early:
         told.append(
-            f"{_and(early)}: half of the runs made their last improvement above {REAL:g} in the first {_shares(early)} "
-            f"of the budget, "
-            "having drawn together on the valley's floor too early."
+            f"{_and(early)}: half of the runs made their last improvement above {REAL:g} in the first "
+            f"{_shares(early)} of the budget, having drawn together on the valley's floor too early."
         )
     if late:
         told.append(
@@ -142,12 +140,9 @@ def salps_in(found: Valley, generations: int) -> str:
     begin = int(np.ceil(generations / 4 * np.sqrt(np.log(2 / found.across))))
     return (
         f"Within {CLOSE:g} of the optimum the parameters may move by {_small(found.across)} of the bounds' width "
-        f"across the valley and "
-        f"{along} along it. The salp swarm draws jumps of one size, at most c1, for all parameters: while c1 is larger "
-        f"than the "
-        f"valley is wide nearly all of them miss it; from generation {begin} of {generations} on they fit, but c1 "
-        f"falls so fast that they "
-        "do not lead along it any more."
+        f"across the valley and {along} along it. The salp swarm draws jumps of one size, at most c1, for all "
+        "parameters: while c1 is larger than the valley is wide nearly all of them miss it; from generation "
+        f"{begin} of {generations} on they fit, but c1 falls so fast that they do not lead along it any more."
     )
 
 

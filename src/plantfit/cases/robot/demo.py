@@ -116,11 +116,9 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     told = [
         _constants(answer, truth),
         _speed(filters),
-        f"The paper's genetic algorithm (elite GA) ends at a fitness of {elite.cost:.3g} with {spent} closed loops, "
-        f"the best of "
-        f"{len(ga)} runs; {winner} is at or below that in {reached(short[winner], elite.cost)} of {RUNS} runs with "
-        f"{FEW}, at best at "
-        f"{min(r.cost for r in short[winner]):.3g}.",
+        f"The paper's genetic algorithm (elite GA) ends at a fitness of {elite.cost:.3g} with {spent} closed "
+        f"loops, the best of {len(ga)} runs; {winner} is at or below that in {reached(short[winner], elite.cost)} "
+        f"of {RUNS} runs with {FEW}, at best at {min(r.cost for r in short[winner]):.3g}.",
         f"Replayed on the true motor, the best gains found so go from {best.cost:.3g} to "
         f"{_on(truth, best.x * UPPER):.3g}, those of "
         f"the elite GA from {elite.cost:.3g} to {_on(truth, elite.x * UPPER):.3g}.",
@@ -139,9 +137,8 @@ def _constants(answer: Answer, truth: dict[str, float]) -> str:
     inside = sum(p["low"] <= truth[p["name"]] <= p["high"] for p in rows)
     worst = max(abs(p["value"] / truth[p["name"]] - 1) for p in rows)
     return (
-        f"From 0.4 s at 3 V {inside} of {len(rows)} constants of the motor lie inside their 95 % intervals; they are "
-        f"at most "
-        f"{100 * worst:.2g} % off."
+        f"From 0.4 s at 3 V {inside} of {len(rows)} constants of the motor lie "
+        f"inside their 95 % intervals; they are at most {100 * worst:.2g} % off."
     )
 
 
@@ -150,8 +147,8 @@ def _speed(section: dict[str, Any]) -> str:
     rows = next(t for t in section["tables"] if t["columns"][1:] == ["measured", "filtered", "smoothed"])["rows"]
     measured, seen = next((row[1], row[2]) for row in rows if row[0].startswith("w"))
     return (
-        f"A Kalman filter with the constants as states knows the speed to {seen} rad/s where the encoder errs by "
-        f"{measured}."
+        "A Kalman filter with the constants as states knows the "
+        f"speed to {seen} rad/s where the encoder errs by {measured}."
     )
 
 

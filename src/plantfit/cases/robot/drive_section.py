@@ -71,20 +71,17 @@ def drive_section(made: RigRecord, answer: Answer) -> dict[str, Any]:
     return {
         "title": "Odometry: a drive of two such motors (virtual rig)",
         "sentences": [
-            "Both motors have the paper's constants, half of a robot of 1 kg each, a PID in whole counts of PWM, and "
-            "an encoder of 500 "
-            "pulses on the wheel's axis. The robot goes 1 m straight on, round a circle of 0.5 m radius to the left, 1 "
-            "m on, and round one "
-            "to the right, at 1 m/s, braked by a negative duty. The paper prints neither wheels nor path; these are "
-            "ours.",
+            "Both motors have the paper's constants, half of a robot of 1 kg each, a PID in whole counts "
+            "of PWM, and an encoder of 500 pulses on the wheel's axis. The robot goes 1 m straight on, "
+            "round a circle of 0.5 m radius to the left, 1 m on, and round one to the right, at 1 m/s, "
+            "braked by a negative duty. The paper prints neither wheels nor path; these are ours.",
             "Equation 4 makes angles of the counts, 5 and 6 speeds of wheel and motor, 7 the paths of the wheels; the "
             "pose follows by an "
             "arc for each sample.",
-            f"By the true wheels counts alone lose {_lost(ways['true wheels'], true)}. By a ruler, radii wrong by 0.1 "
-            f"mm and the track by "
-            f"2 mm, they lose {_lost(ways['wheels by ruler'], true)}. The same drive seen by a camera (2 mm rms) tells "
-            f"both radii and the "
-            f"track; odometry by them loses {_lost(ways['wheels fitted to the camera'], true)}.",
+            f"By the true wheels counts alone lose {_lost(ways['true wheels'], true)}. By a ruler, radii "
+            f"wrong by 0.1 mm and the track by 2 mm, they lose {_lost(ways['wheels by ruler'], true)}. "
+            "The same drive seen by a camera (2 mm rms) tells both radii and the track; odometry by "
+            f"them loses {_lost(ways['wheels fitted to the camera'], true)}.",
             f"Another drive: `{again}`, with `--excitation` for another path, then `plantfit run robot_drive.toml`.",
         ],
         "tables": [

@@ -86,11 +86,9 @@ def gains_section(
             "one. Where both differ, the term that changes most is named. A peak time is that of the largest value: of "
             "a response that is "
             "flat to an encoder's step another sample is the largest once the motor is slightly another.",
-            f"Bars: {order[0]}, a constant duty, and the record at 3 V, filtered at 200 Hz, against the speed that it "
-            f"settles at; the "
-            "encoder's slots keep the record outside of the 2 % band for longer than the motor is. The paper draws "
-            "these five figures "
-            "without numbers.",
+            f"Bars: {order[0]}, a constant duty, and the record at 3 V, filtered at 200 Hz, against "
+            "the speed that it settles at; the encoder's slots keep the record outside of the 2 % "
+            "band for longer than the motor is. The paper draws these five figures without numbers.",
         ],
         "tables": [
             {"caption": "What the fitness of equation 13 was made of", "columns": ["setting", "here", "the paper"],

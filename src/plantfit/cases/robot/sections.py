@@ -63,9 +63,9 @@ def search_section(
     return {
         "title": "300 000 closed loops, and 3000",
         "sentences": [
-            f"The paper's genetic algorithm (600 generations of 500, elite 10, 10 immigrants) ends at "
-            f"{elite.cost:.6f}, the best of "
-            f"{len(ga)} runs. A method that stopped before 300 000 loops met its own rule.",
+            "The paper's genetic algorithm (600 generations of 500, elite 10, "
+            f"10 immigrants) ends at {elite.cost:.6f}, the best of {len(ga)} "
+            "runs. A method that stopped before 300 000 loops met its own rule.",
             "Good gains fill a small corner of the box; beyond it the duty jumps between its limits and nothing "
             "settles, and a method that "
             "misses the corner ends above 1.6.",
@@ -127,8 +127,7 @@ def response_section(
         "title": "Steps to 300 rad/s on the true motor of the bench",
         "sentences": [
             "Gains were tuned on the identified motor with speed from the pulse period, in steps of 1.5 rad/s at the "
-            "set point; "
-            "counts in 1 ms come in steps of 60 rad/s. Both are rounded here with one step at all speeds.",
+            "set point; counts in 1 ms come in steps of 60 rad/s. Both are rounded here with one step at all speeds.",
             "The paper's gains stand for its own units and limits, which it does not print; in these they are no "
             "judgement of it.",
         ],

@@ -60,14 +60,11 @@ def signals_section(run: RigRun) -> dict[str, Any]:
     return {
         "title": "Raw readings to speed and current (virtual bench)",
         "sentences": [
-            f"A count more or less in {1e3 * float(np.median(np.diff(r.t))):g} ms is {step:.0f} rad/s; the period of "
-            f"the last pulse tells "
-            "more, with the errors of the disc's slots.",
-            f"The paper filters both signals by a Butterworth low-pass and prints no cut-off; here order 2 at "
-            f"{CUTOFF:g} Hz. It "
-            "smooths the settled speed. While the motor runs up, the filter on line is late, which a fit would read as "
-            "inertia and "
-            "inductance: the fit below takes the raw readings.",
+            f"A count more or less in {1e3 * float(np.median(np.diff(r.t))):g} ms is {step:.0f} "
+            "rad/s; the period of the last pulse tells more, with the errors of the disc's slots.",
+            "The paper filters both signals by a Butterworth low-pass and prints no cut-off; here order 2 "
+            f"at {CUTOFF:g} Hz. It smooths the settled speed. While the motor runs up, the filter on line is "
+            "late, which a fit would read as inertia and inductance: the fit below takes the raw readings.",
             "The same readings of a motor of your own constants: `plantfit rig robot_motor --study --exact`.",
         ],
         "tables": [{"caption": "Errors against the exact signals of the bench", "columns": columns, "rows": rows}],

@@ -21,7 +21,7 @@ def unpack(name: str, folder: str | Path) -> Path:
                 (folder / entry.name).write_bytes(entry.read_bytes())
     except OSError as error:
         raise StoreError(
-            f"The folder {str(folder)!r} cannot take the files of demo {name!r}: {error.strerror}; choose another "
-            f"folder."
+            f"The folder {str(folder)!r} cannot take the files of "
+            f"demo {name!r}: {error.strerror}; choose another folder."
         ) from None
     return folder

@@ -188,8 +188,8 @@ def mpc_bench(plants: Plants, seed: int) -> Bench:
         if linear is not None:
             return bench(predictive(*linear, WEIGHTS[0], LOADS[0]).controller, MPC_PERIOD, seed)
     raise SimulationError(
-        f"No model of the family rests at one of {MIDDLES} bar with a gain above {LEAST_GAIN} bar/%; give another "
-        f"family."
+        f"No model of the family rests at one of {MIDDLES} bar with "
+        f"a gain above {LEAST_GAIN} bar/%; give another family."
     )
 
 

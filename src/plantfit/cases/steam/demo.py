@@ -240,19 +240,18 @@ def _found(
     worst = max(abs(rows[n]["value"] - v) for n, v in true.items())
     held = sum(rows[n]["low"] is not None and rows[n]["low"] <= v <= rows[n]["high"] for n, v in true.items())
     return [
-        f"Four constants for each opening, fitted in one step with dead times from 0.1 s, leave a total cost of "
-        f"{static_cost:.4f} bar² "
-        f"(the paper {PAPER_STATIC} on its own record); noise and rounding alone leave {floor:.4f}.",
+        "Four constants for each opening, fitted in one step with dead times from 0.1 "
+        f"s, leave a total cost of {static_cost:.4f} bar² (the paper {PAPER_STATIC} on "
+        f"its own record); noise and rounding alone leave {floor:.4f}.",
         "With 310 numbers the paper's methods end, by their medians, at so many times this floor: "
         + ", ".join(f"{n} {times[n]:.3g}" for n in paper)
         + ".",
         f"L-BFGS-B stalls on its finite differences, which are exactly 0 for {zero} of {int(np.sum(slopes.delays))} "
-        f"dead times. With exact "
-        f"derivatives the same method ends at {times[NOMINAL]:.3g} times the floor.",
-        f"Least squares with exact derivatives from random points reaches the floor in {hits} of {len(random.costs)} "
-        f"runs.",
-        f"Its dead times are at most {worst:.2g} s off, and {held} of {len(true)} of their 95 % intervals hold the "
-        f"truth.",
+        f"dead times. With exact derivatives the same method ends at {times[NOMINAL]:.3g} times the floor.",
+        "Least squares with exact derivatives from random points "
+        f"reaches the floor in {hits} of {len(random.costs)} runs.",
+        f"Its dead times are at most {worst:.2g} s off, and {held} "
+        f"of {len(true)} of their 95 % intervals hold the truth.",
     ]
 
 

@@ -35,8 +35,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
     ]
     listed = ", ".join(f"{name} {value:.2f} V" for name, value in PUBLISHED.items())
     sentences = [
-        "The benchmark's validation record is held back, so the last quarter of the training record is the unseen part "
-        "here.",
+        "The benchmark's validation record is held back, so the last "
+        "quarter of the training record is the unseen part here.",
         f"Published RMSE on that other record, for orientation only: {listed}.",
     ]
     return record("tanks", "Cascaded tanks with overflow", figures, sentences, [answer], [file])

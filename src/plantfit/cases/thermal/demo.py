@@ -96,14 +96,13 @@ def _sentences(answers: Mapping[str, Answer], late: Mapping[str, DeadTime], gain
     untold = [n for n in late if n not in told]
     top = max(d.interval[1] for d in late.values())
     made = [
-        f"Drift makes {100 * shares[1]:.0f} % of the mean square that a constant offset leaves, {100 * shares[2]:.0f} "
-        f"% if it is faster."
+        f"Drift makes {100 * shares[1]:.0f} % of the mean square that a "
+        f"constant offset leaves, {100 * shares[2]:.0f} % if it is faster."
     ]
     if told and untold:
         made.append(
             f"Whether there is a dead time depends on how the surroundings are taken (told with: {', '.join(told)}; "
-            f"not with: "
-            f"{', '.join(untold)}), so this record does not tell it from zero; it is below {top:.2g} s."
+            f"not with: {', '.join(untold)}), so this record does not tell it from zero; it is below {top:.2g} s."
         )
     elif untold:
         made.append(

@@ -46,8 +46,8 @@ def ranges_by_name(option: str, texts: Sequence[str]) -> dict[str, tuple[str | N
         match = _RANGE.fullmatch(ends)
         if not sign or match is None or not (match[1] or match[2]):
             raise SpecError(
-                f"{option} {text!r} is not a range; write NAME=LOW..HIGH, as in {option} 'T=20..80 degC' or {option} "
-                f"T=..80."
+                f"{option} {text!r} is not a range; write NAME=LOW..HIGH, "
+                f"as in {option} 'T=20..80 degC' or {option} T=..80."
             )
         found[name.strip()] = tuple(f"{end} {match[3]}".strip() if end else None for end in (match[1], match[2]))
     return found

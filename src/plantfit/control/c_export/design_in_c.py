@@ -128,14 +128,13 @@ def design_to_c(
         gains, x0, u0 = np.asarray(given.gains), given.x0, given.u0
         told.insert(
             0,
-            f"Takagi-Sugeno: state feedback blended over {plant.outputs[premise]} = {centres.tolist()}, each with its "
-            f"filter.",
+            f"Takagi-Sugeno: state feedback blended over {plant.outputs[premise]} "
+            f"= {centres.tolist()}, each with its filter.",
         )
     else:
         raise SimulationError(
-            f"A design with {type(given).__name__} as its parameters has no C; export one made by lqr, takagi_sugeno "
-            f"or pid_per_output, "
-            "a PID by pid_to_c, a filter by kalman_to_c."
+            f"A design with {type(given).__name__} as its parameters has no C; export one made by "
+            "lqr, takagi_sugeno or pid_per_output, a PID by pid_to_c, a filter by kalman_to_c."
         )
     lower, upper = np.asarray(given.lower), np.asarray(given.upper)
     checked_finite({"gain": gains, "x0": x0, "u0": u0}, number)

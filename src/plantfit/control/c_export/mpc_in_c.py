@@ -180,15 +180,14 @@ def servo_mpc_to_c(
     y, u = (units or {}).get("measurement", "its unit"), (units or {}).get("command", "its unit")
     slow = f", its change in a sample to {float(rate):g}" if rated else ""
     told = [
-        f"Model-predictive control every {period:g} s: an LQ servo with a Kalman filter that estimates the load, and a "
-        f"plan within limits.",
+        f"Model-predictive control every {period:g} s: an LQ servo with a "
+        "Kalman filter that estimates the load, and a plan within limits.",
         f"Measurement and reference in {y}, command in {u}.",
         f"{n - 1} states and the load, {p} past inputs for the dead time; linearised at {float(s.y0):g} {y} with "
         f"{float(s.u0):g} {u}.",
         f"Command limited to [{low[0] + float(s.u0):g}, {high[0] + float(s.u0):g}]{slow}; the filter knows it.",
-        f"Every sample takes {steps} steps of a quadratic program of {rows} rows: {multiplications(parameters, steps)} "
-        f"multiplications, "
-        "always the same.",
+        f"Every sample takes {steps} steps of a quadratic program of {rows} rows: "
+        f"{multiplications(parameters, steps)} multiplications, always the same.",
         *note.splitlines(),
     ]
     return write_c(folder, name, told, DECLARED.substitute(common, period=literal(period, "double")), defined)

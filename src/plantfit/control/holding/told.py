@@ -26,9 +26,8 @@ def verdict(design: HoldDesign, how: str) -> list[Sentence]:
 
     say(
         "good" if share >= w.share else "bad",
-        f"Of {n} plants {how}, {percent(share)} return to the point from {w.along} {w.lean:.3g} {unit} away to either "
-        f"side; "
-        f"with the regulator of the best fit alone: {percent(alone.share(w))}.",
+        f"Of {n} plants {how}, {percent(share)} return to the point from {w.along} {w.lean:.3g} {unit} "
+        f"away to either side; with the regulator of the best fit alone: {percent(alone.share(w))}.",
     )
     if len(design.unstable):
         fast = float(np.max(np.real(design.unstable)))
@@ -47,9 +46,8 @@ def verdict(design: HoldDesign, how: str) -> list[Sentence]:
     if float(best.ms[0]) > w.ms:
         say(
             "warning",
-            f"Ms is {best.ms[0]:.2f}, above the {w.ms:g} that was asked for: it is near the least of the 153 designs "
-            f"that were tried; "
-            "a shorter period or a finer sensor serves.",
+            f"Ms is {best.ms[0]:.2f}, above the {w.ms:g} that was asked for: it is near the least "
+            "of the 153 designs that were tried; a shorter period or a finer sensor serves.",
         )
     return told
 

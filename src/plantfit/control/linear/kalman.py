@@ -62,9 +62,8 @@ def kalman_observer(plant: LinearPlant, period: float, process: Any, measurement
     gain = filter_gain(sampled.A, sampled.C, q, r)
     if gain is None:
         raise SimulationError(
-            f"No steady Kalman filter exists for the outputs {list(plant.outputs)}: a state that they do not show "
-            f"grows or wanders "
-            "freely; measure more, or let other states wander."
+            f"No steady Kalman filter exists for the outputs {list(plant.outputs)}: a state that "
+            "they do not show grows or wanders freely; measure more, or let other states wander."
         )
     return Estimator(
         *(jnp.asarray(m) for m in (sampled.A, sampled.B, sampled.C, sampled.D, gain, plant.x0, plant.u0, plant.y0))
@@ -89,8 +88,8 @@ def measured_states(plant: LinearPlant, period: float) -> Estimator:
     n = len(plant.states)
     if plant.C.shape[0] != n or np.linalg.matrix_rank(plant.C) < n or np.any(plant.D):
         raise SimulationError(
-            f"The outputs {list(plant.outputs)} do not give the states {list(plant.states)} at once; give estimator = "
-            f"kalman_observer(...)."
+            f"The outputs {list(plant.outputs)} do not give the states "
+            f"{list(plant.states)} at once; give estimator = kalman_observer(...)."
         )
     gain = np.linalg.inv(plant.C)
     return Estimator(

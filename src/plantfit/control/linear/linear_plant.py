@@ -61,9 +61,9 @@ def linearised(
     worst = int(np.argmax(np.abs(rates)))
     if not np.all(np.abs(rates) <= tolerance):
         raise SimulationError(
-            f"Plant {model.name!r} does not rest at x0, u0: the rate of {vector.states[worst]!r} is {rates[worst]:g} "
-            f"{model.states[vector.states[worst]] or ''}/s, beyond {tolerance:g}; give an equilibrium, such as "
-            f"equilibrium() finds."
+            f"Plant {model.name!r} does not rest at x0, u0: the rate of {vector.states[worst]!r} "
+            f"is {rates[worst]:g} {model.states[vector.states[worst]] or ''}/s, beyond "
+            f"{tolerance:g}; give an equilibrium, such as equilibrium() finds."
         )
     return LinearPlant(
         a,

@@ -51,9 +51,8 @@ def regulator(plant: LinearPlant, q: np.ndarray, r: np.ndarray) -> tuple[np.ndar
     found = regulator_gain(plant.A, plant.B, q, r)
     if found is None:
         raise SimulationError(
-            f"No regulator exists for the inputs {list(plant.inputs)} and these weights: some state grows or lasts, "
-            f"and is not moved by "
-            "the inputs or not weighted; weigh it, or drive more inputs."
+            f"No regulator exists for the inputs {list(plant.inputs)} and these weights: some state grows "
+            "or lasts, and is not moved by the inputs or not weighted; weigh it, or drive more inputs."
         )
     return found
 

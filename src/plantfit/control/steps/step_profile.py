@@ -71,8 +71,8 @@ def profile_scores(profile: StepProfile, t: Any, y: Any, u: Any) -> StepScores:
     t, y, u = (np.asarray(v, dtype=float) for v in (t, y, u))
     if t.ndim != 1 or y.shape != u.shape or y.shape[-1:] != t.shape or not len(t):
         raise SimulationError(
-            f"The responses have times {t.shape}, outputs {y.shape} and inputs {u.shape}; give (N,), (..., N), (..., "
-            f"N)."
+            f"The responses have times {t.shape}, outputs {y.shape} "
+            f"and inputs {u.shape}; give (N,), (..., N), (..., N)."
         )
     found = _fold(profile, t, y.reshape(-1, len(t)), u.reshape(-1, len(t)))
     return StepScores(*(np.asarray(v).reshape(*y.shape[:-1], len(profile.times)) for v in found))

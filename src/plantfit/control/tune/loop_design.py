@@ -387,10 +387,9 @@ def _course(small: Reduced, wishes: Wishes) -> StepAndLoad:
     seconds = wishes.horizon if wishes.horizon is not None else course_seconds(small)
     if seconds / wishes.period > 20 * MOST_SAMPLES:
         raise SimulationError(
-            f"The loop takes {seconds:.4g} s to settle twice, {seconds / wishes.period:.0f} samples of "
-            f"{wishes.period:g} s; "
-            f"give a longer period "
-            f"([control] period, or --period), such as {seconds / MOST_SAMPLES:.2g} s, or a shorter horizon."
+            f"The loop takes {seconds:.4g} s to settle twice, {seconds / wishes.period:.0f} "
+            f"samples of {wishes.period:g} s; give a longer period ([control] period, or "
+            f"--period), such as {seconds / MOST_SAMPLES:.2g} s, or a shorter horizon."
         )
     ends = wishes.output_lower, wishes.output_upper
     return StepAndLoad(wishes.set_point - wishes.step, wishes.set_point, wishes.load, seconds, wishes.period, *ends)

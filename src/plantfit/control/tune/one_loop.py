@@ -152,16 +152,14 @@ class OneLoop:
             )
         if not self.model.smooth:
             raise SimulationError(
-                f"The model {self.model.name!r} has events, dry friction, backlash or late states, which a tuned loop "
-                f"does not follow; "
-                "identify it with smooth equations, such as smooth_sign(w, w0) for friction."
+                f"The model {self.model.name!r} has events, dry friction, backlash or late states, which a tuned "
+                "loop does not follow; identify it with smooth equations, such as smooth_sign(w, w0) for friction."
             )
         late = [d.input for d in self.model.delays if d.input != self.input]
         if late:
             raise SimulationError(
-                f"The model {self.model.name!r} delays {late[0]!r}, which this loop holds; choose {late[0]!r} as the "
-                f"input, or identify a "
-                "model without that delay."
+                f"The model {self.model.name!r} delays {late[0]!r}, which this loop holds; "
+                f"choose {late[0]!r} as the input, or identify a model without that delay."
             )
 
     @property

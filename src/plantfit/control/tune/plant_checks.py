@@ -55,37 +55,30 @@ def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None
         u = float(where.u[0])
         if not np.isfinite(u):
             raise SimulationError(
-                f"No constant {plant.input} holds {plant.output} at {level:.4g} {unit_y}: the model has no rest there. "
-                f"Choose "
-                f"another set point "
-                "or step."
+                f"No constant {plant.input} holds {plant.output} at {level:.4g} {unit_y}: "
+                "the model has no rest there. Choose another set point or step."
             )
         if not wishes.lower <= u <= wishes.upper:
             raise SimulationError(
-                f"{plant.output} at {level:.4g} {unit_y} takes {plant.input} = {u:.4g} {unit_u}, beyond its limits "
-                f"{wishes.lower:.4g} to "
-                f"{wishes.upper:.4g} {unit_u}: they cannot hold that set point. {_reach(plant, wishes)}Choose another "
-                f"set point "
-                f"or step, or "
+                f"{plant.output} at {level:.4g} {unit_y} takes {plant.input} = {u:.4g} {unit_u}, "
+                f"beyond its limits {wishes.lower:.4g} to {wishes.upper:.4g} {unit_u}: they cannot "
+                f"hold that set point. {_reach(plant, wishes)}Choose another set point or step, or "
                 "give the limits of the actuator ([control] lower and upper, or --lower and --upper)."
             )
     u = float(rest.u[0]) - wishes.load
     if not wishes.lower <= u <= wishes.upper:
         raise SimulationError(
-            f"Against a load of {wishes.load:.4g} {unit_u} {plant.output} at {wishes.set_point:.4g} {unit_y} takes "
-            f"{plant.input} = {u:.4g} {unit_u}, "
-            f"beyond its limits {wishes.lower:.4g} to {wishes.upper:.4g} {unit_u}; give a smaller load ([control] "
-            f"load, or --load)."
+            f"Against a load of {wishes.load:.4g} {unit_u} {plant.output} at {wishes.set_point:.4g} "
+            f"{unit_y} takes {plant.input} = {u:.4g} {unit_u}, beyond its limits {wishes.lower:.4g} "
+            f"to {wishes.upper:.4g} {unit_u}; give a smaller load ([control] load, or --load)."
         )
     found = poles(rest)
     fastest = float(np.max(np.real(found)))
     if fastest > 1e-6 * max(float(np.max(np.abs(found))), 1e-9):
         raise SimulationError(
-            f"The plant is unstable at {plant.output} = {wishes.set_point:.4g} {unit_y}: a pole at +{fastest:.4g} 1/s "
-            f"doubles a "
-            f"deviation every "
-            f"{math.log(2) / fastest:.3g} s. The rules and the search here are for stable and integrating plants; a "
-            "regulator holds it: name its states in --hold ([control] hold)."
+            f"The plant is unstable at {plant.output} = {wishes.set_point:.4g} {unit_y}: a pole at +{fastest:.4g} "
+            f"1/s doubles a deviation every {math.log(2) / fastest:.3g} s. The rules and the search here are for "
+            "stable and integrating plants; a regulator holds it: name its states in --hold ([control] hold)."
         )
 
 
@@ -105,9 +98,8 @@ def check_reached(plant: OneLoop, rest: Rest) -> None:
     names = plant.followed
     state = names[int(np.argmax(np.abs(left[:, n - 1] / size[:, 0])))]
     raise SimulationError(
-        f"{plant.input} does not reach {state!r}, which keeps any value that it has (a pole at 0), so that no "
-        f"controller brings it to "
-        f"rest; drive it by another input, or make it a parameter of the model."
+        f"{plant.input} does not reach {state!r}, which keeps any value that it has (a pole at 0), so that "
+        "no controller brings it to rest; drive it by another input, or make it a parameter of the model."
     )
 
 
@@ -116,9 +108,8 @@ def check_inner(plant: OneLoop, inner: Rest) -> None:
     gain = _gain(inner, 0)
     if not np.isfinite(gain) or gain == 0:
         raise SimulationError(
-            f"{plant.input} does not move the inner output {plant.inner} at the set point (its gain is 0); choose "
-            f"another one "
-            "([control] inner, or --inner), or a controller of one output."
+            f"{plant.input} does not move the inner output {plant.inner} at the set point (its gain "
+            "is 0); choose another one ([control] inner, or --inner), or a controller of one output."
         )
 
 
@@ -139,8 +130,6 @@ def check_dead_time(small: Reduced, wishes: Wishes) -> None:
     dead = small.first_order[2]
     if wishes.horizon is not None and wishes.horizon < 4.0 * dead:
         raise SimulationError(
-            f"The horizon of {wishes.horizon:.4g} s is shorter than four times the dead time of {dead:.4g} s, so that "
-            f"nothing "
-            f"can be judged in it; "
-            f"give at least {8 * dead:.3g} s, or leave horizon out."
+            f"The horizon of {wishes.horizon:.4g} s is shorter than four times the dead time of {dead:.4g} "
+            f"s, so that nothing can be judged in it; give at least {8 * dead:.3g} s, or leave horizon out."
         )

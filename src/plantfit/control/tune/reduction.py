@@ -62,9 +62,8 @@ def reduced(rest: Rest, extra: float = 0.0, at: int = 0) -> Reduced:
     count, own = integrators(rest, at), poles(rest, at)
     if count > 1:
         raise SimulationError(
-            f"The plant has {count} integrators between input and output; the rules of a PID know one at most. Close "
-            f"an inner loop first, "
-            "or use lqr (docs/control.md)."
+            f"The plant has {count} integrators between input and output; the rules of a "
+            "PID know one at most. Close an inner loop first, or use lqr (docs/control.md)."
         )
     used = np.flatnonzero(
         np.max(np.abs(rest.B[at]), axis=1) + (np.arange(rest.B.shape[1]) == 0) * np.abs(rest.D[at]) > 0

@@ -26,8 +26,8 @@ def half_width(name: str, given: float | str, value: float, unit: str | None) ->
         width = units.in_unit(f"[control] tolerances.{name}", text, unit, difference=True)
     if not (np.isfinite(width) and width > 0):
         raise SpecError(
-            f"tolerances.{name} = {given!r} leaves no room; give half the width of the tolerance, above 0, such as '10 "
-            f"%'."
+            f"tolerances.{name} = {given!r} leaves no room; give half "
+            "the width of the tolerance, above 0, such as '10 %'."
         )
     return width
 

@@ -56,16 +56,14 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     if design.right_sign < 1:
         say(
             "bad",
-            f"{percent(1 - design.right_sign)} of the plants have a gain of the other sign, which no controller of one "
-            f"sign can hold.",
+            f"{percent(1 - design.right_sign)} of the plants have a gain "
+            "of the other sign, which no controller of one sign can hold.",
         )
     if design.held < 1:
         say(
             "warning",
-            f"On {percent(1 - design.held)} of the plants the input's limits {wishes.lower:.4g} to {wishes.upper:.4g} "
-            f"do not "
-            f"hold the set point "
-            "under the load: widen them, or choose a lower one.",
+            f"On {percent(1 - design.held)} of the plants the input's limits {wishes.lower:.4g} to "
+            f"{wishes.upper:.4g} do not hold the set point under the load: widen them, or choose a lower one.",
         )
     if not design.promised:
         parts = [] if np.all(over) else [f"overshoot holds on {percent(float(np.mean(over)))}"]
@@ -90,10 +88,8 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     elif alone is not None and design.alike and best.scores.iae > SLOWER * alone.scores.iae:
         say(
             "info",
-            f"Not knowing the plant better makes the step {best.scores.iae / alone.scores.iae:.1f} times slower on the "
-            f"best fit "
-            f"than tuning on it "
-            f"alone would.{_first(design, names, None)}",
+            f"Not knowing the plant better makes the step {best.scores.iae / alone.scores.iae:.1f} "
+            f"times slower on the best fit than tuning on it alone would.{_first(design, names, None)}",
         )
     others = [(i, r) for i, r in enumerate(design.rows) if r.name.endswith(BESIDE)]
     if np.isfinite(wishes.output_lower) or np.isfinite(wishes.output_upper):
@@ -130,9 +126,8 @@ def _compared(best: Row, pid: Row) -> str:
     step, load = (other / own if own > 0 else np.inf for other, own in pairs)
     form, kept = pid.form.name, percent(pid.share)
     told = (
-        f"{article(form).capitalize()} {form} tuned on the same plants: {kept} keep the wishes, with {step:.2f} times "
-        f"the IAE of the step "
-        f"and {load:.2f} times that of the load"
+        f"{article(form).capitalize()} {form} tuned on the same plants: {kept} keep the wishes, "
+        f"with {step:.2f} times the IAE of the step and {load:.2f} times that of the load"
     )
     if pid.share >= best.share - 0.01 and 0.5 * (step + load) <= 1.05:
         own = best.form.name if best.form.name.isupper() else f"the {best.form.name}"

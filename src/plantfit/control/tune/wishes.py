@@ -70,10 +70,9 @@ def check_wishes(wishes: Wishes) -> None:
     for level in (wishes.set_point - wishes.step, wishes.set_point):
         if not wishes.output_lower <= level <= wishes.output_upper:
             raise SimulationError(
-                f"The output is to stay within {wishes.output_lower:.5g} and {wishes.output_upper:.5g}, and the step "
-                f"goes from "
-                f"{wishes.set_point - wishes.step:.5g} to {wishes.set_point:.5g}; choose another set point or step, or "
-                f"wider limits."
+                f"The output is to stay within {wishes.output_lower:.5g} and {wishes.output_upper:.5g}, "
+                f"and the step goes from {wishes.set_point - wishes.step:.5g} to "
+                f"{wishes.set_point:.5g}; choose another set point or step, or wider limits."
             )
     if wishes.prediction is not None and wishes.controller != "mpc":
         raise SimulationError(

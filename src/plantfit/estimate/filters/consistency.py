@@ -98,14 +98,13 @@ def _judged(mean: float, low: float, high: float, p: float, expected: float, wha
     elif mean > high:
         factor = np.sqrt(mean / expected)
         sentence = (
-            f"The filter is too sure: its {what} are {factor:.2g} times as large as it expects ({bounds}); "
-            f"give "
-            f"it more noise."
+            f"The filter is too sure: its {what} are {factor:.2g} times "
+            f"as large as it expects ({bounds}); give it more noise."
         )
     else:
         factor = np.sqrt(expected / max(mean, 1e-300))
         sentence = (
-            f"The filter is too careful: it expects {what} {factor:.2g} times as large as they are ({bounds}); "
-            f"give it less noise."
+            f"The filter is too careful: it expects {what} {factor:.2g} "
+            f"times as large as they are ({bounds}); give it less noise."
         )
     return Consistency(mean, low, high, p, low <= mean <= high, sentence)

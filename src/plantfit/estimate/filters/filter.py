@@ -80,9 +80,8 @@ class Filter:
         if not np.all(np.isfinite(mean)):
             k = int(np.argmin(np.all(np.isfinite(mean), axis=1)))
             raise SimulationError(
-                f"The filter diverged at row {k} of recording {experiment.recording.name!r}; start nearer, narrow the "
-                f"box or give "
-                "more process noise."
+                f"The filter diverged at row {k} of recording {experiment.recording.name!r}; "
+                "start nearer, narrow the box or give more process noise."
             )
         return FilterRun(
             self.plant,
@@ -129,6 +128,6 @@ def _refuse_free(noise: Noise) -> None:
         for name, level in getattr(noise, kind).items():
             if isinstance(level, tuple):
                 raise SpaceError(
-                    f"The {kind} level of {name!r} is a range {level}; give a number, for example from "
-                    f"maximum_likelihood."
+                    f"The {kind} level of {name!r} is a range {level}; "
+                    "give a number, for example from maximum_likelihood."
                 )

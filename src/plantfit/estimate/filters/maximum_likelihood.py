@@ -61,8 +61,8 @@ class MaximumLikelihood:
         held = f"; at a bound: {', '.join(self.at_bound)}" if self.at_bound else ""
         size = f"{self.log_likelihood:.6g} of {self.count} measurements"
         return (
-            f"Maximum likelihood: log-likelihood {size}, the slope left is {self.gradient:.1g} for a standard "
-            f"error{held}."
+            f"Maximum likelihood: log-likelihood {size}, the slope "
+            f"left is {self.gradient:.1g} for a standard error{held}."
         )
 
 
@@ -182,8 +182,8 @@ def _searched(
     found = minimise(objective, "lbfgsb", budget=budget, seed=seed, settings={"max_steps": max(10, budget // 6)})[0]
     if not np.isfinite(found.cost):
         raise SearchError(
-            "The filter could not follow any start; narrow the box, start nearer, or give the noise levels wider "
-            "ranges."
+            "The filter could not follow any start; narrow the box, "
+            "start nearer, or give the noise levels wider ranges."
         )
     return np.asarray(found.x)
 

@@ -87,6 +87,6 @@ def _check(kind: str, name: str, level: Any) -> None:
         raise SpaceError(f"The {kind} level of {name!r} is {level!r}; give {wanted}.")
     if kind == "measurement" and numbers[0] == 0:
         raise SpaceError(
-            f"The measurement level of {name!r} is 0; give a standard deviation above 0, quantum / sqrt(12) for "
-            f"rounding."
+            f"The measurement level of {name!r} is 0; give a standard "
+            "deviation above 0, quantum / sqrt(12) for rounding."
         )

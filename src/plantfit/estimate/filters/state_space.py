@@ -243,8 +243,8 @@ def state_space(problem: Problem, noise: Noise, joint: Sequence[str] = (), recor
     model = problem.model
     if not isinstance(model, Model) or not model.states:
         raise ModelError(
-            f"Model {model.name!r} has no states to filter; a Kalman filter needs equations of motion, not a "
-            f"regression."
+            f"Model {model.name!r} has no states to filter; a Kalman "
+            "filter needs equations of motion, not a regression."
         )
     if not model.smooth:
         raise ModelError(

@@ -51,8 +51,8 @@ def filtered(
     names = [n for n in problem.space.names if n not in held]
     kinds: dict[str, Callable[..., Any]] = {"ekf": ekf, "ukf": partial(ukf, kappa=wished.kappa), "kalman": _plain}
     remarks = [
-        f"{n}: held at {v:.5g} in the filters, because a dead time cannot be a state; their intervals leave out what "
-        f"is not known of it"
+        f"{n}: held at {v:.5g} in the filters, because a dead time cannot "
+        "be a state; their intervals leave out what is not known of it"
         for n, v in held.items()
     ]
     found: dict[str, Runs] = {}
@@ -93,9 +93,8 @@ def filtered(
         found[method] = begun
     if twice:
         remarks.append(
-            f"{' and '.join(twice)}: ran twice, from the middle of the box and then from where that ended, {NEAR:g} "
-            f"standard errors wide, "
-            "because tangents taken far from the answer make intervals too narrow"
+            f"{' and '.join(twice)}: ran twice, from the middle of the box and then from where that ended, "
+            f"{NEAR:g} standard errors wide, because tangents taken far from the answer make intervals too narrow"
         )
     return found, remarks
 

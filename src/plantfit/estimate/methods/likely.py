@@ -41,9 +41,9 @@ def likely(
                 loose = [n for n in error.names if n in proposal.proposed and n.startswith("measurement ")]
                 if not flat and loose:
                     raise SearchError(
-                        f"The recordings do not show how large the noise of {loose[0].removeprefix('measurement ')!r} "
-                        f"is; give its "
-                        "standard deviation as measurement ([estimate.measurement]), quantum / sqrt(12) for rounding."
+                        "The recordings do not show how large the noise of "
+                        f"{loose[0].removeprefix('measurement ')!r} is; give its standard deviation "
+                        "as measurement ([estimate.measurement]), quantum / sqrt(12) for rounding."
                     ) from None
                 if not flat:
                     raise

@@ -32,9 +32,8 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
     if moved:
         say(
             "info",
-            f"The plant wanders ({listed(moved)}): least squares takes that for errors of the sensors, maximum "
-            f"likelihood and the filters "
-            "do not; where they differ, believe the likelihood.",
+            f"The plant wanders ({listed(moved)}): least squares takes that for errors of the sensors, "
+            "maximum likelihood and the filters do not; where they differ, believe the likelihood.",
         )
     elif at_bound is not None:
         say(
@@ -51,8 +50,8 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
     if at_bound:
         say(
             "info",
-            f"Held at a bound of its range: {listed(list(at_bound))}; what stands beside it looks better known than it "
-            f"is.",
+            f"Held at a bound of its range: {listed(list(at_bound))}; "
+            "what stands beside it looks better known than it is.",
         )
     known = [p for p in record.parameters if p.truth is not None]
     for methods, held in _alike({method: _held(known, method) for method in record.methods} if known else {}):
@@ -76,9 +75,8 @@ def _memory(memory: Mapping[str, float | None]) -> str:
     shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())
     narrow = "too narrow" if max(strong.values(), key=abs) > 0 else "too wide"
     return (
-        f"neighbouring innovations are correlated ({shown}): intervals of filters are {narrow}, those of least squares "
-        f"and maximum "
-        "likelihood allow for it."
+        f"neighbouring innovations are correlated ({shown}): intervals of filters "
+        f"are {narrow}, those of least squares and maximum likelihood allow for it."
     )
 
 

@@ -47,8 +47,8 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
                     raise
                 package, what = plugins[kind].package, f"{type(failure).__name__}: {str(failure)[:200]}"
                 raise ModelError(
-                    f"{where}: {kind!r} of the package {package} fails at {signal!r} ({what}); update or uninstall "
-                    f"{package}."
+                    f"{where}: {kind!r} of the package {package} fails at "
+                    f"{signal!r} ({what}); update or uninstall {package}."
                 ) from failure
     return model
 

@@ -18,8 +18,7 @@ def loaded(plugin: Plugin) -> tuple[Any, Kind]:
     kind = getattr(candidate, "extension", None)
     if not isinstance(kind, Kind):
         raise ModelError(
-            f"{plugin.name!r} of the package {plugin.package} is no candidate with an `extension` (docs/plug-ins.md); "
-            f"update or uninstall "
-            f"{plugin.package}."
+            f"{plugin.name!r} of the package {plugin.package} is no candidate with an "
+            f"`extension` (docs/plug-ins.md); update or uninstall {plugin.package}."
         )
     return candidate, kind

@@ -42,14 +42,14 @@ def factory(name: str) -> Factory:
     if name not in brought:
         known = names()
         raise ModelError(
-            f"There is no model {name!r}.{suggest(name, known)} Known are {', '.join(known)}, or write your own "
-            f"equations."
+            f"There is no model {name!r}.{suggest(name, known)} Known "
+            f"are {', '.join(known)}, or write your own equations."
         )
     function = brought[name].load(ModelError)
     if not callable(function):
         raise ModelError(
-            f"{name!r} of the package {brought[name].package} is not a function that makes a model; see "
-            f"docs/plug-ins.md."
+            f"{name!r} of the package {brought[name].package} is not "
+            "a function that makes a model; see docs/plug-ins.md."
         )
     return cast(Factory, function)
 

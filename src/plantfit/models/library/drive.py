@@ -14,8 +14,8 @@ from plantfit.models.remade import remade
 import jax.numpy as jnp
 
 _SOURCE = (
-    "Janot, Gautier, Brunot, Data set and reference models of EMPS, Nonlinear System Identification Benchmarks "
-    "workshop, 2019"
+    "Janot, Gautier, Brunot, Data set and reference models of EMPS, "
+    "Nonlinear System Identification Benchmarks workshop, 2019"
 )
 
 _PARAMETERS = (

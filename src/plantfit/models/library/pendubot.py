@@ -21,10 +21,9 @@ Drive = Literal["torque", "voltage"]
 Initial = Literal["rest", "free"]
 
 _SOURCE = (
-    "Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems, 2002, chapter 5; bounds of Sanin-Villa "
-    "et al., "
-    "A Comparative Analysis of Metaheuristic Algorithms for Enhanced Parameter Estimation on Inverted Pendulum System "
-    "Dynamics, 2024"
+    "Fantoni, Lozano, Non-linear Control for Underactuated Mechanical Systems, 2002, "
+    "chapter 5; bounds of Sanin-Villa et al., A Comparative Analysis of Metaheuristic "
+    "Algorithms for Enhanced Parameter Estimation on Inverted Pendulum System Dynamics, 2024"
 )
 _MOTOR = (
     Declared("kt", "N*m/A", (1e-3, 1.0), value=0.0724, sentence="torque constant"),
@@ -86,8 +85,8 @@ def pendubot(
     check_choice("initial", initial, Initial)
     if drive == "voltage" and driven != (1,):
         raise ModelError(
-            f"Pendubot: drive 'voltage' with joints {driven}; a motor by voltage drives joint 1 alone, so give joints "
-            f"= (1,)."
+            f"Pendubot: drive 'voltage' with joints {driven}; a motor "
+            "by voltage drives joint 1 alone, so give joints = (1,)."
         )
     rub = {
         j: JointFriction(_parts(friction, load=j in driven), sign_width, stribeck_velocity, sign, presliding_distance)

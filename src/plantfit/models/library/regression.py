@@ -49,8 +49,8 @@ class LinearModel:
         arrays = [p.name for p in self.parameters if p.shape]
         if arrays and self.base is None:
             raise ModelError(
-                f"Model {self.name!r}: parameter {arrays[0]!r} is an array; give a regression one number for each "
-                f"column."
+                f"Model {self.name!r}: parameter {arrays[0]!r} is an "
+                "array; give a regression one number for each column."
             )
         if self.base is None:
             object.__setattr__(self, "coefficients", {p.name: p.unit for p in self.parameters})
@@ -99,7 +99,7 @@ class LinearModel:
             return next(iter(self.outputs))
         if output not in self.outputs:
             raise ModelError(
-                f"Model {self.name!r}: output {output!r} is not one of its outputs {list(self.outputs)}; name one of "
-                f"them."
+                f"Model {self.name!r}: output {output!r} is not one of "
+                f"its outputs {list(self.outputs)}; name one of them."
             )
         return str(output)

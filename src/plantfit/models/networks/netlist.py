@@ -21,11 +21,9 @@ from plantfit.models.text.suggest import suggest
 # what equations use themselves (models/text), here by name so that reading parts does not load jax; then constants of
 # the parts
 _USED = (
-    "abs acos asin atan atan2 ceil clip cos cosh coulomb deadzone delay e exp floor friction log log10 max min pi play "
-    "pos "
-    "quantize relu sat sign sin sinh smooth_abs smooth_deadzone smooth_sat smooth_sign sqrt step stribeck t tan tanh "
-    "where "
-    "gravity small_level slow_slip slow_turn "
+    "abs acos asin atan atan2 ceil clip cos cosh coulomb deadzone delay e exp floor friction log "
+    "log10 max min pi play pos quantize relu sat sign sin sinh smooth_abs smooth_deadzone smooth_sat "
+    "smooth_sign sqrt step stribeck t tan tanh where gravity small_level slow_slip slow_turn "
 )
 RESERVED = frozenset(_USED.split())
 _NUMBER = r"[-+]?(?:\d+(?:\.(?!\.)\d*)?|\.\d+)(?:[eE][-+]?\d+)?"  # "1..10" are two
@@ -281,8 +279,8 @@ def _size(
         reason = str(error).rstrip(".")
         if units.known(given) and not units.compatible(given, unit):
             reason = (
-                f"a {part.kind} has its {part.what.partition(',')[0].partition(' (')[0]} in {unit}, and {given} "
-                f"does not fit"
+                f"a {part.kind} has its {part.what.partition(',')[0].partition(' (')[0]} "
+                f"in {unit}, and {given} does not fit"
             )
         raise _wrong(source, text, f"{reason}; write for example: {_example(part, unit)}", place) from None
     if not all(map(math.isfinite, numbers)) or (part.scale == "log" and min(numbers) <= 0):
@@ -324,8 +322,8 @@ def _starts(netlist: Netlist, words: list[Word]) -> Iterator[tuple[Measured, flo
         found = _START.fullmatch(place.text)
         if found is None:
             message = (
-                f"{place.text!r} says no start; write for example: start v(b) = 2 V, or the name of a source in "
-                f"place of 2 V"
+                f"{place.text!r} says no start; write for example: start "
+                "v(b) = 2 V, or the name of a source in place of 2 V"
             )
             raise _wrong(netlist.source, netlist.text, message, place)
         quantity = _quantity(netlist, found["what"], found["of"], None, place)

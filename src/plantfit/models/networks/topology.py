@@ -21,9 +21,9 @@ def rigid(netlist: Netlist, parts: tuple[str, ...]) -> EquationError:
     named = _listed(parts)
     if len(stores) > 1:
         return netlist.wrong(
-            f"{named} are joined rigidly, so that {_listed(stores)} are one store: write one of them, which then "
-            f"stands for all, or join "
-            "them by a spring or a resistor", line, parts[0])  # fmt: skip
+            f"{named} are joined rigidly, so that {_listed(stores)} "
+            "are one store: write one of them, which then stands "
+            "for all, or join them by a spring or a resistor", line, parts[0])  # fmt: skip
     return netlist.wrong(
         f"{named} fix one quantity twice, or leave it to none; take one away, or put a part between that gives way",
         line,
@@ -45,8 +45,8 @@ def _hanging(netlist: Netlist) -> None:
         if len(touching) == 1:
             only = touching[0]
             raise netlist.wrong(
-                f"node {node!r} hangs at {only.name} alone, so that no {domain.through.word} can pass; join another "
-                f"part to it, or 0",
+                f"node {node!r} hangs at {only.name} alone, so that no "
+                f"{domain.through.word} can pass; join another part to it, or 0",
                 only.line, node)  # fmt: skip
 
 

@@ -45,15 +45,14 @@ def as_regression(model: Model) -> LinearModel:
         for o, own in columns.items():
             if np.any(zero[o] != 0.0) or not np.all(np.isfinite(own)):
                 raise ModelError(
-                    f"{model.name!r}: with all parameters 0 {o!r} is not 0, so it is no sum of parameters times "
-                    f"columns; "
-                    "write the part that is known into the target of the regression."
+                    f"{model.name!r}: with all parameters 0 {o!r} is not 0, so it is no sum of parameters "
+                    "times columns; write the part that is known into the target of the regression."
                 )
             size = np.max(np.abs(own) @ some, initial=0.0)
             if np.max(np.abs(mixed[o] - own @ some), initial=0.0) > ROUNDING * size:
                 raise ModelError(
-                    f"{model.name!r}: {o!r} is not linear in {', '.join(names)}; write it with one parameter for each "
-                    f"column."
+                    f"{model.name!r}: {o!r} is not linear in {', '.join(names)}; "
+                    "write it with one parameter for each column."
                 )
         return columns
 

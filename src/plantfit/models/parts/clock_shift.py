@@ -33,8 +33,8 @@ def _shifted(model: Model, name: str, bounds: Any) -> Model:
         raise ModelError(f"{where}, which is {kind}; inputs are {list(model.inputs)}.")
     if any(d.input == name for d in model.delays):
         raise ModelError(
-            f"{where}, which has a dead time already; a shift and a dead time add up to one number, so widen its "
-            f"bounds."
+            f"{where}, which has a dead time already; a shift and a "
+            "dead time add up to one number, so widen its bounds."
         )
     pair = tuple(bounds) if isinstance(bounds, list | tuple) else ()
     if len(pair) != 2 or not pair[0] < pair[1]:

@@ -101,8 +101,8 @@ def _check_names(where: str, tables: Mapping[str, Mapping[str, Any]]) -> None:
         for name in table:
             if not isinstance(name, str) or not name.isidentifier() or iskeyword(name):
                 raise ModelError(
-                    f"{where}: {kind} have the name {name!r}; use letters, digits and _, not a digit first, and no "
-                    f"Python keyword."
+                    f"{where}: {kind} have the name {name!r}; use letters, "
+                    "digits and _, not a digit first, and no Python keyword."
                 )
             if name != unicodedata.normalize("NFKC", name):
                 plain = unicodedata.normalize("NFKC", name)
@@ -149,8 +149,8 @@ def _parameter(where: str, name: str, value: Any) -> Declared:
         return Declared(name, unit=value)
     if not isinstance(value, Mapping):
         raise ModelError(
-            f"{where}: parameter {name!r} is {value!r}; write a table with entries such as unit = 'V' and bounds = [0, "
-            f"1]."
+            f"{where}: parameter {name!r} is {value!r}; write a table "
+            "with entries such as unit = 'V' and bounds = [0, 1]."
         )
     _check_keys(where, "parameter", name, value, _PARAMETER_KEYS)
     return _checked(where, Declared(name, **value))
@@ -170,8 +170,8 @@ def _checked(where: str, p: Declared) -> Declared:
     if p.limits is not None:
         if isinstance(p.limits, str) or not isinstance(p.limits, Iterable) or len(tuple(p.limits)) != 2:
             raise ModelError(
-                f"{where}: {what} has limits {p.limits!r}; write two numbers, (low, high), infinite where there is no "
-                f"limit."
+                f"{where}: {what} has limits {p.limits!r}; write two "
+                "numbers, (low, high), infinite where there is no limit."
             )
         p = replace(p, limits=tuple(p.limits))
     _unit(where, "parameter", p.name, p.unit)
@@ -188,8 +188,8 @@ def _table_parameter(where: str, table: Table, p: Declared) -> Declared:
         if _shape(value) not in ((), table.shape):
             nodes = " x ".join(map(str, table.shape))
             raise ModelError(
-                f"{where}: table {p.name!r} has {nodes} nodes but {what} {value!r}; give one for each node, or one for "
-                f"all."
+                f"{where}: table {p.name!r} has {nodes} nodes but {what} "
+                f"{value!r}; give one for each node, or one for all."
             )
     over = " and ".join(table.over)
     return replace(p, unit=table.unit or p.unit, shape=table.shape, sentence=p.sentence or f"table over {over}")
@@ -201,8 +201,8 @@ def _single(where: str, p: Declared) -> Declared:
     if p.shape or arrays:
         what = arrays[0] if arrays else f"the shape {p.shape}"
         raise ModelError(
-            f"{where}: parameter {p.name!r} has {what} of an array but is no table; declare it in tables or give one "
-            f"number."
+            f"{where}: parameter {p.name!r} has {what} of an array but "
+            "is no table; declare it in tables or give one number."
         )
     return p
 

@@ -69,16 +69,14 @@ class DelayTable:
             message = (
                 "A dead time has to be a parameter, a constant or a number of seconds: one that changes with "
                 f"{', '.join(moving) or 'time'} is not there yet. Write delay({delayed}, L) with a parameter L, which "
-                f"holds for one "
-                "operating point, and let it differ between recordings with per_recording = true."
+                "holds for one operating point, and let it differ between recordings with per_recording = true."
             )
             raise EquationError(message, self.text, *time.start)
         known = [*(p for p in self.declared.parameters if p not in self.declared.tables), *self.declared.constants]
         given = f"{time.name!r} is none of them" if time.op == "name" else "this is none of them"
         message = (
-            f"The second argument of delay() is a parameter, a constant or a number of seconds, and "
-            f"{given}.{suggest(time.name, known)} "
-            f"Known are {', '.join(known) or 'none'}."
+            "The second argument of delay() is a parameter, a constant or a number of seconds, "
+            f"and {given}.{suggest(time.name, known)} Known are {', '.join(known) or 'none'}."
         )
         raise EquationError(message, self.text, *time.start)
 

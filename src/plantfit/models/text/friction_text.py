@@ -53,8 +53,8 @@ class FrictionTable:
         known = self.terms.setdefault(name, FrictionTerm(name, velocity.name, node))
         if not _alike(known.call, node):
             message = (
-                f"{velocity.name!r} has another friction in line {known.call.place[0] + 1}; add the forces up "
-                f"inside of one."
+                f"{velocity.name!r} has another friction in line "
+                f"{known.call.place[0] + 1}; add the forces up inside of one."
             )
             raise EquationError(message, self.text, *node.place)
         return Node("name", node.place, node.start, name=name)

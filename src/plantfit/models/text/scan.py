@@ -119,8 +119,8 @@ def refuse_quotes(source: Source, text: str) -> None:
         if mark in source.characters:
             place = source.place(source.characters.index(mark))
             raise EquationError(
-                f"The mark {mark} cannot stand in an expression: text is not allowed, and ' belongs after a state, "
-                f"left of '='.",
+                f"The mark {mark} cannot stand in an expression: text is "
+                "not allowed, and ' belongs after a state, left of '='.",
                 text,
                 *place,
             )

@@ -52,8 +52,8 @@ def read_nodes(where: str, given: Any) -> tuple[float, ...]:
 def _from_mapping(where: str, name: str, given: Any) -> Table:
     if not isinstance(given, Mapping):
         raise ModelError(
-            f"{where}: table {name!r} is {given!r}; write a table with over = ['y'], nodes = [[0, 10, 20]] and unit = "
-            f"'s'."
+            f"{where}: table {name!r} is {given!r}; write a table "
+            "with over = ['y'], nodes = [[0, 10, 20]] and unit = 's'."
         )
     for key in given:
         if key not in _KEYS:

@@ -118,8 +118,8 @@ class _Kernel:
             [
                 *sorted(e.declared),
                 *(lanes_function(name, count, e.width) for name, count in sorted(e.libm.items())),
-                f"define internal void @kernel({', '.join([*pointers, 'ptr %sizes', 'i64 %K', 'i64 %G', 'i64 %B'])}) "
-                f"noinline #0 {{",
+                "define internal void "
+                f"@kernel({', '.join([*pointers, 'ptr %sizes', 'i64 %K', 'i64 %G', 'i64 %B'])}) noinline #0 {{",
                 "entry:",
                 *e.slots,
                 *e.lines,

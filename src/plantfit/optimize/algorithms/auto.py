@@ -101,8 +101,8 @@ class Auto:
         """
         if objective.separable is not None:
             why = (
-                "Least squares in which every recording searches on its own, because no two recordings share a free "
-                "parameter."
+                "Least squares in which every recording searches on its "
+                "own, because no two recordings share a free parameter."
             )
             return self, why
         if by_residuals(objective, budget):
@@ -110,8 +110,8 @@ class Auto:
         if objective.residuals_and_jacobian is not None:
             return (
                 self,
-                f"L-BFGS-B, because the budget holds fewer than {FEW_JACOBIANS} evaluations of all derivatives of the "
-                f"residuals.",
+                f"L-BFGS-B, because the budget holds fewer than {FEW_JACOBIANS} "
+                "evaluations of all derivatives of the residuals.",
             )
         if objective.value_and_gradient is not None:
             return self, "L-BFGS-B from many starts, because the problem gives a gradient but no residuals."

@@ -68,8 +68,8 @@ class SalpSwarm:
     variant: str = choice(
         "published",
         ("published", "paper", "shift_invariant"),
-        "published: the authors' program; paper: the printed equations; shift_invariant: jumps do not depend on where "
-        "the box lies",
+        "published: the authors' program; paper: the printed equations; "
+        "shift_invariant: jumps do not depend on where the box lies",
     )
     leaders: float = number(
         0.5, 0.0, 1.0, "share of the chain that leads, at least one salp; not in variant paper, which has one"

@@ -87,8 +87,8 @@ def _check(name: str, p: Parameter) -> None:
     if not p.shape or max(p.shape) < 3:
         what = "a single number" if not p.shape else f"a table of {' x '.join(map(str, p.shape))} entries"
         raise SpaceError(
-            f"Parameter {name!r} has smooth = {p.smooth!r}, but it is {what}; take smooth out, or give it three nodes "
-            f"or more."
+            f"Parameter {name!r} has smooth = {p.smooth!r}, but it is "
+            f"{what}; take smooth out, or give it three nodes or more."
         )
     if p.tied is not None:
         raise SpaceError(

@@ -54,9 +54,9 @@ class Experiment:
             )
         if not self.initial_time <= self.recording.t[0]:
             raise RecordingError(
-                f"Recording {self.recording.name!r}: initial_time = {self.initial_time:g} s is not before the first "
-                f"sample at "
-                f"{self.recording.t[0]:g} s; give an earlier time of the recording's own axis, or leave it out."
+                f"Recording {self.recording.name!r}: initial_time = {self.initial_time:g} "
+                f"s is not before the first sample at {self.recording.t[0]:g} s; give an "
+                "earlier time of the recording's own axis, or leave it out."
             )
 
     def _check_steps(self) -> None:
@@ -77,16 +77,14 @@ class Experiment:
                 )
                 if step > moves > 0:
                     raise RecordingError(
-                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}, but it moves by {moves:.3g} in all; "
-                        f"give the size of "
-                        f"one step, in {unit}."
+                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}, but it "
+                        f"moves by {moves:.3g} in all; give the size of one step, in {unit}."
                     )
         both = self.counted.keys() & self.rounded.keys()
         if both:
             raise RecordingError(
-                f"Recording {name!r}: counted and rounded both name {min(both)!r}; keep one (cleaning steps that read "
-                f"counts make it "
-                "counted)."
+                f"Recording {name!r}: counted and rounded both name {min(both)!r}; "
+                "keep one (cleaning steps that read counts make it counted)."
             )
 
     def _movement(self, name: str, counted: bool) -> float:
@@ -125,8 +123,8 @@ class Experiment:
         """
         if len(recording) != len(self.recording):
             raise RecordingError(
-                f"Recording {recording.name!r} has {len(recording)} samples in place of {len(self.recording)}; give as "
-                f"many."
+                f"Recording {recording.name!r} has {len(recording)} "
+                f"samples in place of {len(self.recording)}; give as many."
             )
         old, new = self.recording.t, recording.t
         moved = [
@@ -305,9 +303,8 @@ def experiments_of(
             others = [] if inputs is None else [n for n in getattr(given, key) if n not in inputs]
             if others:
                 raise RecordingError(
-                    f"Recording {name!r}: {key} names {others[0]!r}, which is no input of the model; it is for inputs, "
-                    f"here "
-                    f"{list(inputs or ())}."
+                    f"Recording {name!r}: {key} names {others[0]!r}, which is no "
+                    f"input of the model; it is for inputs, here {list(inputs or ())}."
                 )
         history = before_in_units(given.recording, {**before, **given.before}, needs)
         begin = initial_time if given.initial_time is None and not given.steady else given.initial_time

@@ -19,8 +19,8 @@ def _held(name: str, experiment: Experiment) -> str:
     """How long a recording lasts and how much of it is fitted."""
     t, count = experiment.recording.t, int(np.sum(experiment.mask("fit")))
     return (
-        f"recording {name!r} lasts from {t[0]:g} to {t[-1]:g} s, and {count} of its {len(t)} samples are in the "
-        f"fitted part"
+        f"recording {name!r} lasts from {t[0]:g} to {t[-1]:g} s, "
+        f"and {count} of its {len(t)} samples are in the fitted part"
     )
 
 
@@ -61,16 +61,14 @@ class FittedParts:
         if sum(found.counts.values()) == 0:
             told = "; ".join(_held(n, e) for n, e in experiments.items())
             raise RecordingError(
-                f"No measured sample of {' or '.join(map(repr, outputs))} is left to fit ({told}); check the fit "
-                f"interval, skip, and the "
-                "missing values of the outputs."
+                f"No measured sample of {' or '.join(map(repr, outputs))} is left to fit "
+                f"({told}); check the fit interval, skip, and the missing values of the outputs."
             )
         for output in outputs:
             if not any(map(len, found.of_output(output))):
                 raise RecordingError(
-                    f"Output {output!r} has no measured sample inside the fitted part; widen that part, or remove the "
-                    f"output "
-                    "from the model."
+                    f"Output {output!r} has no measured sample inside the fitted "
+                    "part; widen that part, or remove the output from the model."
                 )
         return found
 

@@ -231,8 +231,8 @@ def _refuse(problem: Problem) -> None:
     steady = [n for n, drive in problem.data["drive"].items() if not isinstance(drive, Drive)]
     if steady:
         raise SimulationError(
-            f"Recording {steady[0]!r} is steady and cannot be cut into segments; make the problem for shooting without "
-            f"it."
+            f"Recording {steady[0]!r} is steady and cannot be cut "
+            "into segments; make the problem for shooting without it."
         )
 
 

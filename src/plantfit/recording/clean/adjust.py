@@ -84,8 +84,8 @@ def convert_units(recording: Recording, units: Mapping[str, str]) -> Recording:
         signal = signal_of(recording, name)
         if signal.unit is None:
             raise UnitError(
-                f"Recording {recording.name!r}: signal {name!r} has no unit to convert from; state it in units where "
-                f"the recording is read."
+                f"Recording {recording.name!r}: signal {name!r} has no unit to "
+                "convert from; state it in units where the recording is read."
             )
         factor, offset = factor_offset(signal.unit, unit)
         sentence = f"All {len(recording)} samples of {name!r} were converted from {signal.unit!r} to {unit!r}."

@@ -50,8 +50,8 @@ def cutoff_frequency(
         raise RecordingError(f"{step}: rule is {rule!r}; use one of {', '.join(map(repr, get_args(CutoffRule)))}.")
     if rule == "discrepancy" and noise is None:
         raise RecordingError(
-            f"{step}: rule 'discrepancy' needs noise=, the standard deviation of the noise; an encoder has its "
-            f"step/sqrt(12)."
+            f"{step}: rule 'discrepancy' needs noise=, the standard "
+            "deviation of the noise; an encoder has its step/sqrt(12)."
         )
     if noise is not None:
         noise = require_positive(noise, f"{step}: noise")
@@ -100,8 +100,8 @@ def _intercept(values: np.ndarray, period: float, order: int, step: str) -> floa
     )
     if start is None:
         raise RecordingError(
-            f"{step}: the residual over the cut-off has no straight part, the noise is not white; use rule "
-            f"'likelihood'."
+            f"{step}: the residual over the cut-off has no straight "
+            "part, the noise is not white; use rule 'likelihood'."
         )
     return float(np.polyfit(cutoffs[start:], left[start:], 1)[1])
 
@@ -115,9 +115,9 @@ def _removing(noise: float, values: np.ndarray, period: float, order: int, step:
     low, high = np.log(1.0 / (period * len(values))), np.log(0.45 / period)
     if not excess(low) > 0 > excess(high):
         raise RecordingError(
-            f"{step}: no cut-off removes noise of {noise:.3g}; between {np.exp(low):.2g} and {np.exp(high):.2g} Hz the "
-            f"filter removes "
-            f"{excess(low) + noise:.3g} to {excess(high) + noise:.3g}. Correct noise= or use rule 'likelihood'."
+            f"{step}: no cut-off removes noise of {noise:.3g}; between {np.exp(low):.2g} "
+            f"and {np.exp(high):.2g} Hz the filter removes {excess(low) + noise:.3g} to "
+            f"{excess(high) + noise:.3g}. Correct noise= or use rule 'likelihood'."
         )
     root: Any = brentq(excess, low, high, xtol=1e-4)
     return float(np.exp(root))

@@ -19,8 +19,8 @@ def levels(recording: Recording, signal: str) -> list[Recording]:
     if not 0 < len(moved) <= len(values) / 10:
         said = "never moves" if not len(moved) else f"moves at {len(moved)} of {len(values)} samples"
         raise RecordingError(
-            f"levels: signal {signal!r} of recording {recording.name!r} {said}; give an input that was changed in "
-            f"steps."
+            f"levels: signal {signal!r} of recording {recording.name!r} "
+            f"{said}; give an input that was changed in steps."
         )
     ends = [*(recording.t[moved - 1]), recording.t[-1]]
     starts = [recording.t[0], *recording.t[moved]]

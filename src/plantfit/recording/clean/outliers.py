@@ -68,8 +68,8 @@ def drop_samples(
     if away.any():
         first = float(wanted[np.argmax(away)])
         raise RecordingError(
-            f"drop_samples({name!r}): there is no sample at {first:g} s; the recording has {t[0]:g} to {t[-1]:g} s, "
-            f"correct the time."
+            f"drop_samples({name!r}): there is no sample at {first:g} s; "
+            f"the recording has {t[0]:g} to {t[-1]:g} s, correct the time."
         )
     values[at] = np.nan
     return with_signal(
@@ -86,9 +86,8 @@ def _between(name: str, t: np.ndarray, stretch: Sequence[float]) -> np.ndarray:
     inside = (t >= start) & (t <= stop)
     if not inside.any():
         raise RecordingError(
-            f"drop_samples({name!r}): between holds {stretch!r}; give pairs [start, stop] in seconds that hold "
-            f"samples, as in "
-            f"[[1.5, 2.25]]; the recording has {t[0]:g} to {t[-1]:g} s."
+            f"drop_samples({name!r}): between holds {stretch!r}; give pairs [start, stop] in seconds "
+            f"that hold samples, as in [[1.5, 2.25]]; the recording has {t[0]:g} to {t[-1]:g} s."
         )
     return inside
 

@@ -30,8 +30,8 @@ def split(recording: Recording, share: float) -> tuple[Recording, Recording]:
     first = round(share * len(recording))
     if first < 2 or len(recording) - first < 2:
         raise RecordingError(
-            f"split: a share of {share:g} of {len(recording)} samples leaves a part with fewer than 2; use a longer "
-            f"recording."
+            f"split: a share of {share:g} of {len(recording)} samples "
+            "leaves a part with fewer than 2; use a longer recording."
         )
     before = np.arange(len(recording)) < first
     parts = ((before, "train", "first"), (~before, "valid", "last"))
@@ -58,19 +58,17 @@ def pieces(recording: Recording, seconds: float) -> list[Recording]:
     number = max(1, round(span / seconds)) if np.isfinite(seconds) and seconds > 0 else count
     if number > count / 2:
         raise RecordingError(
-            f"Recording {recording.name!r} has {count} samples over {span:g} s, and pieces of {seconds:g} s do not "
-            f"hold two samples each; "
-            "give a longer time."
+            f"Recording {recording.name!r} has {count} samples over {span:g} s, and "
+            f"pieces of {seconds:g} s do not hold two samples each; give a longer time."
         )
     marks = np.searchsorted(t, t[0] + span * (np.arange(1, number) / number) - PART * seconds)
     found = []
     for k, rows in enumerate(np.split(np.arange(count), marks), 1):
         if len(rows) < 2:
             raise RecordingError(
-                f"Recording {recording.name!r}: piece {k} of {number}, up to {t[0] + span * k / number:g} s, has "
-                f"{len(rows)} of the 2 "
-                f"samples that it needs; give a longer time than {seconds:g} s, or two recordings, cut before and "
-                f"after a gap."
+                f"Recording {recording.name!r}: piece {k} of {number}, up to "
+                f"{t[0] + span * k / number:g} s, has {len(rows)} of the 2 samples that it needs; give "
+                f"a longer time than {seconds:g} s, or two recordings, cut before and after a gap."
             )
         sentence = f"Piece {k} of {number}: {len(rows)} of {count} samples, from {t[rows[0]]:g} s to {t[rows[-1]]:g} s."
         found.append(_rows(recording, np.isin(np.arange(count), rows), f"{recording.name}-{k}", sentence))

@@ -31,11 +31,9 @@ def uniform_period(recording: Recording, step: str) -> float:
     worst = int(np.argmax(np.abs(steps - period)))
     if abs(steps[worst] - period) > 0.1 * period:
         raise RecordingError(
-            f"Recording {recording.name!r}: {step} needs even steps, but after {recording.t[worst]:g} s the step is "
-            f"{steps[worst]:g} s "
-            f"instead of {period:g} s; resample it first (step resample, period = {period:g}; in Python "
-            f"resample(recording, "
-            f"{period:g})), or cut it there."
+            f"Recording {recording.name!r}: {step} needs even steps, but after {recording.t[worst]:g} s "
+            f"the step is {steps[worst]:g} s instead of {period:g} s; resample it first (step resample, "
+            f"period = {period:g}; in Python resample(recording, {period:g})), or cut it there."
         )
     mean = float(recording.t[-1] - recording.t[0]) / len(steps)
     return mean if abs(mean - period) > _MEAN * period else period
@@ -63,8 +61,8 @@ def with_new(
     """`with_signal` for a signal that must not be there yet; raises RecordingError in the name of `step`."""
     if name in recording.signals:
         raise RecordingError(
-            f"{step}: recording {recording.name!r} already has a signal {name!r}; give another name, or rename that "
-            f"one."
+            f"{step}: recording {recording.name!r} already has a "
+            f"signal {name!r}; give another name, or rename that one."
         )
     return with_signal(recording, name, values, unit, sentence)
 

@@ -40,8 +40,8 @@ def c_header(recording: Recording, name: str = "V", step: float | None = None, i
     us = round(period * 1e6)
     if us < 1 or abs(period * 1e6 - us) > 1e-3:
         raise RecordingError(
-            f"Recording {recording.name!r}: its period of {period * 1e6:g} us is not a whole number; choose another "
-            f"rate."
+            f"Recording {recording.name!r}: its period of {period * 1e6:g} "
+            "us is not a whole number; choose another rate."
         )
     peak = float(np.max(np.abs(signal.values)))
     step = (peak / _LARGEST or 1.0) if step is None else step

@@ -47,8 +47,8 @@ def multisine(
     multiples = multiples[multiples % 2 == 1] if odd else multiples
     if len(multiples) == 0:
         raise RecordingError(
-            f"multisine: no multiple of 1/period = {rate / n:g} Hz lies from {low:g} to {high:g} Hz; lengthen the "
-            f"period or widen the band."
+            f"multisine: no multiple of 1/period = {rate / n:g} Hz lies from "
+            f"{low:g} to {high:g} Hz; lengthen the period or widen the band."
         )
     if phases not in ("crest", "schroeder", "random"):
         raise RecordingError(f"multisine: phases is {phases!r}; use 'crest', 'schroeder' or 'random'.")

@@ -54,8 +54,8 @@ def prbs(
     bits = lfsr_bits(order, start, min(length, -(-n // hold)))
     values = offset + amplitude * (2.0 * np.resize(np.repeat(bits, hold), n) - 1.0)
     sentence = (
-        f"PRBS of order {order} (period {length} bits, {length * hold / rate:g} s), bits of {hold / rate:g} s, "
-        f"seed {seed}."
+        f"PRBS of order {order} (period {length} bits, "
+        f"{length * hold / rate:g} s), bits of {hold / rate:g} s, seed {seed}."
     )
     return waveform(values, rate, signal, unit, "prbs", sentence)
 

@@ -40,6 +40,6 @@ def below_nyquist(kind: str, rate: float, **frequencies: float) -> None:
     for name, value in frequencies.items():
         if not 0 < value <= rate / 2:
             raise RecordingError(
-                f"{kind}: {name} is {value:g} Hz, but samples at {rate:g} Hz carry up to {rate / 2:g} Hz; lower it or "
-                f"raise the rate."
+                f"{kind}: {name} is {value:g} Hz, but samples at {rate:g} Hz "
+                f"carry up to {rate / 2:g} Hz; lower it or raise the rate."
             )

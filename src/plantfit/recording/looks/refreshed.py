@@ -25,10 +25,9 @@ def refreshed_look(recording: Recording, name: str) -> Look | None:
     if (found := _held(y)) is not None:
         every, first = found
         text = (
-            f"{name} has a fresh value at every {_th(every)} sample only and repeats it in between, so that the model "
-            f"is compared with "
-            f"readings of up to {(every - 1) * period:.3g} s ago. That looks like a dead time or a lag. Keep the fresh "
-            f"ones."
+            f"{name} has a fresh value at every {_th(every)} sample only and repeats it in between, "
+            f"so that the model is compared with readings of up to {(every - 1) * period:.3g} s "
+            "ago. That looks like a dead time or a lag. Keep the fresh ones."
         )
         return Look(
             "held",
@@ -43,9 +42,9 @@ def refreshed_look(recording: Recording, name: str) -> Look | None:
     if (found := _filled(y)) is not None:
         every, first = found
         text = (
-            f"{name} lies on straight lines from every {_th(every)} sample to the next: values in between were "
-            f"interpolated, also from "
-            "readings that came later. That is no response of the plant. Keep those that were read."
+            f"{name} lies on straight lines from every {_th(every)} sample to the "
+            "next: values in between were interpolated, also from readings that came "
+            "later. That is no response of the plant. Keep those that were read."
         )
         return Look(
             "filled",

@@ -94,9 +94,8 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
         longest, begin = max(stuck)
         yield Look(
             "stuck", "warning", recording.name, name,
-            f"{name} shows {values[begin]:.4g}{unit} for {longest} samples in a row from t = {times[begin]:.4g} s on: "
-            f"the sensor may have "
-            "been stuck.",
+            f"{name} shows {values[begin]:.4g}{unit} for {longest} samples in a "
+            f"row from t = {times[begin]:.4g} s on: the sensor may have been stuck.",
             float(times[begin]), float(times[begin + longest - 1]),
             _without(name, times, sorted((b, n) for n, b in stuck)),
             figures={"samples": float(longest)},
@@ -194,22 +193,20 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
         shift = late * float(np.median(np.diff(recording.t)))
         write = f"clock_shift = {{ {u} = [{-2 * shift:.3g}, {2 * shift:.3g}] }}"
         sentence = (
-            f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers early, or be computed "
-            f"from {y} (closed "
-            f"loop). Try {write} under [model] first: a shift well below zero says the clocks. Otherwise see "
-            f"docs/closed-loop.md. "
-            f"A filter before {u}, or {y} smoothed over later samples, looks the same."
+            f"{told_of}may be stamped about {shift:.3g} s late (two clocks), so that {y} answers "
+            f"early, or be computed from {y} (closed loop). Try {write} under [model] first: a "
+            "shift well below zero says the clocks. Otherwise see docs/closed-loop.md. A filter "
+            f"before {u}, or {y} smoothed over later samples, looks the same."
         )
         figures["late"] = shift
     else:
         write = ""
         sentence = (
-            f"{told_of}seems to be computed from {y} (closed loop), or {y} knows it better: {u} was read with noise, "
-            f"through a filter or "
-            f"too seldom, or {y} was smoothed or interpolated over later samples. All of that pulls the parameters. "
-            f"For a loop see "
-            "docs/closed-loop.md, or estimate with a Kalman filter; else take both as they were read, smooth a noisy "
-            f"{u} in a cleaning step, and sample faster what moves between samples."
+            f"{told_of}seems to be computed from {y} (closed loop), or {y} knows it better: {u} was "
+            f"read with noise, through a filter or too seldom, or {y} was smoothed or interpolated "
+            "over later samples. All of that pulls the parameters. For a loop see "
+            "docs/closed-loop.md, or estimate with a Kalman filter; else take both as they were read, "
+            f"smooth a noisy {u} in a cleaning step, and sample faster what moves between samples."
         )
     return Look(
         "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write,

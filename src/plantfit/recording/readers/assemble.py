@@ -64,8 +64,8 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
 def brackets_told(header: str, unknown: str) -> str:
     """What became of a header whose brackets hold no known unit."""
     return (
-        f"{unknown!r} in the header {header!r} is not a known unit and counts as part of the name; correct it, or "
-        f"state the unit in units"
+        f"{unknown!r} in the header {header!r} is not a known unit and "
+        "counts as part of the name; correct it, or state the unit in units"
     )
 
 
@@ -104,8 +104,8 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
         )
     if column is None:
         raise RecordingError(
-            f"{table.source}: no column looks like time; give time= one of {[c.header for c in table.columns]} or "
-            f"period= in seconds."
+            f"{table.source}: no column looks like time; give time= one of "
+            f"{[c.header for c in table.columns]} or period= in seconds."
         )
     t, sentence = seconds(table, column, options.get("time_unit"))
     return t, column, [sentence]
@@ -147,8 +147,8 @@ def _own_names(columns: Sequence[Column], table: Table) -> tuple[dict[str, Colum
             name = f"{clean}_{count}"
         if name != clean:
             log.append(
-                f"Column {[*table.columns].index(column)} ({column.header!r}) is called {name!r}, because {clean!r} "
-                f"was taken."
+                f"Column {[*table.columns].index(column)} ({column.header!r}) "
+                f"is called {name!r}, because {clean!r} was taken."
             )
         chosen[name] = column
     return chosen, log
@@ -171,18 +171,15 @@ def _with_given_units(
         stated = units[name]
         if stated is not None and logarithmic(stated):
             raise UnitError(
-                f"{table.source}: column {chosen[name].header!r} is in {stated!r}, which is logarithmic, but units "
-                f"says {unit!r} for "
-                f"{name!r}; convert the values of the column, or leave {name!r} out of units and declare it without a "
-                f"unit to "
-                "compute with levels."
+                f"{table.source}: column {chosen[name].header!r} is in {stated!r}, which is "
+                f"logarithmic, but units says {unit!r} for {name!r}; convert the values of the column, "
+                f"or leave {name!r} out of units and declare it without a unit to compute with levels."
             )
         if stated is not None and not _may_mean(stated, unit) and parse(stated) != parse(unit):
             raise UnitError(
-                f"{table.source}: column {chosen[name].header!r} says {stated!r}, but units says {unit!r} for "
-                f"{name!r}; "
-                f"leave {name!r} out of units, or correct the header. A value in {stated!r} is converted to the unit "
-                f"of the model."
+                f"{table.source}: column {chosen[name].header!r} says {stated!r}, but units "
+                f"says {unit!r} for {name!r}; leave {name!r} out of units, or correct the "
+                f"header. A value in {stated!r} is converted to the unit of the model."
             )
         result[name] = unit
     return result
@@ -206,9 +203,8 @@ def _in_order(
     if len(back) and not sort:
         row = int(back[0]) + 1
         raise ClockError(
-            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; sort the rows (sort = true "
-            f"in the study file, "
-            "sort=True in Python), or cut the file there if it holds two runs.",
+            f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; sort the rows "
+            "(sort = true in the study file, sort=True in Python), or cut the file there if it holds two runs.",
             "sort = true",
         )
     if len(back):
@@ -222,8 +218,8 @@ def _in_order(
     if duplicates is None:
         row = int(order[same[0] + 1])
         raise ClockError(
-            f"{table.where(row)}: time {t[same[0]]:.9g} s appears twice; give duplicates = 'mean', or 'first' to keep "
-            f"the first row.",
+            f"{table.where(row)}: time {t[same[0]]:.9g} s appears twice; "
+            "give duplicates = 'mean', or 'first' to keep the first row.",
             'duplicates = "mean"',
         )
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])

@@ -83,8 +83,8 @@ def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
     if stated is not None and not compatible(stated, "s"):
         if given is None:
             raise UnitError(
-                f"Time column {column.header!r} has the unit {stated!r}, which is not a unit of time; choose another "
-                f"column."
+                f"Time column {column.header!r} has the unit {stated!r}, "
+                "which is not a unit of time; choose another column."
             )
         stated = None
     if given is not None:
@@ -92,8 +92,8 @@ def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
             raise UnitError(f"time_unit {given!r} is not a unit of time; use 's', 'ms', 'us', 'min', 'h' or 'day'.")
         if stated is not None and factor_offset(given, stated) != (1.0, 0.0):
             raise UnitError(
-                f"Time column {column.header!r} says {stated!r} but time_unit is {given!r}; leave time_unit out or "
-                f"correct the header."
+                f"Time column {column.header!r} says {stated!r} but time_unit "
+                f"is {given!r}; leave time_unit out or correct the header."
             )
         return given, "given"
     return (stated, "stated by the file") if stated is not None else ("s", "assumed, the file names no unit")
@@ -129,9 +129,8 @@ def _refuse_far(table: Table, column: Column, first: float) -> None:
     """Numbers since 1970 of loggers are in ms, us or ns where they would be in the year 5000 in s."""
     unit = "ms" if abs(first) < 1e14 else "us" if abs(first) < 1e17 else "ns"
     raise UnitError(
-        f"{table.source}: time column {column.header!r} has no unit and begins at {first:.6g}, thousands of years in "
-        f"s; say its unit, "
-        f"as in time_unit = {unit!r} for {unit} since 1970."
+        f"{table.source}: time column {column.header!r} has no unit and begins at {first:.6g}, "
+        f"thousands of years in s; say its unit, as in time_unit = {unit!r} for {unit} since 1970."
     )
 
 
@@ -145,8 +144,8 @@ def _refuse_unit(column: Column, time_unit: str | None, kind: str) -> None:
 def _no_gaps(table: Table, column: Column, there: np.ndarray) -> None:
     if not there.all():
         raise RecordingError(
-            f"{table.where(int(np.argmin(there)))}: time column {column.header!r} is empty; fill in the time or delete "
-            f"that row."
+            f"{table.where(int(np.argmin(there)))}: time column "
+            f"{column.header!r} is empty; fill in the time or delete that row."
         )
 
 
@@ -156,8 +155,8 @@ def _from_temporal(table: Table, column: Column) -> np.ndarray:
     # 64 bits of nanoseconds reach no farther, and older polars do not say so
     if cells.dtype in (pl.Date, pl.Datetime) and not cells.dt.year().is_between(1678, 2261).all():
         raise RecordingError(
-            f"{table.source}: time column {column.header!r} holds dates before 1678 or after 2261; correct them, or "
-            f"give seconds."
+            f"{table.source}: time column {column.header!r} holds dates "
+            "before 1678 or after 2261; correct them, or give seconds."
         )
     nanoseconds = (
         cells.cast(pl.Datetime("ns") if cells.dtype in (pl.Date, pl.Datetime) else cells.dtype)
@@ -196,8 +195,8 @@ def _from_text(table: Table, column: Column, text: list[str | None], first: str)
         values = np.array([(stamp - start).total_seconds() for stamp in found])  # type: ignore[operator]
     except TypeError:
         raise RecordingError(
-            f"{table.source}: time column {column.header!r} mixes timestamps with and without a time zone; write all "
-            f"alike."
+            f"{table.source}: time column {column.header!r} mixes "
+            "timestamps with and without a time zone; write all alike."
         ) from None
     return values, f"Time from the timestamps {column.header!r}, in seconds from {start}."
 

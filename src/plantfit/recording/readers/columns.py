@@ -55,8 +55,8 @@ class Table:
         if isinstance(wanted, (int, np.integer)) and not isinstance(wanted, bool):
             if not 0 <= wanted < len(self.columns):
                 raise RecordingError(
-                    f"{self.source} has no column {wanted} for {purpose}; it has {len(self.columns)} columns, numbered "
-                    f"from 0."
+                    f"{self.source} has no column {wanted} for {purpose}; "
+                    f"it has {len(self.columns)} columns, numbered from 0."
                 )
             return self.columns[wanted]
         for read in (
@@ -79,8 +79,8 @@ class Table:
             )
         headers = [c.header for c in self.columns]
         raise RecordingError(
-            f"{self.source} has no column {wanted!r} for {purpose}{close_match(str(wanted), headers)}; it has "
-            f"{headers}."
+            f"{self.source} has no column {wanted!r} for "
+            f"{purpose}{close_match(str(wanted), headers)}; it has {headers}."
         )
 
 

@@ -46,9 +46,8 @@ def decoded(data: bytes, file: Path) -> tuple[str, str]:
         return data.decode("utf-16", errors="replace"), "UTF-16"
     if b"\x00" in data[:4096] or data[:4] == b"PK\x03\x04":
         raise RecordingError(
-            f"File {file.name!r} is not text; save it as CSV, or give its name the ending of its format, such as "
-            f".xlsx, .mat, "
-            ".parquet or .npz."
+            f"File {file.name!r} is not text; save it as CSV, or give its name "
+            "the ending of its format, such as .xlsx, .mat, .parquet or .npz."
         )
     try:
         return data.decode("utf-8-sig"), "UTF-8"

@@ -109,9 +109,9 @@ def _refuse_thousands(table: Table, column: Column, values: np.ndarray) -> None:
     thousands = text.str.replace(",", "", literal=True).cast(pl.Float64, strict=False).drop_nulls().to_numpy()
     if _sweeps(thousands) < _sweeps(values[np.isfinite(values)]):
         raise RecordingError(
-            f"{table.source}: column {column.header!r} has {grouped[0]!r} beside whole numbers such as {plain[0]!r}, "
-            f"so that the comma may "
-            "part thousands; write its numbers without them, or give decimal=',' if it is a decimal comma."
+            f"{table.source}: column {column.header!r} has {grouped[0]!r} beside whole "
+            f"numbers such as {plain[0]!r}, so that the comma may part thousands; write "
+            "its numbers without them, or give decimal=',' if it is a decimal comma."
         )
 
 

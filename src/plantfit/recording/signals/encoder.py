@@ -111,9 +111,8 @@ def period_to_speed(
     if lag is not None:
         late = 0.5 * (np.abs(period) + np.minimum(np.abs(period), sampling))
         about = (
-            f"{lag!r} is how long before its sample {name!r} was the mean speed, {np.nanmedian(late):.3g} s at "
-            f"the "
-            f"median."
+            f"{lag!r} is how long before its sample {name!r} was the "
+            f"mean speed, {np.nanmedian(late):.3g} s at the median."
         )
         recording = with_new(recording, lag, late, "s", about, step)
     if slot is not None and counted is not None:

@@ -34,9 +34,8 @@ def duty_to_voltage(
     beyond = np.flatnonzero(np.abs(share) > 1 + 1e-9)
     if len(beyond):
         raise RecordingError(
-            f"{step}: the duty is {source.values[beyond[0]]:g} at {recording.t[beyond[0]]:g} s, beyond full_scale = "
-            f"{top:g}; "
-            "give the value that means always on."
+            f"{step}: the duty is {source.values[beyond[0]]:g} at {recording.t[beyond[0]]:g} "
+            f"s, beyond full_scale = {top:g}; give the value that means always on."
         )
     if bits is not None:
         share = np.round(share * (2**bits - 1)) / (2**bits - 1)

@@ -62,9 +62,8 @@ def kalman_smoother(
         )
     elif cutoff < system.lowest:
         raise RecordingError(
-            f"Kalman smoothing at {cutoff:g} Hz is ill-conditioned at {1 / system.h:g} samples a second; decimate the "
-            f"recording first "
-            f"or give at least {system.lowest:.2g} Hz."
+            f"Kalman smoothing at {cutoff:g} Hz is ill-conditioned at {1 / system.h:g} samples "
+            f"a second; decimate the recording first or give at least {system.lowest:.2g} Hz."
         )
     at = system.solve(cutoff)
     return Smoothed(at.states, float(np.sqrt(np.mean((at.states[:, 0] - values) ** 2))), float(cutoff))

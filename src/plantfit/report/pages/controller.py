@@ -76,8 +76,8 @@ def settings(record: TunedController) -> str:
     if isinstance(best, ScheduledLoop):
         ends = " to ".join(f"{g:.5g}" for g in (min(best.Kp, key=abs), max(best.Kp, key=abs)))
         return (
-            f"gains of {len(best.levels)} levels of {record.output.name}, Kp {ends}{per['Kp']}; they stand in the "
-            f"table of the levels"
+            f"gains of {len(best.levels)} levels of {record.output.name}, "
+            f"Kp {ends}{per['Kp']}; they stand in the table of the levels"
         )
     if isinstance(best, PidLoop | SmithLoop | CascadeLoop):
         told = (
@@ -99,9 +99,8 @@ def settings(record: TunedController) -> str:
     if record.plan is not None:
         plan = record.plan
         told = (
-            f"plans {len(plan.moves)} moves over {plan.seconds:.4g} s with {plan.rows} limits, {plan.steps} steps "
-            f"a "
-            f"sample"
+            f"plans {len(plan.moves)} moves over {plan.seconds:.4g} "
+            f"s with {plan.rows} limits, {plan.steps} steps a sample"
         )
         return f"{told} ({plan.multiplications} multiplications); without limits {_servo(best, per)}"
     return _servo(best, per)
@@ -170,13 +169,12 @@ def reduction(record: TunedController) -> str:
     what = "first order with dead time" if r.how == "as it is" else f"reduced to first order with dead time by {r.how}"
     if r.integrating:
         return (
-            f"The rules saw the plant as an integrator ({r.gain:.4g} per second) with dead time {r.dead_time:.4g} "
-            f"s "
-            f"({r.how})."
+            f"The rules saw the plant as an integrator ({r.gain:.4g} "
+            f"per second) with dead time {r.dead_time:.4g} s ({r.how})."
         )
     return (
-        f"The rules saw the plant as {what}: gain {r.gain:.4g}, lag {r.lag:.4g} s, dead time {r.dead_time:.4g} s, "
-        f"half a sample in it."
+        f"The rules saw the plant as {what}: gain {r.gain:.4g}, lag "
+        f"{r.lag:.4g} s, dead time {r.dead_time:.4g} s, half a sample in it."
     )
 
 
@@ -226,8 +224,8 @@ def front_told(record: TunedController) -> str:
         else "The controller here is that of the least weighted sum"
     )
     return (
-        f"Each point is a controller: over all plants no other is better in "
-        f"{' and '.join(n.replace('_', ' ') for n in front.figures)}. "
+        "Each point is a controller: over all plants no other is better "
+        f"in {' and '.join(n.replace('_', ' ') for n in front.figures)}. "
         f"Figures are those of the best fit. {taken}; --pick takes another."
     )
 

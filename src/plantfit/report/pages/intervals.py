@@ -8,11 +8,9 @@ from plantfit.report.numbers import UNKNOWN, interval, significant, unit_label
 
 MOST_DRAWN = 40  # parameters
 NOTE = (
-    "verdict: the report's own, at 95 %. covariance: the linearised problem, allowing for correlated residuals. "
-    "profile: all others "
-    "refitted. bootstrap: refits of records with resampled blocks of residuals. posterior: draws by NUTS. < and > mark "
-    "ends at a bound of "
-    "the search."
+    "verdict: the report's own, at 95 %. covariance: the linearised problem, allowing for correlated "
+    "residuals. profile: all others refitted. bootstrap: refits of records with resampled blocks of "
+    "residuals. posterior: draws by NUTS. < and > mark ends at a bound of the search."
 )
 
 

@@ -9,11 +9,9 @@ from plantfit.report.numbers import UNKNOWN, interval, plus_minus, significant, 
 
 MOST_DRAWN = 60  # parameters
 NOTE = (
-    "Every recording fitted alone, from the joint answer and by a search within the same bounds. Value and standard "
-    "error; p of Cochran's "
-    "Q over the recordings (Welch), corrected for all tests (Holm). A star marks what the data of a recording alone do "
-    "not determine: "
-    "not compared."
+    "Every recording fitted alone, from the joint answer and by a search within the same bounds. "
+    "Value and standard error; p of Cochran's Q over the recordings (Welch), corrected for all "
+    "tests (Holm). A star marks what the data of a recording alone do not determine: not compared."
 )
 
 

@@ -32,8 +32,8 @@ def screening_section(
         ["mu", "sigma"] if alone else []
     )
     sentences = [
-        f"mu* is the mean size of the change of {of} when a group moves through the whole width that was looked at, "
-        f"{where}.",
+        f"mu* is the mean size of the change of {of} when a group "
+        f"moves through the whole width that was looked at, {where}.",
         *(_dropped(label, s.dropped, s.trajectories, "trajectories") for label, s in found.items() if s.dropped),
     ]
     series = {label: _pairs(s.groups, s.mu_star, s.half_width) for label, s in found.items()}
@@ -87,6 +87,6 @@ def _pairs(groups: Any, values: Any, halves: Any) -> dict[str, tuple[float, floa
 def _dropped(label: str, dropped: int, of: int, what: str) -> str:
     place = f"{label}: " if label else ""
     return (
-        f"{place}{dropped} of {of} {what} held a run that failed and are left out whole; the figures are those of "
-        f"the part that runs."
+        f"{place}{dropped} of {of} {what} held a run that failed and are "
+        "left out whole; the figures are those of the part that runs."
     )

@@ -23,9 +23,8 @@ MEANS: dict[str, Callable[[MethodRuns], RunsSummary]] = {
     "mean time of a run [s]": lambda m: m.seconds,
 }
 MEANS_NOTE = (
-    "Over the finite final costs of the runs; CI by Student's t; evaluations and time are means, time as measured with "
-    "whatever "
-    "ran beside it. The lowest mean stands out."
+    "Over the finite final costs of the runs; CI by Student's t; evaluations and time "
+    "are means, time as measured with whatever ran beside it. The lowest mean stands out."
 )
 LEVELS = {"good": ("Shown", "✓"), "info": ("Note", "i"), "warning": ("Caution", "!")}
 FULL_TARGETS = 2  # target tables that stand open

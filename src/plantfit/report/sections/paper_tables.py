@@ -41,8 +41,8 @@ def latex_table(record: ComparisonOfMethods) -> str:
         lines += [_row(row) for row in _rows(problem, several)]
     lines += [r"\bottomrule", r"\end{tabular}"]
     note = (
-        "% plantfit compare: 95 % CI is mean +- 1.96 SEM; evaluations and time are means over runs; bold: lowest; "
-        "needs booktabs"
+        "% plantfit compare: 95 % CI is mean +- 1.96 SEM; evaluations "
+        "and time are means over runs; bold: lowest; needs booktabs"
     )
     return "\n".join([note, *lines]) + "\n"
 

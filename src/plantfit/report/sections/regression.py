@@ -71,8 +71,8 @@ def _resting_on_few(record: Mapping[str, Any]) -> list[dict[str, str]]:
     counts = {n: round(max(1.0, d)) for n, d in few.items()}
     told = " and ".join(f"{n} (about {c} independent error{'s' if c > 1 else ''})" for n, c in counts.items())
     sentence = (
-        f"Few of the {record['rows']} rows decide {told}; the intervals are wider for it (Student's t). Move "
-        f"what shows them more often."
+        f"Few of the {record['rows']} rows decide {told}; the intervals "
+        "are wider for it (Student's t). Move what shows them more often."
     )
     return [{"level": "info", "sentence": sentence}]
 

@@ -188,8 +188,7 @@ def _told(stated: Uncertainty) -> str:
     """How the errors were carried to the parameters."""
     if stated.method == "monte carlo":
         return (
-            f"Carried to the parameters by {stated.draws} draws of errors, each with a fit anew (GUM supplement 1); "
-            f"intervals "
-            "hold 95 % of the answers. Standard uncertainties by source are to first order."
+            f"Carried to the parameters by {stated.draws} draws of errors, each with a fit anew (GUM supplement "
+            "1); intervals hold 95 % of the answers. Standard uncertainties by source are to first order."
         )
     return "Carried to the parameters to first order (GUM): standard uncertainties add in squares to that by noise."

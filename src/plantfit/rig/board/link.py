@@ -84,8 +84,8 @@ def _why_not(port: str, error: Exception) -> str:
         )
     if code in (errno.EACCES, errno.EPERM):
         return (
-            f"Port {port} may not be used by this user; add the user to the group that owns it (often dialout) and "
-            f"log in again."
+            f"Port {port} may not be used by this user; add the user to "
+            "the group that owns it (often dialout) and log in again."
         )
     if code in (errno.EAGAIN, errno.EBUSY) or "lock" in text:
         return f"Port {port} is in use by another program; close that program first."

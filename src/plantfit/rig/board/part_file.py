@@ -79,9 +79,8 @@ class PartFile:
     def failed(self, error: OSError) -> RecordingError:
         """The sentence for a disk that refused."""
         return RecordingError(
-            f"{str(self.part)!r} could not be continued ({error.strerror}); what was recorded until then is kept in "
-            f"it: free "
-            "some space and record again."
+            f"{str(self.part)!r} could not be continued ({error.strerror}); what was "
+            "recorded until then is kept in it: free some space and record again."
         )
 
     def _write(self) -> None:

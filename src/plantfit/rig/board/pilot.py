@@ -62,9 +62,9 @@ class Pilot:
         for end in (loop.lower, loop.upper):
             if abs(self._drive(end)) > abs(most) * (1 + 1e-9) + 0.5 * abs(board.drive.scale):
                 raise BoardError(
-                    f"The controller drives {loop.input} up to {self._drive(end):.4g} {board.drive.unit}, but the "
-                    f"board gives up to "
-                    f"{abs(most):.4g} {board.drive.unit}; tune it within the limits of the board (--lower, --upper)."
+                    f"The controller drives {loop.input} up to {self._drive(end):.4g} "
+                    f"{board.drive.unit}, but the board gives up to {abs(most):.4g} "
+                    f"{board.drive.unit}; tune it within the limits of the board (--lower, --upper)."
                 )
         if loop.period < SHORTEST:
             raise BoardError(
@@ -76,8 +76,8 @@ class Pilot:
         self.every = whole_ratio(
             loop.period,
             sample,
-            f"The controller's period of {loop.period:g} s is no whole number of samples of {sample:g} s; choose "
-            f"--rate.",
+            f"The controller's period of {loop.period:g} s is no "
+            f"whole number of samples of {sample:g} s; choose --rate.",
         )
         unit = board.channels[self._place].unit
         self.column = f"{loop.output}_set [{unit}]" if unit else f"{loop.output}_set"

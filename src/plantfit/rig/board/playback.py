@@ -65,9 +65,9 @@ def raw_values(recording: Recording, board: Board) -> list[int]:
     worst = int(np.argmax(np.abs(steps)))
     if abs(steps[worst]) > drive.limit:
         raise RecordingError(
-            f"Excitation {recording.name!r}: {name!r} is {values[worst]:g} {drive.unit} at {recording.t[worst]:g} s, "
-            f"but the board gives "
-            f"up to {drive.limit * drive.scale:g} {drive.unit}; scale it with `plantfit excite ... --voltage`."
+            f"Excitation {recording.name!r}: {name!r} is {values[worst]:g} {drive.unit} at "
+            f"{recording.t[worst]:g} s, but the board gives up to {drive.limit * drive.scale:g} "
+            f"{drive.unit}; scale it with `plantfit excite ... --voltage`."
         )
     return [int(s) for s in steps]
 
@@ -88,8 +88,8 @@ def timing(board: Board, excitation: Recording | None, rate: float | None) -> tu
     divide = whole_ratio(
         sample,
         tick,
-        f"{1 / sample:g} samples a second do not fit the board's {board.tick_hz} Hz; choose {board.tick_hz} divided by "
-        f"a whole number.",
+        f"{1 / sample:g} samples a second do not fit the board's "
+        f"{board.tick_hz} Hz; choose {board.tick_hz} divided by a whole number.",
     )
     if period is None:
         return divide, 1

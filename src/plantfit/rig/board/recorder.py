@@ -74,8 +74,8 @@ def record(
         pilot = None if loop is None else Pilot(loop, board, divide)
         rows = Rows(board, divide / board.tick_hz, None if pilot is None else pilot.column)
         story = [
-            f"Recorded from board {board.name!r} (firmware {board.firmware}) at {board.tick_hz / divide:g} samples a "
-            f"second."
+            f"Recorded from board {board.name!r} (firmware {board.firmware}) "
+            f"at {board.tick_hz / divide:g} samples a second."
         ]
         story += [] if loop is None else [loop.sentence]
         made = [] if excitation is None else takewhile(lambda line: not line.startswith("Read from"), excitation.log)
@@ -205,9 +205,8 @@ class _Run:
             except BoardError as error:
                 if time.monotonic() > until:
                     raise BoardError(
-                        f"The board on {self.session.port} was lost after {self.rows.t:.1f} s and did not come back "
-                        f"within "
-                        f"{self.reconnect:g} s ({error}) What came before is in {str(self.file.out)!r}."
+                        f"The board on {self.session.port} was lost after {self.rows.t:.1f} s and did not come "
+                        f"back within {self.reconnect:g} s ({error}) What came before is in {str(self.file.out)!r}."
                     ) from None
                 time.sleep(_RETRY_SECONDS)
         else:
@@ -249,8 +248,8 @@ class _Run:
             log.append(f"The port was opened again {self.reconnects} times; the board was reset {self.resets} times.")
         if starved or watchdogs:
             log.append(
-                f"The board stopped the motor {watchdogs} times because this machine was silent, {starved} times for "
-                f"want of values."
+                f"The board stopped the motor {watchdogs} times because this "
+                f"machine was silent, {starved} times for want of values."
             )
         if self.playback.values:
             log.append(f"{self.playback.position} of {len(self.playback.values)} values of the excitation were played.")
@@ -273,9 +272,8 @@ def _check_board(board: Board) -> None:
     """Raise BoardError for a board whose declarations cannot become a recording."""
     if min(board.tick_hz, board.buffer, board.drive.limit) <= 0:
         raise BoardError(
-            f"Board {board.name!r} declares {board.tick_hz} ticks a second, a buffer of {board.buffer} values and a "
-            f"drive limit of "
-            f"{board.drive.limit}; all must be above 0: correct its firmware."
+            f"Board {board.name!r} declares {board.tick_hz} ticks a second, a buffer of {board.buffer} "
+            f"values and a drive limit of {board.drive.limit}; all must be above 0: correct its firmware."
         )
     for part in (board.drive, *board.channels):
         if (
@@ -284,9 +282,8 @@ def _check_board(board: Board) -> None:
             or (part.unit and not known(part.unit))
         ):
             raise BoardError(
-                f"Board {board.name!r} declares {part.name!r} in {part.unit!r} with scale {part.scale:g}; a plain "
-                f"name, a known unit and a "
-                "scale other than 0 are needed: correct its firmware."
+                f"Board {board.name!r} declares {part.name!r} in {part.unit!r} with scale {part.scale:g}; "
+                "a plain name, a known unit and a scale other than 0 are needed: correct its firmware."
             )
 
 

@@ -141,16 +141,15 @@ class Session:
                 self._started = int(fields[3])
             elif fields[0] == "E" and self.command is not None and "unknown" in fields[1]:
                 raise BoardError(
-                    f"The board on {self.port} takes no commands of a controller; flash the firmware that comes with "
-                    f"this plantfit."
+                    f"The board on {self.port} takes no commands of a controller; "
+                    "flash the firmware that comes with this plantfit."
                 )
             elif fields[:2] == ["K", "X"] and int(fields[2]) == self._number:
                 self.ended = int(fields[3]), [int(f) for f in fields[4:8]]
         except (ValueError, IndexError):
             raise BoardError(
-                f"The board on {self.port} sent {','.join(fields)!r}, whose checksum is right but which the protocol "
-                f"does not know; "
-                "flash the firmware that comes with this plantfit."
+                f"The board on {self.port} sent {','.join(fields)!r}, whose checksum is right but "
+                "which the protocol does not know; flash the firmware that comes with this plantfit."
             ) from None
 
     def _write(self, data: bytes) -> None:
@@ -164,9 +163,8 @@ class Session:
     def _silence(self, received: int, good: int) -> str:
         if received == 0:
             return (
-                f"The board on {self.port} does not answer; check its power, that plantfit's firmware is on it, "
-                f"and "
-                f"that this is its port."
+                f"The board on {self.port} does not answer; check its power, "
+                "that plantfit's firmware is on it, and that this is its port."
             )
         if good == 0:
             return (
@@ -174,6 +172,6 @@ class Session:
                 "choose the firmware's rate with --baud, or check that this is its port."
             )
         return (
-            f"The board on {self.port} answers but its hello does not come through; check the cable, or lower the "
-            f"baud on both sides."
+            f"The board on {self.port} answers but its hello does not come "
+            "through; check the cable, or lower the baud on both sides."
         )

@@ -120,8 +120,8 @@ def _places(record: Path, study: bool, exact: bool) -> dict[str, Path]:
         )
     if not record.parent.is_dir():
         raise RecordingError(
-            f"There is no folder {str(record.parent)!r} to write {record.name!r} into; make it, or choose another "
-            f"place."
+            f"There is no folder {str(record.parent)!r} to write "
+            f"{record.name!r} into; make it, or choose another place."
         )
     places = {"record": record, "truth": record.with_name(f"{stem}.truth.json")}
     if study:

@@ -161,8 +161,8 @@ def _looped(rig: DcMotorRig, asked: Asked, tuned: Tuned, duration: float, period
 
 
 _DRIVEN = (
-    "Sines of both signs beyond 1 V and a square wave of 0.2 Hz, blocks of 30 s, up to {:.4g} V; 0 V at the "
-    "first sample."
+    "Sines of both signs beyond 1 V and a square wave of 0.2 Hz, "
+    "blocks of 30 s, up to {:.4g} V; 0 V at the first sample."
 )
 
 
@@ -180,8 +180,8 @@ def _current_study(file: str, name: str, n: Mapping[str, float], tied: bool) -> 
 
 def _speed_study(file: str, name: str, n: Mapping[str, float]) -> str:
     told = (
-        "A DC motor from voltage and speed. Without the current only these combinations of its constants are "
-        "determined:\n"
+        "A DC motor from voltage and speed. Without the current "
+        "only these combinations of its constants are determined:\n"
         + "\n".join(f"  {law} = {label}" for law, label in zip(LAW, LABELS, strict=True))
         + "\nWith the current as well (a record with the column i) each constant is."
     )

@@ -77,9 +77,8 @@ def _record(asked: Asked) -> RigRecord:
             raise
         fell = str(error).split(" with the start")[0]
         raise SimulationError(
-            f"{fell}: {n['limit']:g} V and this motor do not hold these links upright over the motion; give shorter or "
-            f"lighter links, "
-            "a stronger motor, a larger limit, or a smaller offset."
+            f"{fell}: {n['limit']:g} V and this motor do not hold these links upright over the motion; "
+            "give shorter or lighter links, a stronger motor, a larger limit, or a smaller offset."
         ) from None
     determined: dict[str, Any] = {name: {"value": value, "unit": BASE_UNITS[name]} for name, value in rig.base.items()}
     determined |= {
@@ -139,8 +138,8 @@ def _study(file: str, name: str, n: Mapping[str, float], parts: tuple[str, ...],
 
 RIG = OfferedRig(
     "pendubot",
-    "Two links that an LQG moves from pose to pose with link 2 upright; encoders of both joints and the motor's "
-    "voltage.",
+    "Two links that an LQG moves from pose to pose with link 2 "
+    "upright; encoders of both joints and the motor's voltage.",
     _numbers(),
     _record,
     duration=25.0,

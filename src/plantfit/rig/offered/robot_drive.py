@@ -90,8 +90,8 @@ def _in(text: str, unit: str, path: str) -> float:
         value, own = units.quantity(text.strip())
     except UnitError:
         raise SimulationError(
-            f"The path {path!r} cannot be read at {text.strip()!r}; write straights as 1m and arcs as 0.5m/90deg, with "
-            f"commas between."
+            f"The path {path!r} cannot be read at {text.strip()!r}; write "
+            "straights as 1m and arcs as 0.5m/90deg, with commas between."
         ) from None
     if own and not units.compatible(own, unit):
         raise UnitError(

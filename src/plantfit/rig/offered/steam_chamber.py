@@ -75,10 +75,9 @@ def _record(asked: Asked) -> RigRecord:
         rig = replace(rig, truth=lambda _: shared)
     elif len(np.unique(openings)) > 1:
         raise SimulationError(
-            f"Rig 'steam_chamber': the valve takes {len(np.unique(openings))} openings, but the rig's tables belong to "
-            f"one; "
-            f"give {', '.join(PLANT)} for a plant that is the same at all, tables_of for tables that are, or one "
-            f"opening."
+            f"Rig 'steam_chamber': the valve takes {len(np.unique(openings))} openings, "
+            f"but the rig's tables belong to one; give {', '.join(PLANT)} for a plant "
+            "that is the same at all, tables_of for tables that are, or one opening."
         )
     moves = bool(own) or "tables_of" in n
     run = rig.record(
@@ -158,9 +157,8 @@ def _study(file: str, name: str, n: Mapping[str, float], constants: bool) -> str
     ):
         if limit:  # the error at full scale less that at zero: two even errors make a triangular one
             text += (
-                f"\n[uncertainty.{key}]  # {said}: {limit:g} % of span at zero and at full scale; its zero was "
-                f"set "
-                f"before the step\n"
+                f"\n[uncertainty.{key}]  # {said}: {limit:g} % of span at "
+                "zero and at full scale; its zero was set before the step\n"
             )
             text += (
                 f'of = "y"\nkind = "full scale"\nlimit = {2 * limit!r}\nunit = "%"\nspan = {n["span"]!r}\nshape = '

@@ -145,8 +145,8 @@ def _tuned(record: dict[str, Any], name: str) -> Tuned:
     else:
         if "set_point_share" not in best:
             raise SimulationError(
-                f"{name} was written before plantfit kept how fast the set point of an LQI or MPC moves; run `plantfit "
-                f"tune` again."
+                f"{name} was written before plantfit kept how fast the set "
+                "point of an LQI or MPC moves; run `plantfit tune` again."
             )
         form, parameters = (
             "LQI",

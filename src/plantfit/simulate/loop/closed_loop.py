@@ -157,9 +157,8 @@ def _check(plant: Model, period: float, substeps: int) -> None:
         raise SimulationError(f"Plant {plant.name!r} has no states; a closed loop needs a plant with dynamics.")
     if not plant.smooth:
         raise SimulationError(
-            f"Plant {plant.name!r} has events, dry friction, backlash or late states, which a closed loop does not "
-            f"follow; "
-            "give it smooth equations, such as tanh(w/w0) for friction."
+            f"Plant {plant.name!r} has events, dry friction, backlash or late states, which a closed "
+            "loop does not follow; give it smooth equations, such as tanh(w/w0) for friction."
         )
 
 

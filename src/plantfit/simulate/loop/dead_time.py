@@ -119,10 +119,9 @@ class DeadTimes:
                 continue
             if not np.all((np.asarray(value) >= 0) & (np.asarray(value) < (self.samples + 1) * self.period)):
                 raise SimulationError(
-                    f"Plant {model.name!r}: the dead time {one.name!r} is {np.asarray(value).tolist()}; the loop keeps "
-                    f"inputs for "
-                    f"{self.samples * self.period:g} s, give it a longest_delay that is enough, and times of 0 s or "
-                    f"more."
+                    f"Plant {model.name!r}: the dead time {one.name!r} is {np.asarray(value).tolist()}; "
+                    f"the loop keeps inputs for {self.samples * self.period:g} s, give it a "
+                    "longest_delay that is enough, and times of 0 s or more."
                 )
 
     @property
@@ -142,9 +141,8 @@ def dead_times_of(
     for delay in model.delays:
         if delay.input not in inputs:
             raise SimulationError(
-                f"Plant {model.name!r} delays {delay.input!r}, which this loop does not drive; give that input already "
-                f"delayed, "
-                "to a plant without that delay."
+                f"Plant {model.name!r} delays {delay.input!r}, which this loop does not "
+                "drive; give that input already delayed, to a plant without that delay."
             )
         declared = model.declared(delay.parameter)
         if longest is None:
@@ -157,9 +155,8 @@ def dead_times_of(
             )
             if most is None:
                 raise SimulationError(
-                    f"Plant {model.name!r}: nothing says how long the dead time {delay.parameter!r} may be; give "
-                    f"closed_loop a "
-                    "longest_delay in seconds."
+                    f"Plant {model.name!r}: nothing says how long the dead time "
+                    f"{delay.parameter!r} may be; give closed_loop a longest_delay in seconds."
                 )
             bounds.append(float(np.max(most)))
         late.append(

@@ -76,9 +76,9 @@ def known_times(vector: VectorModel, t: np.ndarray) -> np.ndarray:
         passed = _passed(guard, vector, t)
         if len(t) > 1 and np.any(passed == t[0]):
             raise SimulationError(
-                f"Model {vector.model.name!r}: the event {event.name} is at t = {t[0]:g} s, where the simulation "
-                f"begins, so that nothing "
-                "is passed; put what it does into the initial values, or begin earlier with initial_time."
+                f"Model {vector.model.name!r}: the event {event.name} is at t = {t[0]:g} "
+                "s, where the simulation begins, so that nothing is passed; put what it "
+                "does into the initial values, or begin earlier with initial_time."
             )
         found.append(passed)
     every = np.unique(np.concatenate(found)) if found else np.zeros(0)

@@ -113,7 +113,7 @@ def _picked(values, names, model, what):
     missing = [n for n in names if n not in values]
     if missing:
         raise ModelError(
-            f"Model {model.name!r}: {what}(x, u, p) returned {sorted(values)}, without {missing[0]!r}; return every "
-            f"name."
+            f"Model {model.name!r}: {what}(x, u, p) returned "
+            f"{sorted(values)}, without {missing[0]!r}; return every name."
         )
     return tuple(jnp.asarray(values[n], dtype=float) for n in names)

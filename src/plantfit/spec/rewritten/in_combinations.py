@@ -66,8 +66,8 @@ def in_combinations(study: Study, findings: Mapping[str, Any]) -> Rewritten:
     found = (findings.get("determined") or {}).get("combinations", ())
     if not found:
         raise SpecError(
-            f"{study.name}: all that the data determine are parameters by themselves, no combinations; nothing has to "
-            f"be changed."
+            f"{study.name}: all that the data determine are parameters "
+            "by themselves, no combinations; nothing has to be changed."
         )
     document = tomlkit.parse(study.text.removeprefix("\ufeff"))
     made: dict[str, str] = {}

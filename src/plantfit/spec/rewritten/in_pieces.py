@@ -44,8 +44,8 @@ def in_pieces(study: Study, seconds: float) -> str:
     if not long:
         longest = max(float(np.ptp(e.recording.t)) for e in experiments.values())
         raise SpecError(
-            f"{path.name}: no recording lasts longer than {seconds:g} s, the longest {longest:.4g} s; give a shorter "
-            f"time."
+            f"{path.name}: no recording lasts longer than {seconds:g} "
+            f"s, the longest {longest:.4g} s; give a shorter time."
         )
     for name in long:
         tables[name]["pieces"] = int(seconds) if seconds == int(seconds) else seconds

@@ -91,9 +91,8 @@ def work_on_cluster(
         ):  # dask's own errors of connections are OSErrors
             raise
         raise SearchError(
-            f"The connection to the dask scheduler was lost ({str(error) or type(error).__name__}); what is done is "
-            f"saved, "
-            "go on with `plantfit resume`."
+            f"The connection to the dask scheduler was lost ({str(error) or type(error).__name__}); "
+            "what is done is saved, go on with `plantfit resume`."
         ) from error
     finally:
         driver.let_go()
@@ -142,9 +141,8 @@ def _client(distributed: Any, address: str, workers: int | None) -> Iterator[Any
         client = distributed.Client(address, timeout=CONNECT_SECONDS)
     except (OSError, TimeoutError, ValueError, TypeError) as error:
         raise SearchError(
-            f"No dask scheduler answers at {address!r}; start one with `dask scheduler`, give the address that it "
-            f"prints, "
-            "or say local for workers on this machine."
+            f"No dask scheduler answers at {address!r}; start one with `dask scheduler`, "
+            "give the address that it prints, or say local for workers on this machine."
         ) from error
     with client:
         yield client
@@ -231,8 +229,8 @@ class _Driver:
             self.client.register_plugin(studied, name=self._name(job.study))
         except (ImportError, AttributeError) as error:
             raise SearchError(
-                f"The workers of the cluster cannot load plantfit ({error}); install the same versions of plantfit and "
-                f"dask there as here."
+                f"The workers of the cluster cannot load plantfit ({error}); "
+                "install the same versions of plantfit and dask there as here."
             ) from error
 
     def _look(self) -> None:
@@ -272,9 +270,8 @@ class _Driver:
         if self.losses[claim.id] >= MOST_LOSSES:
             task = claim.task
             raise SearchError(
-                f"{MOST_LOSSES} workers in a row were lost at {task.method} from run {task.first} on; give them more "
-                f"memory or start "
-                "fewer on a machine. What is done is saved, go on with `plantfit resume`."
+                f"{MOST_LOSSES} workers in a row were lost at {task.method} from run {task.first} on; give them "
+                "more memory or start fewer on a machine. What is done is saved, go on with `plantfit resume`."
             )
 
     def _give_back(self, worker: str) -> None:
@@ -328,8 +325,7 @@ class _Driver:
             task = sent.claim.task
             raise SearchError(
                 f"Worker {sent.worker} failed at {task.method} from run {task.first} on ({type(error).__name__}: "
-                f"{error}); "
-                "its log says more. What is done is saved, go on with `plantfit resume`."
+                f"{error}); its log says more. What is done is saved, go on with `plantfit resume`."
             ) from error
 
     def _send(self) -> None:

@@ -54,8 +54,8 @@ def _united(store: Store, numbers: Sequence[int], floor: float | None, optimum: 
         own = store.runs(study.id)
         if not own:
             raise StoreError(
-                f"Study {study.id} ({study.name}) in {store.name} has no finished run yet; go on with `plantfit resume "
-                f"{study.id}`."
+                f"Study {study.id} ({study.name}) in {store.name} has no "
+                f"finished run yet; go on with `plantfit resume {study.id}`."
             )
         names = {m: f"{m} (study {study.id})" if m in twice else m for m in study.plan["methods"]}
         runs += [replace(r, method=names[r.method]) for r in own]

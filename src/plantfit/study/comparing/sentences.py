@@ -100,9 +100,8 @@ def optima_sentence(shares: Sequence[float], within: float, widest: tuple[str, f
         )
     if widest and widest[1] > 0.1:
         return (
-            f"The {_share(shares[0])} of runs {same} lie in one valley: {widest[0]} varies over "
-            f"{_share(widest[1])} "
-            f"of its bounds."
+            f"The {_share(shares[0])} of runs {same} lie in one valley: "
+            f"{widest[0]} varies over {_share(widest[1])} of its bounds."
         )
     return f"The {_share(shares[0])} of runs {same} agree on one answer."
 
@@ -110,9 +109,8 @@ def optima_sentence(shares: Sequence[float], within: float, widest: tuple[str, f
 def one_problem_sentence(runs: Iterable[int]) -> str:
     """What a test on one problem says and what it does not."""
     return (
-        f"All replicates are runs of one problem ({', '.join(str(n) for n in runs)} runs): the tests say which method "
-        f"is better here, "
-        "not on other problems."
+        f"All replicates are runs of one problem ({', '.join(str(n) for n in runs)} "
+        "runs): the tests say which method is better here, not on other problems."
     )
 
 
@@ -123,8 +121,8 @@ def friedman_sentence(record: RankTest) -> str:
     head = f"Over {record.problems} problems the mean ranks are {ordered} (1 is best)"
     if record.p >= SIGNIFICANCE:
         return (
-            f"{head}: no difference that {record.problems} problems could show ({p_value(record.p)}, Friedman, "
-            f"Iman-Davenport)."
+            f"{head}: no difference that {record.problems} problems "
+            f"could show ({p_value(record.p)}, Friedman, Iman-Davenport)."
         )
     behind = [m for m, p in record.p_holm.items() if p is not None and p < SIGNIFICANCE]
     tail = (
@@ -155,8 +153,8 @@ def across_sentence(record: PairOverProblems) -> str:
         else ""
     )
     return (
-        f"No difference between {record.better} and {record.worse} shown over {n} problems ({effect}{sooner}; "
-        f"{p}{why})."
+        f"No difference between {record.better} and {record.worse} "
+        f"shown over {n} problems ({effect}{sooner}; {p}{why})."
     )
 
 

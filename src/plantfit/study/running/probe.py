@@ -41,6 +41,6 @@ def check_same(before: bytes, now: bytes, study_id: int) -> None:
         )
     if not np.allclose(a[POINTS:], b[POINTS:], rtol=TOLERANCE, atol=0.0):
         raise StoreError(
-            f"Study {study_id} began with other bounds, scales or to_physical; resume it with its own spec, or start a "
-            f"new study."
+            f"Study {study_id} began with other bounds, scales or "
+            "to_physical; resume it with its own spec, or start a new study."
         )

@@ -42,8 +42,8 @@ def begin(
     names = tuple(coordinates) if coordinates is not None else tuple(f"x{k + 1}" for k in range(objective.dimension))
     if len(names) != objective.dimension:
         raise SearchError(
-            f"Study {plan.name!r} names {len(names)} coordinates but its problem has {objective.dimension}; name each "
-            f"one once."
+            f"Study {plan.name!r} names {len(names)} coordinates but "
+            f"its problem has {objective.dimension}; name each one once."
         )
     plan = replace(
         plan,
@@ -153,9 +153,8 @@ def check_searches(store: Store, study_id: int) -> None:
     if before != str(SEARCHES):
         raise StoreError(
             f"Study {study_id} ({study.name}) was begun by plantfit "
-            f"{study.versions.get('plantfit', 'of unknown version')} with edition "
-            f"{before} of the searches, and this plantfit has edition {SEARCHES}: its runs could not be compared. "
-            f"Finish it with that "
+            f"{study.versions.get('plantfit', 'of unknown version')} with edition {before} of the searches, "
+            f"and this plantfit has edition {SEARCHES}: its runs could not be compared. Finish it with that "
             "version, or start it anew with `plantfit run`; `plantfit report` still shows what it has."
         )
 

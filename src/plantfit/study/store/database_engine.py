@@ -33,8 +33,8 @@ def connect(place: str | os.PathLike[str], busy_timeout: float, create: bool) ->
         return _server(url, busy_timeout)
     if backend != "sqlite":
         raise StoreError(
-            f"Studies are kept in SQLite or PostgreSQL, not in {backend!r}; write a file name or "
-            f"postgresql+psycopg://user@host/name."
+            f"Studies are kept in SQLite or PostgreSQL, not in {backend!r}; "
+            "write a file name or postgresql+psycopg://user@host/name."
         )
     name = url.database or ""
     _check_path(Path(name), name, create)
@@ -86,8 +86,8 @@ def _url(place: str | os.PathLike[str]) -> URL:
         return make_url(text)
     except (ArgumentError, ValueError):  # without the cause, which repeats the address
         raise StoreError(
-            f"The study database address {shown(text)!r} cannot be read; write a file name or "
-            f"postgresql+psycopg://user@host/name."
+            f"The study database address {shown(text)!r} cannot be read; "
+            "write a file name or postgresql+psycopg://user@host/name."
         ) from None
 
 
@@ -119,8 +119,8 @@ def _check_path(path: Path, name: str, create: bool) -> None:
         raise StoreError(f"Study database {name} is a folder; give the name of a file in it.")
     if not path.parent.is_dir():
         raise StoreError(
-            f"Study database {name} cannot be made because the folder {path.parent} does not exist; make the folder "
-            f"first."
+            f"Study database {name} cannot be made because the folder "
+            f"{path.parent} does not exist; make the folder first."
         )
     if not create and not path.exists():
         raise StoreError(f"Study database {name} does not exist; check the name, or start a study to make it.")

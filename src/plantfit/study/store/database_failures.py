@@ -71,9 +71,8 @@ def readable(name: str, study_id: int) -> Iterator[None]:
         yield
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError, zlib.error) as error:
         raise StoreError(
-            f"Study {study_id} in {name} has a row that cannot be read ({in_words(error)}); restore the database from "
-            f"a copy, "
-            "or delete the study."
+            f"Study {study_id} in {name} has a row that cannot be read "
+            f"({in_words(error)}); restore the database from a copy, or delete the study."
         ) from error
 
 
@@ -93,8 +92,8 @@ def _sentence(error: BaseException | None) -> str:
     first_line = "".join(text.splitlines()[:1])
     if state == UNREACHABLE:
         return (
-            f"cannot be reached ({first_line}); check its address and that the server runs, then resume the study "
-            f"({KEPT})."
+            f"cannot be reached ({first_line}); check its address and "
+            f"that the server runs, then resume the study ({KEPT})."
         )
     return f"answered {first_line!r}; check its address, the server and your rights, then resume the study ({KEPT})."
 

@@ -128,6 +128,6 @@ def _whole(path: Path, write: Callable[[Path], object]) -> None:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise StoreError(
-            f"The study cannot be written to {path} ({error.strerror or error}); check the folder, its rights and free "
-            f"space."
+            f"The study cannot be written to {path} ({error.strerror or error}); "
+            "check the folder, its rights and free space."
         ) from error

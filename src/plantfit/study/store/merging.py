@@ -76,8 +76,8 @@ def _unite(connection: Connection, study: Row, whole: WholeStudy, origin: str) -
     if added:
         notes += whole.study.notes
         notes += [
-            f"{added} runs came from {there}{_elsewhere(study, whole.study)}; {equal} runs were here already with the "
-            f"same bits."
+            f"{added} runs came from {there}{_elsewhere(study, whole.study)}; "
+            f"{equal} runs were here already with the same bits."
         ]
     if different:
         run, found = different[0]

@@ -58,7 +58,7 @@ def current_version(connection: Connection, name: str) -> int:
         return connection.scalar(select(func.max(tables.schema_version.c.version))) or 0
     if present:
         raise StoreError(
-            f"{name} is a database of another program (it has a table {present[0]!r}); choose another one for the "
-            f"study."
+            f"{name} is a database of another program (it has a table "
+            f"{present[0]!r}); choose another one for the study."
         )
     return 0

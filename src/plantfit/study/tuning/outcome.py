@@ -133,18 +133,16 @@ class Tuned:
             return f"Stopped after {tried}: {what}, not yet compared on fresh seeds."
         if self.contest is None:
             return (
-                f"None of {tried} was better than the default of {self.method} on the seeds of the search: keep "
-                f"the "
-                f"default."
+                f"None of {tried} was better than the default of "
+                f"{self.method} on the seeds of the search: keep the default."
             )
         return _verdict(self.method, self.contest)
 
     def toml(self) -> str:
         """A block for the study file; values that did not prove better stand in comments."""
         head = [
-            f"# plantfit tune-search: {self.method} tuned by {self.outer}, {len(self.trials)} settings, seed "
-            f"{self.seed}, "
-            f"{self.budget} evaluations a run",
+            f"# plantfit tune-search: {self.method} tuned by {self.outer}, "
+            f"{len(self.trials)} settings, seed {self.seed}, {self.budget} evaluations a run",
             f"# {self.sentence}",
             f"[search.settings.{self.method}]",
         ]

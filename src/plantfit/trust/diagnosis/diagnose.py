@@ -81,8 +81,8 @@ def demand_treatable(problem: Problem) -> None:
     if not treatable(problem) and not isinstance(problem.model, LinearModel):
         name = problem.model.name
         raise ModelError(
-            f"Diagnosis is for models that are simulated over time and for regressions, and {name!r} is neither; look "
-            f"at its residuals."
+            "Diagnosis is for models that are simulated over time and for "
+            f"regressions, and {name!r} is neither; look at its residuals."
         )
 
 

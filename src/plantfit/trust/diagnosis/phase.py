@@ -64,9 +64,8 @@ def with_diagnosis(
     best = min(runs, key=lambda r: r.cost)
     if not whole and forgotten(findings):
         text = (
-            f"What may be missing was not tried, as the simulation forgets its start; {_command(findings)} tries "
-            f"it "
-            f"all the same."
+            "What may be missing was not tried, as the simulation forgets "
+            f"its start; {_command(findings)} tries it all the same."
         )
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
@@ -153,9 +152,8 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
     )
     if seldom:
         text = (
-            f"{seldom} was read more seldom than it was recorded, and what is said of what may be missing may "
-            f"stand "
-            f"for that: keep the "
+            f"{seldom} was read more seldom than it was recorded, and what "
+            "is said of what may be missing may stand for that: keep the "
         )
         yield say("warning", f"{text}fresh samples alone, as the look at {seldom} says, and run again.")
     outputs = some(
@@ -163,9 +161,8 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
     )
     if outputs:
         text = (
-            f"{outputs} may have been stuck, and what is said of what may be missing may stand for that: take "
-            f"those "
-            f"samples out first, "
+            f"{outputs} may have been stuck, and what is said of what may "
+            "be missing may stand for that: take those samples out first, "
         )
         yield say("warning", f"{text}as the look at {outputs} says, and run again.")
 

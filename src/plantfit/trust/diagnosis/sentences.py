@@ -92,10 +92,9 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
                 step, taken = outliers_taken(d, output)
                 yield say(
                     "warning",
-                    f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} % of "
-                    f"the squares of the "
-                    f"residual{beside}: outliers, which this diagnosis leaves out. {step} under clean takes "
-                    f"{'them' if taken == count else f'{taken} of them'} away.",
+                    f"{count} of {total} samples of {output} lie far from their neighbours and hold {share:.0f} "
+                    f"% of the squares of the residual{beside}: outliers, which this diagnosis leaves out. "
+                    f"{step} under clean takes {'them' if taken == count else f'{taken} of them'} away.",
                     count=count,
                     share=d.outliers.share,
                 )
@@ -113,8 +112,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         text = f"{e.article} {e.name}".strip()
         yield say(
             "info",
-            f"{text[0].upper()}{text[1:]} was found first, and explains nothing beside that: it stood for what was "
-            f"found later.",
+            f"{text[0].upper()}{text[1:]} was found first, and explains "
+            "nothing beside that: it stood for what was found later.",
         )
     for old, new in d.exchanged:
         first, better = (f"{e.article} {e.name}".strip() for e in (old, new))
@@ -138,8 +137,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
     if asked:
         yield say(
             "info",
-            f"{some([c.name[0].upper() + c.name[1:] for c in d.curves])}: a curve in time, as smooth as the data ask "
-            f"for.",
+            f"{some([c.name[0].upper() + c.name[1:] for c in d.curves])}: "
+            "a curve in time, as smooth as the data ask for.",
         )
     if d.disturbed is not None and not d.surpassed:
         yield _wanders(d, d.disturbed)
@@ -216,9 +215,8 @@ def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     first = d.rounds[0]
     best = _best(first)
     text = (
-        f"Nothing that was tried explains more than {_percent(best)} of what is left ({len(first.trials)} "
-        f"additions "
-        f"to the model)"
+        f"Nothing that was tried explains more than {_percent(best)} "
+        f"of what is left ({len(first.trials)} additions to the model)"
     )
     strong = [t for t in first.trials if t.explained >= 0.05]
     if strong:
@@ -238,9 +236,8 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
             continue  # it is told what that is
         yield say(
             "warning",
-            f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was tried "
-            f"explains beyond "
-            "doubt: something else is missing, or the record is too short to tell.",
+            f"Of {output} {number(times)} times its sample-to-sample noise is left, which nothing that was "
+            "tried explains beyond doubt: something else is missing, or the record is too short to tell.",
             times=times,
         )
 
@@ -275,9 +272,8 @@ def _drifts(d: Diagnosis, found: Drifting) -> Sentence:
     slower = ", more slowly than the inputs move the plant" if driven else ""
     text = (
         f"{of} drifts slowly, {some(moved)}{slower}: a curve in time accounts for "
-        f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts there, or a "
-        f"sensor drifts"
-        f"{', and nothing else need be missing' if alone and driven else ''}."
+        f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts "
+        f"there, or a sensor drifts{', and nothing else need be missing' if alone and driven else ''}."
     )
     if not driven:
         text += " Without inputs it cannot be told from an error of the equations that moves slowly."

@@ -56,8 +56,8 @@ def d_optimal(
     low, high = (np.asarray(b, dtype=float) for b in bounds)
     if low.ndim != 1 or low.shape != high.shape or not np.all(low < high):
         raise SearchError(
-            f"The bounds of the design have shapes {low.shape} and {high.shape}; give a lower below an upper bound for "
-            f"each number."
+            f"The bounds of the design have shapes {low.shape} and "
+            f"{high.shape}; give a lower below an upper bound for each number."
         )
 
     def measured(design: Any) -> tuple[Any, Any, Any]:
@@ -82,8 +82,8 @@ def d_optimal(
     if not run.cost < OUTSIDE:
         said = f"breaks limits by {run.cost - OUTSIDE:.3g}" if np.isfinite(run.cost) else "cannot be evaluated"
         raise SearchError(
-            f"No design keeps all limits: the best of {budget} {said}; widen the limits or give a start that keeps "
-            f"them."
+            f"No design keeps all limits: the best of {budget} {said}; "
+            "widen the limits or give a start that keeps them."
         )
     design = low + (high - low) * run.x
     matrix, log_det, total = (np.asarray(v) for v in jax.jit(measured)(jnp.asarray(design)))

@@ -118,14 +118,14 @@ def designed(
     best = min([own, *classical], key=lambda c: c.cost)
     if best.cost >= 2 * OUTSIDE:
         raise SearchError(
-            "No input that was tried can be simulated to finite outputs; check the limits of the inputs and the "
-            "parameters."
+            "No input that was tried can be simulated to finite "
+            "outputs; check the limits of the inputs and the parameters."
         )
     if best.cost >= OUTSIDE:
         raise SearchError(
-            f"No input of {exchange.tried} keeps the limits: the best breaks them by {100 * (best.cost - OUTSIDE):.3g} "
-            f"% of their "
-            "width. Widen the limits, or begin where the plant is within them."
+            f"No input of {exchange.tried} keeps the limits: the best breaks "
+            f"them by {100 * (best.cost - OUTSIDE):.3g} % of their width. "
+            "Widen the limits, or begin where the plant is within them."
         )
     return Designed(best, tuple(c for c in classical if c.cost < OUTSIDE), exchange.tried)
 

@@ -40,9 +40,9 @@ def difference_sentences(record: NextExperiment) -> list[Sentence]:
     share = f"{right:.3g} %" if right < 99.9 else "more than 99.9 %"
     level = "good" if far >= TOLD_APART else "warning"
     sentence = (
-        f"Under this input the outputs that {record.name} and {record.against} foretell lie {far:.3g} standard "
-        f"deviations apart, "
-        f"over noise and what their parameters leave open: the right one of the two is told in {share} of recordings."
+        f"Under this input the outputs that {record.name} and {record.against} foretell "
+        f"lie {far:.3g} standard deviations apart, over noise and what their parameters "
+        f"leave open: the right one of the two is told in {share} of recordings."
     )
     if far < TOLD_APART:
         sentence += " Widen the limits, record longer, or use a sensor with less noise."
@@ -111,8 +111,8 @@ def _scattering(record: NextExperiment) -> list[Sentence]:
     if not record.scatters:
         return []
     text = (
-        f"Recordings scatter in {some(record.scatters)}: the input serves {record.plants} plants as another "
-        f"recording may find them."
+        f"Recordings scatter in {some(record.scatters)}: the input serves "
+        f"{record.plants} plants as another recording may find them."
     )
     return [say("info", text)]
 
@@ -120,10 +120,9 @@ def _scattering(record: NextExperiment) -> list[Sentence]:
 def _coloured(record: NextExperiment) -> list[Sentence]:
     if record.inflation > 2.0:
         sentence = (
-            f"The residuals of the study are correlated, which makes variances {record.inflation:.2g} times those of "
-            f"white noise; the "
-            "same is assumed of the new recording. What the model lacks counts as noise here: look for it first "
-            "(plantfit diagnose)."
+            f"The residuals of the study are correlated, which makes variances {record.inflation:.2g} "
+            "times those of white noise; the same is assumed of the new recording. What the model "
+            "lacks counts as noise here: look for it first (plantfit diagnose)."
         )
         return [say("warning", sentence)]
     return []

@@ -55,9 +55,8 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     order = _order(results)
     if not order:
         raise SearchError(
-            "No candidate of any run could be simulated: the outputs were not finite anywhere in the box. "
-            "Check the equations at the middle of the bounds with `plantfit check`, narrow the bounds, or fill missing "
-            "inputs."
+            "No candidate of any run could be simulated: the outputs were not finite anywhere in the box. Check the "
+            "equations at the middle of the bounds with `plantfit check`, narrow the bounds, or fill missing inputs."
         )
     allowed = max(SHARE * sum(r.evaluations for r in results), STEPS * problem.jacobian_charge)
     twins = _twins(results, order)

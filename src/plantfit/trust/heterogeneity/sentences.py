@@ -28,9 +28,8 @@ def answer_sentences(findings: Record) -> list[Sentence]:
     command = f"`plantfit compare-records {shlex.quote(file)}`" if file else "`pf.compare_records(answer)`"
     if section["state"] == "left":
         text = (
-            f"Whether the {len(section['recordings'])} recordings agree was not tested, as it takes long; "
-            f"{command} "
-            f"does it."
+            f"Whether the {len(section['recordings'])} recordings agree "
+            f"was not tested, as it takes long; {command} does it."
         )
         return [say("info", text)]
     count, rows = len(section["recordings"]), findings["parameters"]
@@ -167,8 +166,8 @@ def _differ(differ: Sequence[Record], record: Record) -> str:
     if not differ:
         p = chance(record["together"]["p_adjusted"])
         return (
-            f"The recordings disagree on the parameters together ({p}), though on none of them by more than its "
-            f"intervals"
+            "The recordings disagree on the parameters together "
+            f"({p}), though on none of them by more than its intervals"
         )
     told = []
     for p in sorted(differ, key=lambda p: p["p_adjusted"])[:MOVED]:
@@ -204,8 +203,8 @@ def _apart(a: Record, record: Record) -> Sentence:
     what = "; ".join(shown) if shown else "the parameters differ together, none of them by more than its intervals"
     more = f"; {some([m['name'] for m in moved[MOVED:]])} moved as well" if len(moved) > MOVED else ""
     rmse = (
-        f"its RMSE is {number(own['rmse_joint'])} with the joint values and {with_unit(own['rmse_alone'], unit)} "
-        f"with its own"
+        f"its RMSE is {number(own['rmse_joint'])} with the joint "
+        f"values and {with_unit(own['rmse_alone'], unit)} with its own"
     )
     figures = {"rmse_joint": own["rmse_joint"], "rmse_alone": own["rmse_alone"]}
     if moved:
@@ -241,10 +240,9 @@ def _spread(record: Record) -> list[Sentence]:
         error = p["joint"]["standard_error"]
         if p["differs"] and error and p["between"] > error:
             text = (
-                f"Between recordings {p['name']} scatters by {with_unit(p['between'], p['unit'])} (standard "
-                f"deviation), "
-                f"{number(p['between'] / error)} times the standard error of the joint answer, which does not hold for "
-                f"another recording."
+                f"Between recordings {p['name']} scatters by {with_unit(p['between'], p['unit'])} "
+                f"(standard deviation), {number(p['between'] / error)} times the standard error "
+                "of the joint answer, which does not hold for another recording."
             )
             said.append(say("warning", text, between=p["between"], standard_error=error))
     return said[:MOVED]
@@ -256,8 +254,8 @@ def _untested(record: Record) -> list[Sentence]:
     slow = [r["name"] for r in record["recordings"] if not r["sound"]]
     if slow:
         text = (
-            f"What is left of {some(slow)} moves too slowly, or is too short, for intervals that hold; {_it(slow)} "
-            f"not compared."
+            f"What is left of {some(slow)} moves too slowly, or is too "
+            f"short, for intervals that hold; {_it(slow)} not compared."
         )
         said.append(say("info", text))
     for p in record["parameters"]:

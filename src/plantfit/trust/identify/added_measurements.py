@@ -49,8 +49,8 @@ class Opening:
         what, verb = some(self.measurements, most=8), "open" if len(self.measurements) > 1 else "opens"
         if not self.opened:
             return (
-                f"{what}: {verb} nothing; what this tells about the parameters follows from what the record "
-                f"determines already."
+                f"{what}: {verb} nothing; what this tells about the "
+                "parameters follows from what the record determines already."
             )
         gain = f"{what}: {verb} {self.opened} of {self.opened + self.still_open} flat directions"
         errors = [
@@ -170,8 +170,8 @@ def _rows(m: Measurement, names: Sequence[str], point: np.ndarray) -> np.ndarray
         )
     if not np.all(np.isfinite(gradient)):
         raise ModelError(
-            f"Measurement {m.name!r} has no finite derivative at {dict(zip(names, point.tolist(), strict=True))}; "
-            f"check its function."
+            f"Measurement {m.name!r} has no finite derivative at "
+            f"{dict(zip(names, point.tolist(), strict=True))}; check its function."
         )
     return gradient / sd[:, None]
 

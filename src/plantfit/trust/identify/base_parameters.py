@@ -58,8 +58,8 @@ def base_parameters(
     w, names = np.asarray(regressor, dtype=float), tuple(names)
     if w.ndim != 2 or w.shape[1] != len(names) or w.shape[0] == 0:
         raise ModelError(
-            f"The regressor has shape {w.shape} for {len(names)} parameters; give (N, {len(names)}) with at least one "
-            f"row."
+            f"The regressor has shape {w.shape} for {len(names)} "
+            f"parameters; give (N, {len(names)}) with at least one row."
         )
     bad = np.argwhere(~np.isfinite(w))
     if len(bad):

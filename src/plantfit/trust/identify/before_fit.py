@@ -319,8 +319,8 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
         does = "has" if len(found.unseen) == 1 else "have"
         yield (
             "warning",
-            f"{some(found.unseen)} {does} no effect on the fitted samples at any of {tried}: hold a value, or record "
-            f"what it acts on.",
+            f"{some(found.unseen)} {does} no effect on the fitted samples "
+            f"at any of {tried}: hold a value, or record what it acts on.",
         )
     yield from _unheard(found)
     if found.rank == d:
@@ -356,8 +356,8 @@ def _unheard(found: BeforeFit) -> Iterator[tuple[str, str]]:
     if found.silent:
         many, of = len(found.silent) > 1, some([*found.silent])
         text = (
-            f"{of} {'have' if many else 'has'} {some([str(n) for n in found.silent.values()])} fitted samples, no "
-            f"more than the "
+            f"{of} {'have' if many else 'has'} {some([str(n) for n in found.silent.values()])} "
+            "fitted samples, no more than the "
         )
         text += f"parameters that follow them, and nothing shows how large {'their' if many else 'its'} errors are. "
         known = f": {', '.join(found.heard_alone)}" if found.heard == len(found.heard_alone) and found.heard else ""

@@ -91,8 +91,8 @@ def combinations(
     names, low, high = tuple(names), np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     if low.shape != (len(names),) or high.shape != low.shape or not np.all(low < high):
         raise ModelError(
-            f"The box has shapes {low.shape} and {high.shape} for {len(names)} parameters; give a lower below an upper "
-            f"bound for each."
+            f"The box has shapes {low.shape} and {high.shape} for {len(names)} "
+            "parameters; give a lower below an upper bound for each."
         )
     vector = stacked(base, names)
     points = np.random.default_rng(seed).uniform(low, high, (POINTS, len(names)))

@@ -38,17 +38,16 @@ class Direction:
             return f"The data leave {up[0] if up else down[0]} open to about {extent(self.relative_sd)}."
         if len(self.weights) > NAMED:
             return (
-                f"{len(self.weights)} parameters can move together ({strength}, the others less) and the simulated "
-                f"outputs hardly change."
+                f"{len(self.weights)} parameters can move together ({strength}, "
+                "the others less) and the simulated outputs hardly change."
             )
         if not down:
             how = f"{some(up)} can grow together"
         else:
             how = f"{some(up)} can grow while {some(down)} shrink{'s' if len(down) == 1 else ''}"
         return (
-            f"{how} ({strength}) and the simulated outputs hardly change; only what stays constant along this line is "
-            f"determined, "
-            f"here {self.constant}."
+            f"{how} ({strength}) and the simulated outputs hardly change; only what "
+            f"stays constant along this line is determined, here {self.constant}."
         )
 
     @property

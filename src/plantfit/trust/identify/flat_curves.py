@@ -54,8 +54,8 @@ def flat_curves(found: Combinations, point: np.ndarray) -> tuple[FlatCurve, ...]
     if len(outside):
         i = outside[0]
         raise ModelError(
-            f"{found.names[i]} = {point[i]:g} lies outside its bounds [{found.lower[i]:g}, {found.upper[i]:g}]; give a "
-            f"point inside."
+            f"{found.names[i]} = {point[i]:g} lies outside its bounds "
+            f"[{found.lower[i]:g}, {found.upper[i]:g}]; give a point inside."
         )
     return tuple(_curve(found, point, moving) for moving in smallest_sets(found, point))
 

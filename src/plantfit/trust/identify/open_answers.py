@@ -30,8 +30,8 @@ def open_answers(
     free = np.array([bound is None for bound in local.at_bound]) & (local.effective < known)
     if not np.any(free):
         raise SearchError(
-            f"The data fix every parameter by a share of {known:g} or more, so that nothing can be drawn anew; raise "
-            f"known."
+            f"The data fix every parameter by a share of {known:g} or "
+            "more, so that nothing can be drawn anew; raise known."
         )
     points = np.tile(z, (count, 1))
     points[:, free] = np.random.default_rng(seed).uniform(size=(count, int(free.sum())))

@@ -246,10 +246,9 @@ def _by_covariance(problem: Problem, around: _Around, z: np.ndarray, count: int)
         kept = np.concatenate([kept, new])
     if len(kept) < count:
         raise SearchError(
-            f"Of {tried} draws of the parameters within their limits {len(kept)} have a cost that the data allow; the "
-            f"ranges of "
-            f"{_few(space.names, wide)} are too wide and too bent to draw from. Hold one of them at a known value, or "
-            f"record again."
+            f"Of {tried} draws of the parameters within their limits {len(kept)} have a cost "
+            f"that the data allow; the ranges of {_few(space.names, wide)} are too wide and "
+            "too bent to draw from. Hold one of them at a known value, or record again."
         )
     return kept, min(1.0, len(kept) / tried) if filtered else 1.0
 

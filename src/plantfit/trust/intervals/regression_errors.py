@@ -41,8 +41,8 @@ def regression_covariance(parts: Sequence[RegressionPart]) -> np.ndarray:
     triangle = np.asarray(np.linalg.qr(columns / np.maximum(norms, 1e-300), mode="r"))
     if n < k or np.linalg.cond(triangle) > 1e12:
         raise RecordingError(
-            f"The columns of the regression do not determine its {k} coefficients; regroup them with base_parameters "
-            f"first."
+            f"The columns of the regression do not determine its {k} "
+            "coefficients; regroup them with base_parameters first."
         )
     inverse = np.linalg.inv(triangle)
     bread = (inverse @ inverse.T) / np.outer(norms, norms)

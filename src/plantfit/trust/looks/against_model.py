@@ -148,9 +148,8 @@ def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Loo
             own = y if y in fixed else fixed[0]
             yield Look(
                 "not at rest", "info", recording.name, y,
-                f"{y} moves by {moved:.3g}{unit} in the first {np.ptp(t):.3g} s of {recording.name}, before any input "
-                f"does: the plant was "
-                f"not at rest, and the model begins at fixed values of {', '.join(fixed)}.",
+                f"{y} moves by {moved:.3g}{unit} in the first {np.ptp(t):.3g} s of {recording.name}, before any "
+                f"input does: the plant was not at rest, and the model begins at fixed values of {', '.join(fixed)}.",
                 float(t[0]), float(t[-1]), f'initial = "{own}_start", with bounds under [parameters.{own}_start]',
                 {"moved": moved},
             )  # fmt: skip

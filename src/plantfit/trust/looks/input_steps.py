@@ -116,9 +116,9 @@ def _look(problem: Problem, s: InputSteps, left: float | None, first: bool) -> L
     ends = float(t[0]), float(t[-1])
     if s.kind == "counted":
         text = (
-            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, {usual:.3g} a sample while it moves; "
-            f"where they lie "
-            f"moves what hangs on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %."
+            f"{s.signal} is made of counts: {whole:.0f} of them in {s.recording}, "
+            f"{usual:.3g} a sample while it moves; where they lie moves what hangs "
+            f"on the path by about {100 * np.sqrt(1 / 6) / max(whole, 1.0):.2g} %."
         )
         return Look("counted", "info", *place, text, *ends, "", figures)
     seen = "" if s.told else ", or so it looks"

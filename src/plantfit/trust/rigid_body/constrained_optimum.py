@@ -87,8 +87,8 @@ def constrained_optimum(
     ends = [s for s in (solver.solve(z) for z in points) if s.violation <= POSSIBLE and np.isfinite(s.value)]
     if not ends:
         raise ModelError(
-            f"No point of the box satisfies {some(list(task.constraints), most=8)}: none of {starts} starts reached "
-            f"one; widen the bounds."
+            f"No point of the box satisfies {some(list(task.constraints), most=8)}: "
+            f"none of {starts} starts reached one; widen the bounds."
         )
     # once more with what is left above plain least squares as the unit, so that rounding is judged against it
     reached = min(task.cost(e.z) for e in ends)
@@ -183,7 +183,7 @@ def _box(names: Sequence[str], lower: Any, upper: Any) -> tuple[np.ndarray, np.n
     low, high = np.asarray(lower, dtype=float), np.asarray(upper, dtype=float)
     if low.shape != (len(names),) or high.shape != low.shape or not np.all(low < high):
         raise ModelError(
-            f"The box has shapes {low.shape} and {high.shape} for {len(names)} parameters; give a lower below an upper "
-            f"bound for each."
+            f"The box has shapes {low.shape} and {high.shape} for {len(names)} "
+            "parameters; give a lower below an upper bound for each."
         )
     return low, high

@@ -103,8 +103,8 @@ def morris(
     kept = np.all(np.isfinite(costs.reshape(-1, walk)), axis=1)
     if np.sum(kept) < 2:
         raise SearchError(
-            f"Only {np.sum(kept)} of {trajectories} trajectories ran without a failure; narrow radius, or look at it "
-            f"where the model runs."
+            f"Only {np.sum(kept)} of {trajectories} trajectories ran without "
+            "a failure; narrow radius, or look at it where the model runs."
         )
     rows, costs = rows[np.repeat(kept, walk)], costs[np.repeat(kept, walk)]
     found = analyze.analyze(

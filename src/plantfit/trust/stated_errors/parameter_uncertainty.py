@@ -191,9 +191,9 @@ def check_errors(problem: Problem, errors: Sequence[SharedError]) -> None:
             name not in known or known[name].value is None or known[name].shape or known[name].tied is not None
         ):
             raise SpaceError(
-                f"The constant {name!r} is no single number of the problem that is held at a value or free; give a "
-                f"parameter of that "
-                f"name a value, or bounds around it. Single numbers are {[n for n, p in known.items() if not p.shape]}."
+                f"The constant {name!r} is no single number of the problem that is held at "
+                "a value or free; give a parameter of that name a value, or bounds around "
+                f"it. Single numbers are {[n for n, p in known.items() if not p.shape]}."
             )
 
 

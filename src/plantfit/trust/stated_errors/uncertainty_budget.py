@@ -97,8 +97,8 @@ def type_b(
     ):
         if not (good and not np.isnan(value)):
             raise RecordingError(
-                f"Source {name!r} has {what} = {value}; give a number {'of at least' if what == 'limit' else 'above'} "
-                f"0."
+                f"Source {name!r} has {what} = {value}; give a number "
+                f"{'of at least' if what == 'limit' else 'above'} 0."
             )
     divisor = k if shape == "normal" else float(_DIVISORS[shape])
     return Source(name, "B", float(limit), divisor, shape, unit, sensitivity, degrees_of_freedom)

@@ -59,8 +59,8 @@ def blocks_left_out(
         kept[place] = np.nan
         if not (np.any(np.isfinite(kept)) and np.any(np.isfinite(measured[place]))):
             raise RecordingError(
-                f"blocks_left_out: block {k + 1} of {blocks} or the rest has no measured sample of {output!r}; use "
-                f"fewer blocks."
+                f"blocks_left_out: block {k + 1} of {blocks} or the rest "
+                f"has no measured sample of {output!r}; use fewer blocks."
             )
         name = f"without_{k + 1}"
         unit = recording.signals[output].unit

@@ -78,8 +78,8 @@ class ModelComparison:
             for c in self.candidates
         ]  # fmt: skip
         note = (
-            f"Criteria as differences to the best. {self.samples} residuals, worth {self.independent:.0f} "
-            f"independent ones."
+            f"Criteria as differences to the best. {self.samples} "
+            f"residuals, worth {self.independent:.0f} independent ones."
         )
         return {"caption": "Models compared", "columns": columns, "rows": rows, "note": note}
 
@@ -100,8 +100,8 @@ def by_criteria(
     }
     if len(set(sizes.values())) != 1:
         raise ModelError(
-            f"by_criteria: the candidates have (residuals, scales) {sizes}; fit all of them to the same data and "
-            f"scales."
+            "by_criteria: the candidates have (residuals, scales) "
+            f"{sizes}; fit all of them to the same data and scales."
         )
     richest = min(data, key=lambda name: float(np.sum(data[name] ** 2)))
     blocks = residual_blocks(answers[richest][0])

@@ -46,8 +46,8 @@ def _cut(told: Mapping[str, Any], more: str) -> Iterator[Sentence]:
     if told["ended"] == "cut":
         yield say(
             "warning",
-            f"The reported answer is not the end of a search: the local search on the final problem was cut after 200 "
-            f"derivatives{more}.",
+            "The reported answer is not the end of a search: the local "
+            f"search on the final problem was cut after 200 derivatives{more}.",
         )
     if not spent:
         return
@@ -80,8 +80,8 @@ def _answers(told: Mapping[str, Any]) -> Iterator[Sentence]:
         shown = [f"{_values(a, answers)}{_of_runs(a['runs'], told['runs'])}" for a in answers[:TOLD]]
         more = f", and {len(answers) - TOLD} more" if len(answers) > TOLD else ""
         text = (
-            f"{len(answers)} different answers fit equally well: {'; '.join(shown)}{more}. The data do not tell "
-            f"them apart."
+            f"{len(answers)} different answers fit equally well: "
+            f"{'; '.join(shown)}{more}. The data do not tell them apart."
         )
         yield say("warning", text, answers=len(answers))
 

@@ -68,11 +68,9 @@ def _combinations(findings: Findings) -> Iterator[Sentence]:
     names = {n for c in together for n in c["weights"]}
     loosest = max(c["relative_sd"] for c in together)
     text = (
-        f"Along {len(together)} directions {len(names)} parameters can move together and the simulated outputs hardly "
-        f"change, along the "
-        f"loosest by {extent(loosest)} (standard deviation): only combinations of these parameters are known. The "
-        f"report lists the "
-        "directions in one table."
+        f"Along {len(together)} directions {len(names)} parameters can move together and the simulated "
+        f"outputs hardly change, along the loosest by {extent(loosest)} (standard deviation): only "
+        "combinations of these parameters are known. The report lists the directions in one table."
     )
     yield say("warning", text, relative_sd=loosest, directions=len(together))
 

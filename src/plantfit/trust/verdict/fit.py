@@ -38,8 +38,8 @@ def _fit_level(row: Row) -> str:
 def _fit(findings: Findings, row: Row) -> Sentence:
     percent = row["fit_percent"]
     text = (
-        f"The model follows {place(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the "
-        f"fitted samples"
+        f"The model follows {place(findings, row)} with an RMSE of "
+        f"{with_unit(row['rmse'], row['unit'])} on the fitted samples"
     )
     if shows_nothing(row):
         text += f", but these {row['n']} are {_MUST} {row['output']}."

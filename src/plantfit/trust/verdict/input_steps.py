@@ -26,10 +26,9 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         else ""
     )
     text = (
-        f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} times as wide as "
-        f"by the noise, "
-        f"{span([worst['low'], worst['high']], worst['unit'])}{most}. {_seen(looks)}; only finer {what} narrow the "
-        f"interval."
+        f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} "
+        f"times as wide as by the noise, {span([worst['low'], worst['high']], worst['unit'])}{most}. "
+        f"{_seen(looks)}; only finer {what} narrow the interval."
     )
     guessed = [look for look in looks if look["kind"] == "rounded" and not look["figures"]["told"]]
     if guessed:

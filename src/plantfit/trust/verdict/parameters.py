@@ -78,18 +78,18 @@ def _determined(
         text += f" The intervals take residuals as independent, and those of {denied} are not."
     if forgets:
         text += (
-            f" The simulation does not follow {some(list(forgets))}: these are its values, and the plant's may be "
-            f"others."
+            f" The simulation does not follow {some(list(forgets))}: "
+            "these are its values, and the plant's may be others."
         )
     elif fails:
         text += (
-            f" The model does not hold for unseen samples of {some(list(fails))}: these are its values, and the "
-            f"plant's may be others."
+            f" The model does not hold for unseen samples of {some(list(fails))}: "
+            "these are its values, and the plant's may be others."
         )
     elif lacks and not denied:
         text += (
-            f" The residuals of {some(list(lacks))} are not white: if the model lacks something, the plant's "
-            f"values may be others, "
+            f" The residuals of {some(list(lacks))} are not white: if the "
+            "model lacks something, the plant's values may be others, "
         )
         text += "by more than ± tells."
     yield say(
@@ -171,8 +171,8 @@ def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
     text = f"{len(own)} {many}: {listed} (in the units of the parameters). "
     if found.get("directions", 0) > found["count"]:
         text += (
-            f"Near the answer the data fix {found['directions']} of {found['of']} numbers in all; the rest are "
-            f"neither products of "
+            f"Near the answer the data fix {found['directions']} of "
+            f"{found['of']} numbers in all; the rest are neither products of "
         )
         text += "powers nor weighted sums of up to four parameters. "
     else:
@@ -266,8 +266,8 @@ def _all_flat(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentenc
             yield _flat(alike[0], needs)
             continue
         text = (
-            f"{len(alike)} parameters are not determined, {some([p['name'] for p in alike], len(alike))}: of each "
-            f"{way}."
+            f"{len(alike)} parameters are not determined, "
+            f"{some([p['name'] for p in alike], len(alike))}: of each {way}."
         )
         if told := [_condition(p, needs).strip() for p in alike if p["name"] in needs]:
             first = next(p["name"] for p in alike if p["name"] in needs)
@@ -335,8 +335,8 @@ def _allowed(p: Row) -> str:
 
 def _flats(name: str, rows: Sequence[Row]) -> Sentence:
     text = (
-        f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): the data allow much of the "
-        f"range that was searched."
+        f"{name} is not determined in {len(rows)} recordings ({_recordings(rows)}): "
+        "the data allow much of the range that was searched."
     )
     return say("bad", text, recordings=len(rows))
 
@@ -351,9 +351,8 @@ def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
         )
         return say("warning", text, value=p["value"])
     text = (
-        f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the data pull it "
-        f"further. "
-        "Widen the bound if physics allows, else take it out of the model."
+        f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the "
+        "data pull it further. Widen the bound if physics allows, else take it out of the model."
     )
     return say("warning", text, value=p["value"])
 

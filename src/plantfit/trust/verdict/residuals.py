@@ -101,9 +101,8 @@ def _odd(row: Row, named: bool) -> str:
     what may be missing."""
     if against := row.get("turned"):
         part = (
-            f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} s {row['output']} moves "
-            f"against "
-            f"the simulation"
+            f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} "
+            f"s {row['output']} moves against the simulation"
         )
         figures = f"correlation {against['within']:.2f}, elsewhere {against['elsewhere']:.2f}"
         return f"{part} ({figures}): the sign of {row['output']} or of an input may be wrong there"
@@ -248,7 +247,7 @@ def _noises(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Se
         text += "a better model could still gain."
     else:
         text += (
-            f"in all {len(rows)} recordings the residual is at most {number(most)} times that: the fit is at the "
-            f"noise floor."
+            f"in all {len(rows)} recordings the residual is at most "
+            f"{number(most)} times that: the fit is at the noise floor."
         )
     yield say("info" if above else "good", text, noise=noise, ratio=most)

@@ -30,19 +30,17 @@ def forgetting_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     several = f"simulations of {names} forget their start: in {first['recording']}"
     whose = several if count > 1 else f"simulation of {names} forgets its start: here"
     text = (
-        f"The {whose} a small deviation grows tenfold in about {piece} s, {first['growth']:.0e} times in all. So "
-        f"hardly any simulation "
-        "from the first sample to the last can follow it, and none tells what the model lacks. Fit pieces with starts "
-        "of their own: "
+        f"The {whose} a small deviation grows tenfold in about {piece} s, {first['growth']:.0e} "
+        "times in all. So hardly any simulation from the first sample to the last can follow "
+        "it, and none tells what the model lacks. Fit pieces with starts of their own: "
     )
     if file := study_file(findings):
         text += f"`plantfit run {shlex.quote(file)} --pieces {piece}` (docs/long-records.md)."
     else:
         text += (
-            f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state under "
-            f"[model.extensions] and "
-            f"`start_STATE = {{ per_recording = true }}` under [parameters], `shooting = {SEGMENTS}` under [search] "
-            f"(docs/long-records.md)."
+            f"`pieces = {piece}` under [recording.{first['recording']}], `start` for each state "
+            f"under [model.extensions] and `start_STATE = {{ per_recording = true }}` under "
+            f"[parameters], `shooting = {SEGMENTS}` under [search] (docs/long-records.md)."
         )
     yield say("bad", text, growth=first["growth"], tenfold=first["tenfold"])
 
@@ -79,9 +77,8 @@ def search_sentences(
         return
     if ended and starts == hits == 1:
         text = (
-            "One local search was made, as asked, and it ended at the answer: whether another optimum is better "
-            "was "
-            "not looked for. "
+            "One local search was made, as asked, and it ended at the "
+            "answer: whether another optimum is better was not looked for. "
         )
         text += "`settings = { least_squares = { agree = 5 } }` under [search] looks for one."
         yield say("info", text, hits=hits, starts=starts, optima=optima)

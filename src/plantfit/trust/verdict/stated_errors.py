@@ -23,9 +23,8 @@ def uncertainty_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     if not shared:
         rest = ", and others less" if len(rows) > 1 else ""
         text = (
-            f"The stated errors widen the interval of {worst['name']} by {100 * (times - 1):.2g} %{rest}: the "
-            f"noise "
-            f"decides."
+            f"The stated errors widen the interval of {worst['name']} "
+            f"by {100 * (times - 1):.2g} %{rest}: the noise decides."
         )
         yield say("good", text, widening=times)
         return
@@ -36,9 +35,9 @@ def uncertainty_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         else ""
     )
     text = (
-        f"With the stated errors the interval of {worst['name']} is {times:.2g} times as wide, {interval}, "
-        f"{_source(worst, findings['uncertainty']['budgets'])}{others}. More samples of the same set-up do not narrow "
-        f"that."
+        f"With the stated errors the interval of {worst['name']} is {times:.2g} times as "
+        f"wide, {interval}, {_source(worst, findings['uncertainty']['budgets'])}{others}. "
+        "More samples of the same set-up do not narrow that."
     )
     yield say("warning", text, widening=times, outweighed=len(shared))
 

@@ -32,8 +32,8 @@ def unseen_sentences(findings: Findings) -> Iterator[Sentence]:
     if not unseen:
         yield say(
             "warning",
-            "Nothing was kept unseen, so nothing shows yet that the model holds on new data: give a split or a second "
-            "recording.",
+            "Nothing was kept unseen, so nothing shows yet that the "
+            "model holds on new data: give a split or a second recording.",
         )
     yield from each_output(findings, [r for r in unseen if _lost(r)], _lost_one, _lost_many)
     yield from each_output(findings, [r for r in unseen if not _lost(r)], _unseen, _unseens)
@@ -107,8 +107,8 @@ def _alone(findings: Findings, output: str) -> str:
     """That nothing can be compared with an unseen RMSE where fitted samples show nothing."""
     empty = any(shows_nothing(r) for r in findings["scores"] if r["part"] == "fit" and r["output"] == output)
     text = (
-        f"; fitted samples of {output} are no more than the parameters that follow them, and do not tell how large "
-        f"it may be"
+        f"; fitted samples of {output} are no more than the parameters "
+        "that follow them, and do not tell how large it may be"
     )
     return text if empty else ""
 
@@ -156,9 +156,8 @@ def _but(findings: Findings, row: Row, level: str) -> str | None:
     percent, noise = row["fit_percent"], most_noise(findings, row["output"])
     if _is_poor(row, noise):
         return (
-            f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} a fit of {percent:.0f} "
-            f"% "
-            f"only"
+            f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} "
+            f"a fit of {percent:.0f} % only"
         )
     if level == "good" and percent is not None and percent < GOOD and noise and row["rmse"] > MUCH * noise:
         return f"no worse than there, but {row['rmse'] / noise:.2g} times the noise from sample to sample"
@@ -174,8 +173,8 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     level = _held_level(row, _off(row) / base)
     if ratio >= HOLDS > _off(row) / base and not _exact(row):
         text += (
-            f", {ratio:.2f} times that of the fitted samples, and {_off(row) / base:.2f} times if the simulation "
-            f"begins "
+            f", {ratio:.2f} times that of the fitted samples, and "
+            f"{_off(row) / base:.2f} times if the simulation begins "
         )
         text += "at the first measured values less their noise: it holds."
         return say("good", text, rmse=row["rmse"], ratio=ratio, started=_off(row))

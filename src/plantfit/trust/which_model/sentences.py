@@ -123,8 +123,8 @@ def _undecided(
         text = f"The data do not tell {some(names, 9)} apart: on {where} they predict alike, RMSE {values[0]:.4g}{unit}"
     elif half is None:
         length = (
-            f"what differs has a memory of {pair.correlation:.0f} samples, so that the {pair.samples} are worth "
-            f"{pair.degrees}"
+            f"what differs has a memory of {pair.correlation:.0f} "
+            f"samples, so that the {pair.samples} are worth {pair.degrees}"
         )
         text = (
             f"The data do not tell {some(names, 9)} apart: RMSE on {where} "
@@ -180,8 +180,8 @@ def _determined(ranked: Sequence[ComparedModel]) -> list[Sentence]:
     return [
         _said(
             "warning",
-            f"Parameters that the data determine: {some(loose, 9)}. A model can predict well with values that mean "
-            f"nothing.",
+            f"Parameters that the data determine: {some(loose, 9)}. "
+            "A model can predict well with values that mean nothing.",
         )
     ]
 
@@ -201,10 +201,9 @@ def _linear(found: ComparisonOfModels, best: ComparedModel, linear: ComparedMode
         return _said("info", text)
     if pair.better == linear.name:
         text = (
-            f"{what} predicts better than {best.name}: RMSE {_shown(value, decimals)} instead of "
-            f"{_shown(own, decimals)}{unit}, "
-            f"{_by(pair, decimals)}. Something that a linear model has is missing in it; `plantfit diagnose` looks for "
-            f"what."
+            f"{what} predicts better than {best.name}: RMSE {_shown(value, decimals)} "
+            f"instead of {_shown(own, decimals)}{unit}, {_by(pair, decimals)}. Something "
+            "that a linear model has is missing in it; `plantfit diagnose` looks for what."
         )
         return _said("warning", text)
     return _said(

@@ -109,14 +109,12 @@ def control_section(
     return {
         "title": "Held upright (virtual rig)",
         "sentences": [
-            f"Four controllers, designed on the identified plant, hold the upright on "
+            "Four controllers, designed on the identified plant, hold the upright on "
             f"{'that plant' if truth is None else 'the virtual rig, which has the true parameters'}, with encoders of "
-            f"{COUNTS} counts, "
-            f"one voltage every {1000 * PERIOD:g} ms and an amplifier of +-{LIMIT:g} V in the loop.",
+            f"{COUNTS} counts, one voltage every {1000 * PERIOD:g} ms and an amplifier of +-{LIMIT:g} V in the loop.",
             f"Each catches both links in line and at rest that lean at least {least:.1f} degrees to either side.",
-            f"From {np.degrees(start):.0f} degrees link 1 swings out to {out:.0f} degrees on its way under link 2, "
-            f"where a linear design "
-            "fits less and less.",
+            f"From {np.degrees(start):.0f} degrees link 1 swings out to {out:.0f} "
+            "degrees on its way under link 2, where a linear design fits less and less.",
             f"The last two angles are those on a worse plant: all parameters of the links {off}, up and down in turn.",
         ],
         "tables": [

@@ -36,9 +36,9 @@ def cross_check_section(
         inverse.bias.sentence,
         compared.sentence,
         f"The forward fit's standard errors are {span(ratio.tolist(), None)} of the inverse fit's{why}.",
-        f"The forward fit leaves {number(forward.rmse)} encoder steps (RMS) in the angles; rounding alone leaves about "
-        f"0.289. "
-        "It takes the recorded voltage as exact, and the inverse fit does not need the angles to follow from it.",
+        f"The forward fit leaves {number(forward.rmse)} encoder steps (RMS) in the "
+        "angles; rounding alone leaves about 0.289. It takes the recorded voltage "
+        "as exact, and the inverse fit does not need the angles to follow from it.",
     ]
     if truth is not None:
         sentences.insert(2, _against_truth(inverse.estimate, forward.estimate, truth))
@@ -49,14 +49,13 @@ def cross_check_section(
         columns.append("Truth")
         rows = [[*row, f"{truth[name]:.6g}"] for row, name in zip(rows, BASE_UNITS, strict=True)]
     note = (
-        "Inverse fit: instrumental variables. Chi-squared has one degree of freedom a row and counts both fits as "
-        "independent."
+        "Inverse fit: instrumental variables. Chi-squared has one "
+        "degree of freedom a row and counts both fits as independent."
     )
     if stretch is not None:
         note += (
-            f" The forward fit saw {stretch[0]:g} to {stretch[1]:g} s of the record only; the whole study "
-            f"(--full) "
-            f"gives it all."
+            f" The forward fit saw {stretch[0]:g} to {stretch[1]:g} s "
+            "of the record only; the whole study (--full) gives it all."
         )
     return {
         "title": f"Backwards and forwards ({shown})",
@@ -79,9 +78,8 @@ def _against_truth(inverse: Estimate, forward: Estimate, truth: Mapping[str, flo
         "."
         if both <= FAR
         else (
-            f": more than {FAR:g} is no chance of one fit in a hundred. Both use the same angles, and an error of the "
-            f"encoders moves them "
-            "together, which their comparison cannot show."
+            f": more than {FAR:g} is no chance of one fit in a hundred. Both use the same angles, "
+            "and an error of the encoders moves them together, which their comparison cannot show."
         )
     )
     return f"Against the truth {parts[0]}, {parts[1]}{end}"

@@ -134,9 +134,8 @@ def _both_joints(
         "no further combination" if found.rank == len(both.coefficients) else f"only {found.rank} combinations in all"
     )
     return (
-        f"The equation of joint 2, whose torque is zero, contains the same coefficients and gives {more}; so does any "
-        f"fit of the "
-        "angles, because the motion depends on these coefficients alone."
+        "The equation of joint 2, whose torque is zero, contains the same coefficients and gives "
+        f"{more}; so does any fit of the angles, because the motion depends on these coefficients alone."
     )
 
 

@@ -124,12 +124,11 @@ def _told(runs: Sequence[MethodRuns]) -> list[str]:
     wide = max(runs, key=lambda r: float(np.mean(np.ptp(r.answers, axis=0))))
     spread = float(np.median(np.std(wide.answers, axis=0) / np.mean(wide.answers, axis=0)))
     return [
-        f"{sum(len(r.gap) for r in runs)} runs took {total:.0f} s in all, compilation included; the paper's took about "
-        f"900 s each.",
-        f"The RMSE of all runs of {wide.label} agree to {np.ptp(wide.rmse) / wide.rmse.min():.1g}, their parameters "
-        f"differ by "
-        f"{100 * spread:.0f} % (median standard deviation): a small spread of the RMSE says nothing about the "
-        f"parameters.",
+        f"{sum(len(r.gap) for r in runs)} runs took {total:.0f} s in "
+        "all, compilation included; the paper's took about 900 s each.",
+        f"The RMSE of all runs of {wide.label} agree to {np.ptp(wide.rmse) / wide.rmse.min():.1g}, "
+        f"their parameters differ by {100 * spread:.0f} % (median standard deviation): a small "
+        "spread of the RMSE says nothing about the parameters.",
     ]
 
 

@@ -63,21 +63,19 @@ def closed_loop_section(
     members = f"{found}{drawn} copies of the best with their open cells drawn anew"
     sentences = [
         f"The best model here is the answer of {name}: C = {significant(costs[0], 3)} bar², {100 * _pinned(best):.1f} "
-        f"% of its entries on "
-        f"bounds. The least cost of the others is {significant(np.min(costs[1:]), 3)} bar², with "
+        f"% of its entries on bounds. The least cost of the others is {significant(np.min(costs[1:]), 3)} bar², with "
         f"{100 * _pinned(list(answers.values())[int(np.argmin(costs[1:]))]):.1f} %.",
         f"Family: {members}, cost C {significant(spread.min(), 3)} to {significant(spread.max(), 3)} bar² beside "
         f"{significant(costs[0], 3)} of the best; {len(kept)} members for the tuning, {len(out)} held out."
         + (
-            f" {pinned} more that fit have over {100 * PINNED:g} % of their entries on bounds and are not counted as "
-            f"plants."
+            f" {pinned} more that fit have over {100 * PINNED:g} % of "
+            "their entries on bounds and are not counted as plants."
             if pinned
             else ""
         ),
-        f"Steps to {', '.join(f'{v:g}' for v in PROFILE.levels)} bar. Asked for: small mean IAE, at most "
-        f"{DEMAND.overshoot:g} % overshoot "
-        f"and {DEMAND.travel:g} % of valve travel in a step; for a family, of its worst member. Sensor, noise and "
-        f"valve are the rig's.",
+        f"Steps to {', '.join(f'{v:g}' for v in PROFILE.levels)} bar. Asked for: small mean "
+        f"IAE, at most {DEMAND.overshoot:g} % overshoot and {DEMAND.travel:g} % of valve travel "
+        "in a step; for a family, of its worst member. Sensor, noise and valve are the rig's.",
         *_said(chosen, judged),
     ]
     return {
@@ -157,11 +155,9 @@ def _said(chosen: Sequence[Chosen], judged: Sequence[Mapping[str, StepScores]]) 
     for kind in ("PID", "MPC"):
         (over1, iae1, true1), (over2, iae2, true2) = worst[kind, ONE], worst[kind, ALL]
         told.append(
-            f"{kind}: tuned on the best model it overshoots by up to {over1:.3g} % on members held out, with a mean "
-            f"IAE of up to "
-            f"{iae1:.3g} s; "
-            f"tuned on the family {over2:.3g} % and {iae2:.3g} s. On the true chamber this takes {true2:.3g} s in "
-            f"place of {true1:.3g} s."
+            f"{kind}: tuned on the best model it overshoots by up to {over1:.3g} % on members held "
+            f"out, with a mean IAE of up to {iae1:.3g} s; tuned on the family {over2:.3g} % and "
+            f"{iae2:.3g} s. On the true chamber this takes {true2:.3g} s in place of {true1:.3g} s."
         )
     return told
 

@@ -104,10 +104,9 @@ def dynamic_section(
     before = float(problem.cost(static))
     lines = {"noise floor": floor, "static solution": before}
     told = [
-        f"310 parameters: k, A1, A2 at ten pressures and a dead time for each of ten openings; {budget} evaluations a "
-        f"run, "
-        f"from the whole box or from the static solution, which costs {significant(before)} bar² (the paper's "
-        f"{PAPER_STATIC}).",
+        "310 parameters: k, A1, A2 at ten pressures and a dead time for each of ten "
+        f"openings; {budget} evaluations a run, from the whole box or from the static "
+        f"solution, which costs {significant(before)} bar² (the paper's {PAPER_STATIC}).",
         f"The noise floor is {significant(floor)} bar²: ten times the variance of the rig's noise and rounding.",
         *(
             [
@@ -154,13 +153,11 @@ def _stalled(methods: Sequence[MethodRuns], floor: float) -> list[str]:
     finite, exact = named[FINITE].best, named["L-BFGS-B, exact"].best
     same = until(exact, finite.evaluations)
     return [
-        f"L-BFGS-B with finite differences ends at {significant(finite.cost)} bar² after {finite.evaluations:.0f} "
-        f"evaluations "
-        f"({finite.extra.get('why', '').lower()}); with exact derivatives the same method is at {significant(same)} "
-        f"bar² by then and at "
-        f"{significant(exact.cost)} in the end, {significant(exact.cost / floor, 3)} of the floor. The paper's 0.228 "
-        f"for it says "
-        "something about its differences, not about local methods."
+        f"L-BFGS-B with finite differences ends at {significant(finite.cost)} bar² after "
+        f"{finite.evaluations:.0f} evaluations ({finite.extra.get('why', '').lower()}); with exact "
+        f"derivatives the same method is at {significant(same)} bar² by then and at "
+        f"{significant(exact.cost)} in the end, {significant(exact.cost / floor, 3)} of the floor. "
+        "The paper's 0.228 for it says something about its differences, not about local methods."
     ]
 
 
@@ -174,13 +171,11 @@ def slope_sentences(slopes: Slopes) -> list[str]:
         f"{significant(100 * middle, 2)} %)"
     )
     return [
-        "Finite differences (step 1e-8) through scipy's adaptive BDF with its own tolerances, at the static solution: "
-        "dC/dTd is exactly 0 "
-        f"for {zero} of {len(delays)} dead times, because the solver's steps do not move when the edge moves by 1e-8 "
-        f"s; entries of tables "
-        f"are off by {spread} and {100 * wrong:.0f} % have the wrong sign: where a change of 1e-8 makes the solver "
-        f"choose other steps, "
-        "its error jumps, and a jump over 1e-8 looks like a slope."
+        "Finite differences (step 1e-8) through scipy's adaptive BDF with its own tolerances, at "
+        f"the static solution: dC/dTd is exactly 0 for {zero} of {len(delays)} dead times, because "
+        "the solver's steps do not move when the edge moves by 1e-8 s; entries of tables are off "
+        f"by {spread} and {100 * wrong:.0f} % have the wrong sign: where a change of 1e-8 makes "
+        "the solver choose other steps, its error jumps, and a jump over 1e-8 looks like a slope."
     ]
 
 
@@ -225,12 +220,10 @@ def readings_section(
             'The paper\'s table 2 says "Results for each opening considered were summed on the basis of the random '
             'seed used": its runs '
             "may have been made opening by opening. Both readings were run.",
-            f"Distance of our medians from the paper's (mean over the methods): {said}. Nearest: {nearest}. The "
-            f"records are not the "
-            "paper's, so this is a hint and no proof.",
-            f"Ratio to our noise floor of {significant(floor)} bar² is what carries over; a cost of 0.0145 for ten "
-            f"openings, as CMA-ES had "
-            "in the paper, means noise of at most 0.038 bar there, below our 0.05.",
+            f"Distance of our medians from the paper's (mean over the methods): {said}. Nearest: "
+            f"{nearest}. The records are not the paper's, so this is a hint and no proof.",
+            f"Ratio to our noise floor of {significant(floor)} bar² is what carries over; a cost of 0.0145 for "
+            "ten openings, as CMA-ES had in the paper, means noise of at most 0.038 bar there, below our 0.05.",
         ],
         "tables": [{
             "caption": "Final cost C in bar² by reading", "rows": rows,
@@ -255,19 +248,14 @@ def answers_section(
     given = sum(bool(np.isfinite(a)) for a, _ in intervals.values())
     worst = float(np.max(np.abs(delays[last] - truth["Td"])))
     told = [
-        f"Dead times of {last}: at most {significant(worst, 2)} s from the truth; {inside} of {given} 95 % intervals "
-        f"hold it"
-        f"{'' if given == len(intervals) else f', {len(intervals) - given} ended at a bound'}. "
-        "Those of the static solution lean against their lower bound, because four constants cannot bend as the record "
-        "does and "
-        "the delay pays for it.",
-        "Above the dotted line (the highest pressure of a record) nothing was measured: what stands there is a "
-        "method's start or chance. "
-        f"DISH and HMS show no pattern in A1 and A2, as in the paper; nor does the answer of {last}, which fits best "
-        f"and has entries "
-        "on their bounds: ten steps do not fix 310 numbers, and a low cost says nothing about single entries. CMA-ES "
-        "keeps the shape of "
-        "its start.",
+        f"Dead times of {last}: at most {significant(worst, 2)} s from the truth; {inside} of {given} 95 % "
+        f"intervals hold it{'' if given == len(intervals) else f', {len(intervals) - given} ended at a bound'}. "
+        "Those of the static solution lean against their lower bound, because four constants cannot bend as "
+        "the record does and the delay pays for it.",
+        "Above the dotted line (the highest pressure of a record) nothing was measured: what stands there "
+        "is a method's start or chance. DISH and HMS show no pattern in A1 and A2, as in the paper; nor "
+        f"does the answer of {last}, which fits best and has entries on their bounds: ten steps do not fix "
+        "310 numbers, and a low cost says nothing about single entries. CMA-ES keeps the shape of its start.",
     ]
     return {
         "title": "What the methods found: figures 2 and 5 to 8",

@@ -84,6 +84,6 @@ def _said(found: Mapping[str, Screening]) -> list[str]:
     calm = min(found, key=lambda label: float(found[label].mu_star.sum()))
     return [
         sentence,
-        f"The cost reacts least around the answer of {calm}; in the paper it was that of HMS, and k led for all but "
-        f"SHADE.",
+        f"The cost reacts least around the answer of {calm}; in the "
+        "paper it was that of HMS, and k led for all but SHADE.",
     ]

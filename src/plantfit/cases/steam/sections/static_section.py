@@ -31,12 +31,12 @@ def static_section(
     told = [n for n, d in early.items() if d.determined]
     narrow = min(0.5 * (d.interval[1] - d.interval[0]) for d in early.values())
     sentences = [
-        f"Four constants for each opening: total cost {two.total:.4f} bar² in the paper's two steps, {joint.total:.4f} "
-        f"jointly; the "
-        f"paper's own record gave {PAPER_TOTAL}. The rig's tables were made so that this number is alike.",
-        f"Fitted with the rest on whole records, the dead time takes up the error of the model: it is off by up to "
-        f"{max(off):.2f} s. "
-        f"From the first {WINDOW:g} s, as in the paper, {inside} of {len(early)} 95 % intervals hold the truth.",
+        f"Four constants for each opening: total cost {two.total:.4f} bar² in the "
+        f"paper's two steps, {joint.total:.4f} jointly; the paper's own record gave "
+        f"{PAPER_TOTAL}. The rig's tables were made so that this number is alike.",
+        "Fitted with the rest on whole records, the dead time takes up the error of "
+        f"the model: it is off by up to {max(off):.2f} s. From the first {WINDOW:g} "
+        f"s, as in the paper, {inside} of {len(early)} 95 % intervals hold the truth.",
         f"{len(told)} of {len(early)} records tell the dead time from zero and from 1 s; the narrowest interval is "
         f"±{narrow:.2f} s, so "
         f"that at this noise no single step tells it to {WANTED:g} s: a dead time and the lag A2/A1 look alike.",
@@ -49,8 +49,8 @@ def static_section(
         good = [s for s in study if s.half_width <= WANTED]
         names = ", ".join(f"{s.opening:g} %" for s in good)
         sentences.append(
-            f"With a quieter sensor and a finer card the same estimate reaches ±{WANTED:g} s for these openings: "
-            f"{names}."
+            "With a quieter sensor and a finer card the same estimate "
+            f"reaches ±{WANTED:g} s for these openings: {names}."
             if good
             else f"No sensor tried here reaches ±{WANTED:g} s."
         )

@@ -50,12 +50,10 @@ def tables_section(
     return {
         "title": "What the tables mean",
         "sentences": [
-            f"Every {every}. sample: {comparison.samples} of them. On the way up a record passes each pressure once, "
-            f"and there the model "
-            "asks for one sum, k u - A1 y' - A2 y'' = y: one number for three tables. What the records determine is "
-            "how fast the pressure "
-            "moves, (k u - y)/A1, and k where it comes to rest; the three apart rest on the straight lines between "
-            "nodes.",
+            f"Every {every}. sample: {comparison.samples} of them. On the way up a record passes each "
+            "pressure once, and there the model asks for one sum, k u - A1 y' - A2 y'' = y: one number "
+            "for three tables. What the records determine is how fast the pressure moves, (k u - y)/A1, "
+            "and k where it comes to rest; the three apart rest on the straight lines between nodes.",
             *(s["sentence"] for s in table_sentences([r for r in rows if r["index"]], tables)),
             *(s["sentence"] for s in smoothing_sentences([t.plain() for t in smoothed])),
             *comparison.sentences,
@@ -109,8 +107,8 @@ def _errors(
     rows = [[name, *(f"{v:.1f}" for v in values)] for name, values in off.items()]
     columns = ["Model", *(f"{n} (%)" for n in TABLES), "(k u - y)/A1 (%)"]
     note = (
-        f"Median over {int(np.sum(samples > 0))} visited nodes; the last column without those at rest, where the "
-        f"rate is 0."
+        f"Median over {int(np.sum(samples > 0))} visited nodes; the "
+        "last column without those at rest, where the rate is 0."
     )
     return {
         "caption": "Error of the tables against the rig's truth, visited nodes",
@@ -144,11 +142,9 @@ def _apart(
     """How far the tables and what they make together are off in the model that predicts best."""
     k, a1, _, rate = _off(shown, truth, samples, openings)[SURFACE]
     return (
-        f"Against the rig's truth the smoothed surface has (k u - y)/A1 right to {number(rate)} % in the median, k to "
-        f"{number(k)} % "
-        f"and A1 to {number(a1)} %: smoothing makes the prediction better and the three tables apart no truer. Records "
-        f"in which the "
-        "opening changes while the pressure is high would tell k from A1."
+        f"Against the rig's truth the smoothed surface has (k u - y)/A1 right to {number(rate)} % in the median, "
+        f"k to {number(k)} % and A1 to {number(a1)} %: smoothing makes the prediction better and the three tables "
+        "apart no truer. Records in which the opening changes while the pressure is high would tell k from A1."
     )
 
 

@@ -108,16 +108,13 @@ def uncertainty_section(
     return {
         "title": "Uncertainty of the pressure and of the parameters (GUM)",
         "sentences": [
-            f"Expanded uncertainty of a reading, k = 2: {budget.expanded():.4f} bar, the paper's {PAPER_TOTAL}. The "
-            f"paper's table "
-            f"prints 1351 for 0.1351, and its text writes the expanded {budget.expanded():.4f} bar as the standard "
-            f"uncertainty, which is "
-            f"{budget.combined:.4f} bar.",
-            "No part is of type A: each pressure was read once, every 0.1 s, and nothing was repeated whose mean could "
-            "be taken (as in the "
-            "paper).",
-            f"The two rectangles add up to a trapezoid: ±{half:.3f} bar holds 95 % of it, so that k = 2 is on the safe "
-            f"side.",
+            f"Expanded uncertainty of a reading, k = 2: {budget.expanded():.4f} bar, the paper's "
+            f"{PAPER_TOTAL}. The paper's table prints 1351 for 0.1351, and its text writes the expanded "
+            f"{budget.expanded():.4f} bar as the standard uncertainty, which is {budget.combined:.4f} bar.",
+            "No part is of type A: each pressure was read once, every 0.1 s, and "
+            "nothing was repeated whose mean could be taken (as in the paper).",
+            f"The two rectangles add up to a trapezoid: ±{half:.3f} "
+            "bar holds 95 % of it, so that k = 2 is on the safe side.",
             "These errors are the same in all samples of a set-up: no averaging lowers them, and residuals do not show "
             "them. After the "
             "zero has been set before the step, they are errors of the gain.",

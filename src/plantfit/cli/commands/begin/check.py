@@ -62,8 +62,8 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         say_looks([{**told, "write": None}])
     if not (identify or getattr(problem.model, "smooth", True)):
         out.print(
-            f"What these records can determine: plantfit check {spec} --identify (this model's sensitivities compile "
-            f"long).",
+            f"What these records can determine: plantfit check {spec} "
+            "--identify (this model's sensitivities compile long).",
             markup=False,
         )
     out.print(f"ready: plantfit run {spec}", markup=False)
@@ -150,8 +150,8 @@ def _say_understood(problem: Any, record: Mapping[str, Any]) -> None:
     out.print(describe(problem.model), markup=False)
     for n, r in record["recordings"].items():
         out.print(
-            f"recording {n}: {r['samples']} samples over {r['seconds']:g} s, {r['fitted']} fitted, {r['unseen']} "
-            f"unseen",
+            f"recording {n}: {r['samples']} samples over {r['seconds']:g} "
+            f"s, {r['fitted']} fitted, {r['unseen']} unseen",
             markup=False,
         )
         for line in r["log"]:

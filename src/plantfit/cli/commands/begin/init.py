@@ -60,8 +60,8 @@ def init(
     }
     if not target.parent.is_dir():
         raise SpecError(
-            f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place "
-            f"with --out."
+            f"There is no folder {str(target.parent)!r} to write "
+            f"{target.name!r} into; make it, or give another place with --out."
         )
     there = next((t for t in targets.values() if t.exists()), None)
     if there is not None and not force:
@@ -320,10 +320,9 @@ def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet
                 )
         except PlantfitError as error:  # of a file that the user has not seen
             raise RecordingError(
-                f"No study file that runs can be made from this recording "
-                f"({_of_recording(error, target).splitlines()[0]}); "
-                "check the names and values of "
-                "its columns, or write the file by hand (docs/study-file.md)."
+                "No study file that runs can be made from this recording "
+                f"({_of_recording(error, target).splitlines()[0]}); check the names and "
+                "values of its columns, or write the file by hand (docs/study-file.md)."
             ) from error
         else:
             break

@@ -55,8 +55,8 @@ def _of_study(path: str, name: str | None) -> tuple[Any, list[str], list[str], A
     inputs = [n for n in getattr(problem.model, "inputs", {}) if n not in problem.outputs]
     if not inputs:
         raise SpecError(
-            f"{path}: the model has no inputs, and a first look is at what outputs answer to inputs; name some with "
-            f"--input."
+            f"{path}: the model has no inputs, and a first look is at "
+            "what outputs answer to inputs; name some with --input."
         )
     fit = experiment.mask("fit")
     masks = (fit, experiment.mask("validation") & ~fit) if fit.any() else None

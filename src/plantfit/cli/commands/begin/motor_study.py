@@ -66,8 +66,8 @@ def motor_study(
     bare = {s: _KINDS[s][0] for s, c in found.items() if not c.unit}
     if bare:
         head.append(
-            f"units = {{ {', '.join(f'{s} = {quoted(u)}' for s, u in bare.items())} }}    # the file gives none: "
-            f"correct them"
+            f"units = {{ {', '.join(f'{s} = {quoted(u)}' for s, u in bare.items())} "
+            f"}}    # the file gives none: correct them"
         )
     head.append("split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds\n")
     model, told = _with_current() if "i" in found else _of_speed(found, period, duration)
@@ -162,8 +162,8 @@ def _of_speed(found: "dict[str, ColumnSummary]", period: float, duration: float)
             "a_start", -span / period / 10, span / period / 10, "rad/s^2", "acceleration at the first sample", log=False
         )
     told = [
-        "There is no current, so the study is written in the four combinations of the constants that the speed "
-        "determines:"
+        "There is no current, so the study is written in the four "
+        "combinations of the constants that the speed determines:"
     ]
     told += [f"  {law} = {label}" for law, label in zip(LAW, LABELS, strict=True)]
     return lines, [*told, *ADDS]

@@ -45,8 +45,8 @@ def new(
     source = Path(name)
     if kind is None and source.suffix != _ENDS:
         raise SpecError(
-            f"{name!r} is not a list of parts (NAME{_ENDS}); say what to begin with, as in --from dc_motor (`plantfit "
-            f"new --list`)."
+            f"{name!r} is not a list of parts (NAME{_ENDS}); say what to "
+            "begin with, as in --from dc_motor (`plantfit new --list`)."
         )
     target = (
         Path(place)
@@ -57,8 +57,8 @@ def new(
     )
     if not target.parent.is_dir():
         raise SpecError(
-            f"There is no folder {str(target.parent)!r} to write {target.name!r} into; make it, or give another place "
-            f"with --out."
+            f"There is no folder {str(target.parent)!r} to write "
+            f"{target.name!r} into; make it, or give another place with --out."
         )
     if kind is None:
         made, words = _of_file(source), source.name
@@ -105,8 +105,8 @@ def new(
     if recording is None:
         columns = ", ".join(["t [s]", *measured.columns.values()])
         out.print(
-            f"It reads the recording {target.with_name(measured.file)} with the columns {columns}: put your file and "
-            f"columns there.",
+            f"It reads the recording {target.with_name(measured.file)} "
+            f"with the columns {columns}: put your file and columns there.",
             markup=False,
         )
     for signal, column in measured.columns.items() if recording is not None else ():
@@ -212,9 +212,8 @@ def _columns(plant: Plant, recording: Path, target: Path, said: Mapping[str, str
     if wrong is not None:
         signal, column = wrong
         raise RecordingError(
-            f"{recording.name}: column {column.header!r} is in {column.unit}, and {signal} in {signals[signal]}; name "
-            f"another, as in "
-            f"--column {signal}=NAME."
+            f"{recording.name}: column {column.header!r} is in {column.unit}, and "
+            f"{signal} in {signals[signal]}; name another, as in --column {signal}=NAME."
         )
     bare = {s: u for s, u in signals.items() if s in taken and not taken[s].unit and u not in (None, "1")}
     headers = {s: taken[s].header if s in taken else f"{s} [{u}]" for s, u in signals.items()}

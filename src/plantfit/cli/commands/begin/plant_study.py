@@ -65,8 +65,8 @@ def study(plant: Plant, measured: Measurements, name: str, words: str, spec: str
     """The text of the study file, which `plantfit new` with these `words` writes to `spec`."""
     first = next(iter(plant.inputs), "")
     before = (
-        f"# before = {{ {first} = 0.0 }}    # inputs before the first sample, where they were others than the "
-        f"first values\n"
+        f"# before = {{ {first} = 0.0 }}    # inputs before the first "
+        "sample, where they were others than the first values\n"
     )
     return _HEAD.format(
         words=words, spec=spec, name=quoted(name), file=quoted(measured.file), clock=measured.clock,

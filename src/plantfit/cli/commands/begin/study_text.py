@@ -201,8 +201,8 @@ class _Plant:
             if not u.low <= 0.0 <= u.high and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)
         ]
         told = [
-            f"{u.symbol} was never {'below' if u.low > 0 else 'above'} {u.low if u.low > 0 else u.high:.4g} "
-            f"{u.unit or ''}".strip()
+            f"{u.symbol} was never {'below' if u.low > 0 else 'above'} "
+            f"{u.low if u.low > 0 else u.high:.4g} {u.unit or ''}".strip()
             for u in away
         ]
         return f" (an extrapolation: {' and '.join(told)})" if told else ""

@@ -73,9 +73,8 @@ def _refuse_other_units(amplitude: str, unit: str, signal: str) -> None:
     units.parse(unit)
     if signal == VOLTAGE and not units.compatible(unit, "V"):
         raise UnitError(
-            f"--amplitude {amplitude!r} is in {unit!r}, but the signal {VOLTAGE!r} is a voltage; give volts, such as "
-            f"--amplitude 6V, or "
-            "name another signal with --signal."
+            f"--amplitude {amplitude!r} is in {unit!r}, but the signal {VOLTAGE!r} is a "
+            "voltage; give volts, such as --amplitude 6V, or name another signal with --signal."
         )
 
 

@@ -108,9 +108,9 @@ def _reader(study: Any, like: str | None, grows: bool) -> Callable[[Path], Any]:
     steps = [s.get("step") for s in table.clean if s.get("step") not in ROWWISE]
     if grows and steps:
         raise SpecError(
-            f"{study.path.name}: recording.{name}.clean has {steps[0]!r}, which looks at neighbouring rows, and rows "
-            f"still to come are not "
-            "known; track the finished file without --follow, or leave the step out of the study."
+            f"{study.path.name}: recording.{name}.clean has {steps[0]!r}, which looks "
+            "at neighbouring rows, and rows still to come are not known; track the "
+            "finished file without --follow, or leave the step out of the study."
         )
 
     def read(file: Path) -> Any:

@@ -34,8 +34,8 @@ def predict(
     share = None if level is None else fraction("--level", level)
     if share is not None and values:
         raise SpecError(
-            "--bands are made for the parameters of the study; they cannot be used with --set, so leave one of the two "
-            "out."
+            "--bands are made for the parameters of the study; they "
+            "cannot be used with --set, so leave one of the two out."
         )
     problem = choose_substeps(loaded.problem)
     named = values_at(problem.space.names, values, loaded.name, study, store)

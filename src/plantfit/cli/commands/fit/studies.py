@@ -47,8 +47,8 @@ def run(
     solved = [study for study in read if study.regression is not None]
     if solved and len(solved) < len(read):
         raise SpecError(
-            f"{solved[0].path.name} has a table [regression] and is solved at once, the others are searched; run them "
-            f"by themselves."
+            f"{solved[0].path.name} has a table [regression] and is solved "
+            "at once, the others are searched; run them by themselves."
         )
     if solved:
         return _solve(solved, place, json)

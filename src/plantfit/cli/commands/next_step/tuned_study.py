@@ -31,8 +31,8 @@ def asked_of(spec: str, set_points: Sequence[str], wishes: Mapping[str, Any]) ->
         name, sign, value = text.partition("=")
         if sign and found.get("output") not in (None, name.strip()):
             raise SpecError(
-                f"--set-point {text!r} names {name.strip()!r}, but the output is {found['output']!r}; tune one loop at "
-                f"a time."
+                f"--set-point {text!r} names {name.strip()!r}, but the "
+                f"output is {found['output']!r}; tune one loop at a time."
             )
         if sign:
             found["output"] = name.strip()
@@ -126,9 +126,8 @@ def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> 
     records = [r for r in opened.studies() if (r.id == number if number is not None else r.name == table.name)]
     if not records:
         raise StoreError(
-            f"{shown(store)} holds no study {number if number is not None else repr(table.name)}; run it first: "
-            f"`plantfit run "
-            f"{spec}{where}`."
+            f"{shown(store)} holds no study {number if number is not None else repr(table.name)}; "
+            f"run it first: `plantfit run {spec}{where}`."
         )
     record = records[-1]
     if record.runs_done == 0:
@@ -141,9 +140,8 @@ def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> 
         changed = [n for n in ("model", "parameters", "recording") if getattr(stored, n) != getattr(table, n)]
         if changed:
             raise StoreError(
-                f"{spec} has another [{changed[0]}] than study {record.id} in {shown(store)} was run with; run it "
-                f"again: "
-                f"`plantfit run {spec}{where}`."
+                f"{spec} has another [{changed[0]}] than study {record.id} in "
+                f"{shown(store)} was run with; run it again: `plantfit run {spec}{where}`."
             )
     from plantfit.reopen import open_study
 

@@ -61,8 +61,8 @@ def import_(files: list[str], spec: str | None, store: str, json: bool) -> None:
         )
         if same is not None:
             warn(
-                f"Study {same} is the same study as {file}: `plantfit merge {shlex.quote(file)}` would have united "
-                f"them."
+                f"Study {same} is the same study as {file}: `plantfit "
+                f"merge {shlex.quote(file)}` would have united them."
             )
         if not json:
             more = "" if study.state == "done" else f"; go on with `plantfit resume {number}{store_option(store)}`"
@@ -127,8 +127,8 @@ def _tell(whole: "WholeStudy", source: str, found: "Merged") -> None:
     if found.new:
         return out.print(f"{there} is new here: study {found.study} with {found.added} runs", markup=False)
     out.print(
-        f"{there} is study {found.study} here: {found.added} runs added, {found.equal} the same, {found.different} "
-        f"kept",
+        f"{there} is study {found.study} here: {found.added} runs "
+        f"added, {found.equal} the same, {found.different} kept",
         markup=False,
     )
     if found.different:

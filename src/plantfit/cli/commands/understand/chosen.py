@@ -20,8 +20,8 @@ def compare(
     files = [g for g in given if not is_number(g) and (g.endswith(".toml") or Path(g).is_file())]
     if files and models is False:
         raise SearchError(
-            f"--methods compares the runs of stored studies, and {files[0]!r} is a study file; give numbers or names "
-            f"of studies."
+            "--methods compares the runs of stored studies, and "
+            f"{files[0]!r} is a study file; give numbers or names of studies."
         )
     if files or models:
         for option, value in (

@@ -84,8 +84,8 @@ def _check_states(files: Iterable[Path], methods: Sequence[str]) -> None:
 
     if not FILTERS.keys() & set(methods):
         raise SpecError(
-            f"--states: no filter is among the methods {list(methods)}, so there are no states; add --method ekf, ukf "
-            f"or kalman."
+            f"--states: no filter is among the methods {list(methods)}, "
+            "so there are no states; add --method ekf, ukf or kalman."
         )
     for file in files:
         if not file.parent.is_dir():

@@ -55,8 +55,8 @@ def _inside(space: Any, given: dict[str, float], point: Any) -> None:
     for c, z in zip(space.coordinates, point, strict=True):
         if not 0.0 <= z <= 1.0:
             raise SpaceError(
-                f"{c.name} = {given[c.name]:g} lies outside of its bounds [{c.lower:g}, {c.upper:g}]; give a value "
-                f"inside."
+                f"{c.name} = {given[c.name]:g} lies outside of its "
+                f"bounds [{c.lower:g}, {c.upper:g}]; give a value inside."
             )
 
 

@@ -60,8 +60,8 @@ def pid_to_c(
     ]
     if anti_windup == "clamping":
         told.append(
-            "Where the exact command is that near to a limit, one sample's part of the integral may be kept or left "
-            "otherwise."
+            "Where the exact command is that near to a limit, one "
+            "sample's part of the integral may be kept or left otherwise."
         )
     return write_c(folder, name, told, declared, defined, includes="#include <stdint.h>\n\n")
 

@@ -52,8 +52,8 @@ ${settle}}
 SETTLE = {
     "clamping": (
         "unless it would drive a limited command further",
-        "    if (!((wanted > command && added > {zero}) || (wanted < command && added < {zero})))\n        s->integral "
-        "+= added;\n",
+        "    if (!((wanted > command && added > {zero}) || (wanted < "
+        "command && added < {zero})))\n        s->integral += added;\n",
     ),
     "back-calculation": (
         "and gives back a share of what a limit takes off",

@@ -89,8 +89,7 @@ def scaled(gains: Gains, settings: Settings, bits: int, full_scale: Mapping[str,
     if max(worst_p, worst_d, integral) * 2.0**FRACTION > 0.9 * LARGEST:
         raise SimulationError(
             f"The gains drive parts of the command up to {integral / top:.3g} times its full scale at full-scale "
-            f"signals, beyond what "
-            f"{bits} bits are scaled for; give larger full scales, or export floating point."
+            f"signals, beyond what {bits} bits are scaled for; give larger full scales, or export floating point."
         )
     place, rest = 2.0**-FRACTION, 1.0 - kept * 2.0**-UNIT
     error_p = 2.0 * p.error * top + place
@@ -107,8 +106,8 @@ def scaled(gains: Gains, settings: Settings, bits: int, full_scale: Mapping[str,
 def _full_scales(given: Mapping[str, float] | None) -> tuple[float, float]:
     if given is None or set(given) != {"measurement", "command"}:
         raise SimulationError(
-            f"full_scale = {given!r}; fixed point needs the largest magnitudes as {{'measurement': .., 'command': ..}} "
-            f"in their units."
+            f"full_scale = {given!r}; fixed point needs the largest magnitudes "
+            f"as {{'measurement': .., 'command': ..}} in their units."
         )
     for name, value in given.items():
         if not (math.isfinite(value) and value > 0):

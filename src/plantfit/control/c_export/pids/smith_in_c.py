@@ -146,8 +146,8 @@ def smith_to_c(
     told = [
         f"Smith predictor every {settings.period:g} s: a PID on what the measurement will be "
         f"{ahead * settings.period:g} s later.",
-        f"Measurement and reference in {y}, command in {u}; linearised at {float(s.y0):g} {y} with {float(s.u0):g} "
-        f"{u}.",
+        f"Measurement and reference in {y}, command in {u}; "
+        f"linearised at {float(s.y0):g} {y} with {float(s.u0):g} {u}.",
         f"Command limited to [{settings.lower:g}, {settings.upper:g}], which the model knows; anti-windup: "
         f"{settings.anti_windup}.",
         *note.splitlines(),

@@ -74,8 +74,8 @@ def offset_free_mpc(
     n, m, p = len(plant.states), len(plant.inputs), len(plant.outputs)
     if m != p or np.any(plant.D):
         raise SimulationError(
-            f"The plant has {m} inputs and {p} outputs{' or D' if m == p else ''}; give one input for each output, D = "
-            f"0."
+            f"The plant has {m} inputs and {p} outputs{' or D' if m == p else ''}; "
+            "give one input for each output, D = 0."
         )
     late = with_dead_time(plant, period, dead_time, longest_delay)
     size, sampled = late.A.shape[0], discretised(plant, period)
@@ -94,9 +94,9 @@ def offset_free_mpc(
     rest = np.block([[sampled.A - np.eye(n), sampled.B], [plant.C, np.zeros((p, m))]])
     if own is None or np.linalg.matrix_rank(rest) < n + m:
         raise SimulationError(
-            f"The outputs {list(plant.outputs)} do not tell a load at the inputs {list(plant.inputs)} from the states, "
-            f"or no input holds "
-            "them at another level; choose outputs that the inputs move, and disturbance above 0."
+            f"The outputs {list(plant.outputs)} do not tell a load at the inputs "
+            f"{list(plant.inputs)} from the states, or no input holds them at another "
+            "level; choose outputs that the inputs move, and disturbance above 0."
         )
     gain = np.zeros((size + m, p))
     gain[kept] = own

@@ -35,9 +35,8 @@ def smith_form(plant: ServoPlant, small: Reduced, sign: int, wishes: Wishes, tra
     ahead, advanced = plant.ahead, plant.advanced
     if not ahead:
         raise SimulationError(
-            f"The dead time is shorter than a sample of {wishes.period:g} s, so that a Smith predictor is a PID; give "
-            f"controller = 'pid', "
-            "or a shorter period."
+            f"The dead time is shorter than a sample of {wishes.period:g} s, so that a "
+            "Smith predictor is a PID; give controller = 'pid', or a shorter period."
         )
     simc = rule_gains("SIMC", small)
     assert simc is not None

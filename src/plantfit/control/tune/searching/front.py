@@ -28,8 +28,8 @@ def check_front(names: tuple[str, ...], points: int) -> None:
     """Raises SpecError for a front that cannot be drawn."""
     if len(set(names)) != len(names) or not 2 <= len(names) <= MOST_FIGURES:
         raise SpecError(
-            f"A front has two or three different figures, not {', '.join(names) or 'none'}; write for example "
-            f"iae,input_noise."
+            "A front has two or three different figures, not "
+            f"{', '.join(names) or 'none'}; write for example iae,input_noise."
         )
     if not 3 <= points <= 100:
         raise SpecError(f"A front of {points} points cannot be searched; give 3 to 100.")

@@ -84,9 +84,8 @@ class Search:
         run = min(runs, key=lambda r: r.cost)
         if min(run.cost, np.min(first)) >= 1e5:
             raise SearchError(
-                f"No {form.name} within the bounds of the search keeps the loops of all plants finite; give a longer "
-                f"period or "
-                "wider limits, or measure again."
+                f"No {form.name} within the bounds of the search keeps the loops of all "
+                "plants finite; give a longer period or wider limits, or measure again."
             )
         return np.asarray(run.x if run.cost < np.min(first) else best[0])
 

@@ -48,17 +48,14 @@ class PlanShape:
         samples = round(seconds / plant.period) - plant.ahead
         if samples < 2:
             raise SimulationError(
-                f"The plan looks {seconds:.4g} s ahead and an input acts after {dead:.4g} s of dead time, so that it "
-                f"sees nothing of what "
-                f"it does; give a prediction of at least {dead + 2 * plant.period:.4g} s ([control] prediction, or "
-                f"--prediction), such as "
-                f"{look_ahead(dead, small):.3g} s, or leave it out."
+                f"The plan looks {seconds:.4g} s ahead and an input acts after {dead:.4g} s of dead time, so that "
+                f"it sees nothing of what it does; give a prediction of at least {dead + 2 * plant.period:.4g} s "
+                f"([control] prediction, or --prediction), such as {look_ahead(dead, small):.3g} s, or leave it out."
             )
         if samples > MOST_AHEAD and wishes.prediction is not None:
             raise SimulationError(
-                f"A prediction of {seconds:.4g} s is {samples} samples of {plant.period:g} s after the dead time; give "
-                f"at most "
-                f"{MOST_AHEAD * plant.period + dead:.4g} s, or a longer period."
+                f"A prediction of {seconds:.4g} s is {samples} samples of {plant.period:g} s after the "
+                f"dead time; give at most {MOST_AHEAD * plant.period + dead:.4g} s, or a longer period."
             )
         change = wishes.rate * plant.period
         low = wishes.lower - plant.u0, -change, wishes.output_lower - plant.y0

@@ -68,9 +68,8 @@ class ServoPlant:
         a, b = input_matrices(one, period)
         if len(b) - 1 > MOST_PAST:
             raise SimulationError(
-                f"The dead time is {len(b) - 1} samples of {period:g} s, and LQI keeps as many past inputs; give a "
-                f"longer period "
-                f"([control] period, or --period), such as {period * len(b) / 50:.2g} s."
+                f"The dead time is {len(b) - 1} samples of {period:g} s, and LQI keeps as many past inputs; "
+                f"give a longer period ([control] period, or --period), such as {period * len(b) / 50:.2g} s."
             )
         d = float(rest.D[at])
         if d and len(b) < 2:
@@ -81,8 +80,8 @@ class ServoPlant:
         whole = np.block([[a - np.eye(n), b.sum(axis=1)[:, None]], [c[None, :], np.array([[d]])]])
         if np.linalg.matrix_rank(whole) < n + 1:
             raise SimulationError(
-                "No input holds the output at another level: LQI needs a plant whose states the output and the input "
-                "fix."
+                "No input holds the output at another level: LQI needs "
+                "a plant whose states the output and the input fix."
             )
         k, slow = small.first_order[0], slowest(small)
         u_size = abs(wishes.step / (k * slow if small.integrating else k))

@@ -72,8 +72,8 @@ class Contradiction:
         if self.turned:
             number = f"{self.relation.node.number:.12g}"
             return (
-                f"{what}: {number} converts a unit the wrong way round; divide by it where it multiplies, or "
-                f"multiply where it divides."
+                f"{what}: {number} converts a unit the wrong way round; divide "
+                "by it where it multiplies, or multiply where it divides."
             )
         if not self.needed:
             named = sorted(n for n in self.relation.node.names() if any(key[1] == n for key in declared))

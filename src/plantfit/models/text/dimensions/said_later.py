@@ -31,9 +31,8 @@ def check_said_later(model: Model, parameters: Mapping[str, str | None], recorde
         units.parse(unit)
         if other_time(unit):
             raise UnitError(
-                f"Parameter {name!r} is given in {unit!r}, but the model has no unit for it, and computes with time in "
-                f"s; "
-                f"give its numbers in {with_seconds(unit)!r}."
+                f"Parameter {name!r} is given in {unit!r}, but the model has no unit for it, "
+                f"and computes with time in s; give its numbers in {with_seconds(unit)!r}."
             )
 
 

@@ -71,10 +71,9 @@ def refuse_multiple(what: str, node: Node, named: Mapping[str, Unit], wanted: Un
     if not alone or name is None:
         return
     raise EquationError(
-        f"{what} is in {shown(wanted)}, but this counts temperatures in {shown(named[name])}, and 0 degC is 273.15 K: "
-        f"write ({name} {sign} "
-        f"zero) for {name!r}, with zero = '273.15 K' in constants, or declare both in one unit (recordings are "
-        f"converted to it).",
+        f"{what} is in {shown(wanted)}, but this counts temperatures in {shown(named[name])}, "
+        f"and 0 degC is 273.15 K: write ({name} {sign} zero) for {name!r}, with zero = '273.15 "
+        "K' in constants, or declare both in one unit (recordings are converted to it).",
         text,
         *node.place,
     )

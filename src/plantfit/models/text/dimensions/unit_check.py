@@ -138,9 +138,8 @@ class UnitChecker:
 
     def _literal(self, number: Node, unit: Unit) -> EquationError:
         message = (
-            f"The number {number.number:g} has no unit, but is combined with a quantity in {shown(unit)}; "
-            f"give it a name and a unit in constants, as in offset = '{number.number:g} {shown(unit)}', and use that "
-            f"name here."
+            f"The number {number.number:g} has no unit, but is combined with a quantity in {shown(unit)}; give it a "
+            f"name and a unit in constants, as in offset = '{number.number:g} {shown(unit)}', and use that name here."
         )
         return self._fail(message, number.place)
 
@@ -189,8 +188,7 @@ class UnitChecker:
         if self._counts_from_own_zero(node.args[1]):
             raise self._fail(
                 f"This divides by a temperature in {shown(self._own_zero(node.args[1]))}, whose zero is not absolute; "
-                f"add a constant "
-                "first, as in (T + zero) with zero = '273.15 K' in constants, or declare it in K.",
+                "add a constant first, as in (T + zero) with zero = '273.15 K' in constants, or declare it in K.",
                 node.args[1].start,
             )
         return None if a is None or b is None or b is ZERO else _difference(a / b)
@@ -221,9 +219,8 @@ class UnitChecker:
         if number is not None:
             if (number == 4 or number % 1 or number < 0) and self._counts_from_own_zero(node.args[0]):
                 raise self._fail(
-                    f"This power is of a temperature in {shown(base)}, whose zero is not absolute; add a constant "
-                    f"first, as in "
-                    "(T + zero)^4 with zero = '273.15 K' in constants, or declare it in K.",
+                    f"This power is of a temperature in {shown(base)}, whose zero is not absolute; add a "
+                    "constant first, as in (T + zero)^4 with zero = '273.15 K' in constants, or declare it in K.",
                     node.place,
                 )
             return _raised(base, number)
@@ -303,16 +300,13 @@ def _how(found: Unit, wanted: Unit) -> str:
     ):
         sign = "+" if temperature(wanted) == "absolute" else "-"
         return (
-            f"; 0 degC is 273.15 K and equations convert nothing by themselves: write it {sign} zero, with zero = "
-            f"'273.15 K' in "
-            "constants, or "
-            "declare both in one unit (recordings are converted to it)"
+            f"; 0 degC is 273.15 K and equations convert nothing by themselves: write it {sign} zero, with "
+            "zero = '273.15 K' in constants, or declare both in one unit (recordings are converted to it)"
         )
     ratio = _factor(found / wanted)
     return (
-        f"; 1 {shown(found)} is {ratio:.6g} {shown(wanted)} and equations convert nothing by themselves, so "
-        f"declare "
-        f"both in the same unit"
+        f"; 1 {shown(found)} is {ratio:.6g} {shown(wanted)} and equations "
+        "convert nothing by themselves, so declare both in the same unit"
     )
 
 

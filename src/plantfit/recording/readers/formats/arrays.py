@@ -54,9 +54,8 @@ def _named_arrays(arrays: Mapping[str, Any], options: Options) -> Recording:
         wrong = [key for key, column in wanted.items() if not isinstance(column, str | int | np.integer)]
         if wrong:
             raise RecordingError(
-                f"Recording {name!r}: signals gives {wrong[0]!r} an array, but names an array here; put it among the "
-                f"arrays, as in "
-                f"from_arrays({{'t': t, {wrong[0]!r}: ...}})."
+                f"Recording {name!r}: signals gives {wrong[0]!r} an array, but names an array "
+                f"here; put it among the arrays, as in from_arrays({{'t': t, {wrong[0]!r}: ...}})."
             )
     found = {str(key): _with_unit(value) for key, value in arrays.items()}
     vectors = {key: _cells(values, key, name) for key, (values, _) in found.items()}
@@ -110,8 +109,8 @@ def _times_and_signals(
         columns.insert(0, Column("t", "t", "s", pl.Series("t", times)))
     if len({len(column.cells) for column in columns}) > 1:
         raise RecordingError(
-            f"Recording {name!r}: lengths differ, { ({c.header: len(c.cells) for c in columns}) }; cut them to one "
-            f"length."
+            f"Recording {name!r}: lengths differ, "
+            f"{ ({c.header: len(c.cells) for c in columns}) }; cut them to one length."
         )
     shift = 0 if t is None else 1
     chosen = {key: position + shift for position, key in enumerate(arrays)}

@@ -34,9 +34,9 @@ class Regression:
         assert isinstance(problem.model, LinearModel)
         if of_columns(problem.model):
             raise ModelError(
-                f"The columns of {problem.model.name!r} were filtered before the fit, and the signals that they are "
-                f"made of are not there: "
-                "use `plantfit diagnose` on its study file, or give regression=plantfit.spec.before_filter(study)."
+                f"The columns of {problem.model.name!r} were filtered before the fit, and "
+                "the signals that they are made of are not there: use `plantfit diagnose` "
+                "on its study file, or give regression=plantfit.spec.before_filter(study)."
             )
         return cls(problem.model, {n: e.recording for n, e in problem.experiments.items()})
 

@@ -49,9 +49,8 @@ def _agreement(found: ComparisonOfIntervals) -> list[Sentence]:
     if not alike:
         return lines
     said = (
-        f"All kinds agree on {some(alike)}: ends of their intervals lie at most {100 * worst:.0f} % of half a "
-        f"width "
-        f"apart."
+        f"All kinds agree on {some(alike)}: ends of their intervals "
+        f"lie at most {100 * worst:.0f} % of half a width apart."
     )
     return [say("good", said), *lines]
 
@@ -109,8 +108,8 @@ def _reason(
                 "residual is noise."
             )
         return (
-            "it weighs samples by the correlation of their noise; where the two lie apart, the residual may be no "
-            "noise."
+            "it weighs samples by the correlation of their noise; "
+            "where the two lie apart, the residual may be no noise."
         )
     if one.open_low or one.open_high or other.open_low or other.open_high:
         return "what the data leave open it averages over the bounds of the search."
@@ -149,9 +148,8 @@ def _conflicts(found: ComparisonOfIntervals) -> list[Sentence]:
         far = abs(mean - p.value) / (deviation**2 + p.standard_error**2) ** 0.5
         if far > CONFLICT:
             said = (
-                f"The prior of {p.name} and what the data say of it lie {far:.2g} standard deviations apart: one "
-                f"of "
-                f"them is wrong."
+                f"The prior of {p.name} and what the data say of it lie "
+                f"{far:.2g} standard deviations apart: one of them is wrong."
             )
             lines.append(say("warning", said))
     return lines

@@ -288,8 +288,7 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
         )
     except pl.exceptions.PolarsError as error:
         raise RecordingError(
-            f"{found.source} cannot be read as a table ({str(error).splitlines()[0]}); correct the file, or in Python "
-            f"give "
-            "delimiter= or skip=."
+            f"{found.source} cannot be read as a table ({str(error).splitlines()[0]}); "
+            "correct the file, or in Python give delimiter= or skip=."
         ) from None
     return frame, np.array(numbers)

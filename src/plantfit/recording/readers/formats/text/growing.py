@@ -76,9 +76,8 @@ class GrowingTable:
             if len(new) < len(t) - known:
                 at = t[known] if len(t) > known else t[-1]
                 raise RecordingError(
-                    f"{self.name}: a row at {at:.6g} s came after one at {self.times[-1]:.6g} s; times have to grow, "
-                    f"so begin anew for "
-                    "another recording."
+                    f"{self.name}: a row at {at:.6g} s came after one at {self.times[-1]:.6g} "
+                    "s; times have to grow, so begin anew for another recording."
                 )
         else:
             new = np.arange(len(t))
