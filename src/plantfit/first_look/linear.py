@@ -15,6 +15,7 @@ PASSES = 4  # of Steiglitz and McBride
 STEPS = 25  # of Gauss-Newton
 SETTLED = 1e-6  # relative decrease of the cost that ends them
 WEIGHTY = 0.05  # of the largest coefficient, from which on one counts as an answer
+EXPLODED = 1e100  # of a column, in which nothing can be told: squares stay numbers
 
 
 @dataclass(frozen=True)
@@ -182,7 +183,7 @@ def _solved(records: Sequence[Data], f: np.ndarray, shifts: tuple[int, ...]) -> 
     """The model with this F, all else by linear least squares; None where it does not stay finite."""
     with np.errstate(all="ignore"):
         made = [_columns(d, f, shifts) for d in records]
-    if not all(np.all(np.isfinite(part)) for one in made for part in one):
+    if not all(np.all(np.abs(part) < EXPLODED) for one in made for part in one):
         return None
     p, order = made[0][0].shape[1], len(f)
     free = [bool(d.fitted.any()) and not d.rested for d in records]
