@@ -70,7 +70,7 @@ class Score(Record):
     started: Number = None
     """Of unseen samples that are followed worse than fitted ones, in a recording whose simulation begins at first
     measured values: the RMSE if it began at these less their noise, which is estimated from the unseen samples; none
-    where noise cannot be why."""
+    where noise is no part of it, and where residuals speak against the model."""
     spare: Number = None
     """Of fitted samples that are no more than the free parameters: how many they are beyond the parameters that
     follow them (by leverage). 0: they are followed whatever they are, which shows nothing."""

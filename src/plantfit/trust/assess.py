@@ -92,7 +92,7 @@ def assess(
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
     tests = list(_residual_tests(problem, predictions))
     scores = with_spare(problem, best.x, local, list(_scores(problem, predictions)))
-    scores = with_foretold(problem, local, with_started(problem, local.values, scores), tests)
+    scores = with_foretold(problem, local, with_started(problem, local.values, scores, tests), tests)
     found = Findings(
         schema_version=VERSION,
         name=problem.name,

@@ -105,11 +105,10 @@ def parse_expression(text: str, tables: Tables) -> Node:
 
 def _at_a_time(name: str, node: ast.Call) -> str:
     """What to write for a signal at a time, y(t) or y(t - L); "" for another call."""
-    [when] = node.args if len(node.args) == 1 else [None]
-    if isinstance(when, ast.Name) and when.id == "t":
-        return f" A signal stands without its time; write {name}."
-    match when:
-        case ast.BinOp(left=ast.Name(id="t"), op=ast.Sub(), right=ago):
+    match node.args:
+        case [ast.Name(id="t")]:
+            return f" A signal stands without its time; write {name}."
+        case [ast.BinOp(left=ast.Name(id="t"), op=ast.Sub(), right=ago)]:
             return f" For what the signal was some time ago write delay({name}, {ast.unparse(ago)})."
     return ""
 

@@ -11,7 +11,7 @@ from plantfit.findings.recordings import Score
 from plantfit.findings.residuals import ResidualTest
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.linearised import Local, natural_sizes
-from plantfit.trust.verdict.outputs import SPARE
+from plantfit.trust.validate.spare_samples import telling
 from plantfit.trust.verdict.unseen import HOLDS
 
 CHANCE = 0.01  # of a larger error, if the model is right
@@ -24,12 +24,12 @@ def with_foretold(
 ) -> list[Score]:
     """The scores, with `foretold` where an unseen output is followed worse than the fitted samples and its residuals
     do not speak against the model: they are white in all recordings, as far as they were tested."""
-    fitted = [s for s in scores if s.part == "fit" and s.rmse and not (s.spare is not None and s.spare < SPARE)]
+    fitted = telling(scores)
     samples, d = sum(s.n for s in fitted), len(local.values)
     sound = local.linear is None or local.linear.sound
     if d > MOST or samples <= d or not sound:
         return list(scores)
-    coloured = {t.output for t in tests if (t.p_value or 0.0) <= CHANCE / sum(o.output == t.output for o in tests)}
+    against = coloured(tests)
     left = (samples if local.linear is None else min(samples, local.linear.samples)) - d
     moved: dict[str, Mapping[str, np.ndarray] | None] = {}
     found = []
@@ -39,7 +39,7 @@ def with_foretold(
         ]
         if (
             s.part == "fit"
-            or s.output in coloured
+            or s.output in against
             or not own
             or not s.rmse
             or (s.rmse if s.started is None else s.started) < HOLDS * min(f.rmse or 0.0 for f in own)
@@ -51,6 +51,11 @@ def with_foretold(
             moved[s.recording] = deviations(problem, local, s.recording)
         found.append(s.model_copy(update={"foretold": _most(problem, s, moved[s.recording], noise, max(left, 1.0))}))
     return found
+
+
+def coloured(tests: Sequence[ResidualTest]) -> set[str]:
+    """Outputs whose residuals speak against the model, in any recording and by more than chance."""
+    return {t.output for t in tests if (t.p_value or 0.0) <= CHANCE / sum(o.output == t.output for o in tests)}
 
 
 def deviations(problem: Problem, local: Local, name: str) -> dict[str, np.ndarray] | None:

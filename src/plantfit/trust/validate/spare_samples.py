@@ -10,6 +10,7 @@ from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.covariance import Block
 from plantfit.trust.intervals.linearised import Local, named_blocks
+from plantfit.trust.verdict.outputs import SPARE
 
 RANK = 1e-10  # of the largest singular value, columns normed
 
@@ -24,6 +25,11 @@ def with_spare(problem: Problem, z: np.ndarray, local: Local, scores: Sequence[S
         s.model_copy(update={"spare": left[key]}) if s.part == "fit" and (key := (s.recording, s.output)) in few else s
         for s in scores
     ]
+
+
+def telling(scores: Sequence[Score]) -> list[Score]:
+    """Those of fitted samples whose RMSE tells how well the model follows its output."""
+    return [s for s in scores if s.part == "fit" and s.rmse and not (s.spare is not None and s.spare < SPARE)]
 
 
 def spare_samples(problem: Problem, z: np.ndarray, free: np.ndarray) -> dict[tuple[str, str], float]:

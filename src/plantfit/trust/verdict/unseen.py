@@ -2,11 +2,9 @@
 
 from collections.abc import Iterator, Sequence
 
-from plantfit.findings.recordings import Score
 from plantfit.trust.verdict.outputs import (
     FLOOR,
     GOOD,
-    SPARE,
     Findings,
     Row,
     diagnosed,
@@ -74,6 +72,8 @@ def _lost_from(findings: Findings, row: Row) -> str:
     return "" if first is None else f" from t = {number(first, 4)} s on"
 
 
+_WITHOUT = "without what the noise of the first measured values does"
+
 _HOLDS = {"good": "it holds", "warning": "it holds in part", "bad": "it does not hold there"}
 
 
@@ -89,18 +89,9 @@ def _base(findings: Findings, row: Row) -> float | None:
     return own if own is not None else min((v for (_, o), v in fitted.items() if o == row["output"]), default=None)
 
 
-def fitted_rmse(scores: Sequence[Score]) -> dict[str, float]:
-    """The least RMSE of each output in fitted samples, of what shows anything."""
-    found: dict[str, float] = {}
-    for s in scores:
-        if s.part == "fit" and s.rmse and not (s.spare is not None and s.spare < SPARE):
-            found[s.output] = min(s.rmse, found.get(s.output, s.rmse))
-    return found
-
-
 def _off(row: Row) -> float:
     """The RMSE that tells whether unseen samples are followed: without what noise of first measured values does."""
-    return row["rmse"] if row.get("started") is None else min(row["started"], row["rmse"])
+    return row["rmse"] if row.get("started") is None else row["started"]
 
 
 def _alone(findings: Findings, output: str) -> str:
@@ -169,15 +160,14 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     text = f"On samples it has not seen, the RMSE of {place(findings, row)} is {with_unit(row['rmse'], row['unit'])}"
     if not base:
         return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
-    ratio = row["rmse"] / base
-    level = _held_level(row, _off(row) / base)
-    if ratio >= HOLDS > _off(row) / base and not _exact(row):
+    ratio, begun = row["rmse"] / base, _off(row) / base
+    level = _held_level(row, begun)
+    if ratio >= HOLDS > begun and not _exact(row):
         text += (
-            f", {ratio:.2f} times that of the fitted samples, and "
-            f"{_off(row) / base:.2f} times if the simulation begins "
+            f", {ratio:.2f} times that of the fitted samples, and {begun:.2f} times if the simulation begins at the "
+            "first measured values less their noise: it holds."
         )
-        text += "at the first measured values less their noise: it holds."
-        return say("good", text, rmse=row["rmse"], ratio=ratio, started=_off(row))
+        return say("good", text, rmse=row["rmse"], ratio=ratio, started=row["started"])
     if ratio >= HOLDS and _exact(row):
         text += (
             f", {ratio:.2f} times that of the fitted samples, and a fit of {number(row['fit_percent'], 6)} %: it holds."
@@ -201,16 +191,10 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         return say("warning", text, rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
     words = words or _but(findings, row, level)
     level = "warning" if words else level
-    text = f"{text}, {ratio:.2f} times that of the fitted samples{_less(row, base)}: {words or _HOLDS[level]}."
+    less = f" ({begun:.2f} times {_WITHOUT})" if begun < ratio else ""
+    text = f"{text}, {ratio:.2f} times that of the fitted samples{less}: {words or _HOLDS[level]}."
     text += _shift(findings, row)
     return say(level, text, rmse=row["rmse"], ratio=ratio)
-
-
-def _less(row: Row, base: float) -> str:
-    """How much of a miss noise of the first measured values makes up."""
-    if _off(row) >= row["rmse"]:
-        return ""
-    return f" ({_off(row) / base:.2f} times without what the noise of the first measured values does)"
 
 
 def _drift_ends(findings: Findings, row: Row) -> str | None:
@@ -249,19 +233,15 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
         return
     ratios = [r["rmse"] / base for r, base in zip(rows, bases, strict=True) if base]
     noise = most_noise(findings, output)
-    own_ratios = [_off(r) / base for r, base in zip(rows, bases, strict=True) if base]
-    ends = [_end(findings, r, _held_level(r, q), noise) for r, q in zip(rows, own_ratios, strict=True)]
+    begun = [_off(r) / base for r, base in zip(rows, bases, strict=True) if base]
+    ends = [_end(findings, r, _held_level(r, q), noise) for r, q in zip(rows, begun, strict=True)]
     by = {
         end: [r for r, own in zip(rows, ends, strict=True) if own == end]
         for end in (*_HOLDS.items(), _CHANCE, _POOR, _FORETOLD)
         if end in ends
     }
     held = "; ".join(f"{words} ({len(own)}: {recordings_named(own)})" for (_, words), own in by.items())
-    less = (
-        ""
-        if own_ratios == ratios
-        else f" ({span(own_ratios, None)} times without what the noise of the first measured values does)"
-    )
+    less = f" ({span(begun, None)} times {_WITHOUT})" if begun != ratios else ""
     yield say(
         worst(level for level, _ in by),
         f"{text}, {span(ratios, None)} times that of the fitted samples{less}: {held}.",
