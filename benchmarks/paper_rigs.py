@@ -11,6 +11,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 if TYPE_CHECKING:
     from plantfit.problem.problem import Problem
     from plantfit.recording.record import Recording
@@ -100,6 +102,30 @@ def robot(seed: int, folder: Path) -> None:
     from plantfit.cases.robot.demo import bench
 
     bench(seed).save(folder)
+
+
+def robot_noise(problem: "Problem") -> np.ndarray:
+    """Covariance (m, m) of the residuals' noise on the bench of the robot's motor: of edges of the disc that lie wrong,
+    of the timer's steps, and of the meter's noise and steps.
+
+    A period is wrong by the difference of the errors of its two edges: neighbours share one, and each turn of the disc
+    brings both back.
+    """
+    from plantfit.rig.dc_motor import DcMotorRig
+    from plantfit.trust.intervals.linearised import named_blocks
+
+    rig, rows = DcMotorRig(), {output: block.rows for _, output, block in named_blocks(problem)}
+    [experiment] = problem.experiments.values()
+    index = problem.data["index"][next(iter(problem.data["drive"]))]["w"]
+    speed, slot = (experiment.recording[n][index] for n in ("w", "w_slot"))
+    edges = np.zeros((rows["I"].stop, rig.pulses))
+    at, size = np.arange(len(speed)) + rows["w"].start, rig.slot_error * speed / problem.scales["w"]
+    edges[at, (slot.astype(int) + 1) % rig.pulses] += size
+    edges[at, slot.astype(int) % rig.pulses] -= size
+    period = 2 * np.pi * rig.ratio / rig.pulses / speed
+    white = np.full(len(edges), np.hypot(rig.current_noise, rig.current_step / np.sqrt(12)) / problem.scales["I"])
+    white[rows["w"]] = rig.tick / np.sqrt(6) / period * speed / problem.scales["w"]
+    return edges @ edges.T + np.diag(white**2)
 
 
 TORQUE = {"m1": 0.21, "m2": 0.1, "lc1": 0.12, "lc2": 0.15, "I1": 0.00053, "I2": 0.00077}
