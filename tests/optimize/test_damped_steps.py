@@ -25,6 +25,16 @@ def test_first_step_solves_a_linear_problem_up_to_its_damping():
     np.testing.assert_allclose(promised, lanes.squares, rtol=1e-9)
 
 
+@pytest.mark.filterwarnings("error")
+def test_derivatives_whose_squares_overflow_give_the_step_of_other_units():
+    """A model that nearly explodes has derivatives of 1e160."""
+    a, r, x = np.random.default_rng(4).normal(size=(1, 20, 2)), np.linspace(-1.0, 0.5, 20)[None], np.full((1, 2), 0.5)
+    lanes = Lanes.begin(x, Rows(r, 1e160 * a, x), np.ones(1, bool), np.zeros(1, bool), 100)
+    lanes.damping[:] = 1e-12
+    wanted = -np.linalg.lstsq(a[0], r[0], rcond=None)[0]
+    np.testing.assert_allclose(lanes.propose()[0][0] * 1e160, wanted, rtol=1e-6)
+
+
 def test_a_step_ends_on_the_bounds_and_solves_for_the_rest():
     rng = np.random.default_rng(2)
     for _ in range(20):

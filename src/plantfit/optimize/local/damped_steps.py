@@ -63,7 +63,7 @@ class Lanes:
     @classmethod
     def begin(cls, x: np.ndarray, rows: Rows, independent: np.ndarray, asked: np.ndarray, most: int) -> "Lanes":
         """Searches at their starts x (n, d)."""
-        n, scale, none = len(x), np.linalg.norm(rows.jacobian, axis=1), np.zeros(len(x), int)
+        n, scale, none = len(x), _norms(rows.jacobian), np.zeros(len(x), int)
         limit = np.where(asked, np.iinfo(int).max, most)
         return cls(
             x, rows.points, rows.squares, rows.r, rows.jacobian, scale, np.full(n, DAMPING), np.full(n, 2.0), none,
@@ -131,7 +131,7 @@ class Lanes:
         self.squares = np.where(good, squares, self.squares)
         self.r = np.where(good[:, None], rows.r, self.r)
         self.jacobian = np.where(good[:, None, None], rows.jacobian, self.jacobian)
-        self.scale = np.maximum(self.scale, np.linalg.norm(self.jacobian, axis=1))
+        self.scale = np.maximum(self.scale, _norms(self.jacobian))
         easier = self.damping * np.maximum(1 / 3, 1 - (2 * np.clip(ratio, 0, 2) - 1) ** 3)
         self.damping = np.maximum(np.where(good, easier, self.damping * self.growth), EASIEST)
         self.growth = np.where(good, 2.0, 2.0 * self.growth)
@@ -150,13 +150,23 @@ class Lanes:
         the residual is from being orthogonal to all that the coordinates can change. Columns that change nothing over
         the whole box do not count.
         """
-        norms, size = np.linalg.norm(self.jacobian, axis=1), np.sqrt(self.squares)
+        norms, size = _norms(self.jacobian), np.sqrt(self.squares)
         counts = ~self.held & (2.0 * norms > FINISHED * size[:, None])
         columns = np.where(counts[:, None, :], self.jacobian / np.maximum(norms, 1e-300)[:, None, :], 0.0)
         left, singular, _ = np.linalg.svd(columns, full_matrices=False)
         seen = singular > RANK * np.maximum(singular[:, :1], 1e-300)
         along = _times(left, self.r)
         return np.sum(np.where(seen, along, 0.0) ** 2, axis=1)
+
+
+def _norms(jacobian: np.ndarray) -> np.ndarray:
+    """Norms (n, d) of the columns of Jacobians (n, k, d), also where their squares are too large for a float."""
+    with np.errstate(over="ignore"):
+        found = np.linalg.norm(jacobian, axis=1)
+    if np.all(np.isfinite(found)):
+        return found
+    largest = np.max(np.abs(jacobian), axis=1, initial=1e-300)
+    return np.where(np.isinf(found), largest * np.linalg.norm(jacobian / largest[:, None], axis=1), found)
 
 
 def _times(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
