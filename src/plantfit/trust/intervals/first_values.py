@@ -37,6 +37,35 @@ def first_value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]
     return Begins(columns[0], columns[1], np.array([0.0 if is_scored(problem, e) else 1.0 for e in found]))
 
 
+class FreeStarts(NamedTuple):
+    """Starts that the fit has estimated (`finish.start_corrections`), free beside the parameters of the linear problem.
+
+    `columns` (n, l): what they do to the residuals, and below these to one row for each start whose value is no sample
+    of the fit. `onto` (l, n): the starts that fit rows best, with the sign turned.
+    """
+
+    columns: np.ndarray
+    onto: np.ndarray
+
+    def left(self, rows: np.ndarray) -> np.ndarray:
+        """What starts cannot take up (n, ...) of residuals (m,) or of their derivatives (m, d)."""
+        more = len(self.columns) - len(rows)
+        rows = np.concatenate([rows, np.zeros((more, *rows.shape[1:]))]) if more else rows
+        return rows - self.columns @ (self.onto @ rows)
+
+
+def free_starts(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> FreeStarts | None:
+    """Those of the problem at its answer z (d,); nothing where the fit has estimated none."""
+    if not problem.start_corrections:
+        return None
+    begins = first_value_effects(problem, z, blocks)
+    if not begins.estimated.shape[1]:
+        return None
+    size = float(np.sqrt(np.mean(residuals(problem, z) ** 2)))
+    columns = np.vstack([begins.estimated, size * np.diag(np.sqrt(begins.known))[begins.known > 0]])
+    return FreeStarts(columns, np.linalg.pinv(columns))
+
+
 class ValueEffect(NamedTuple):
     """What one standard deviation of the `noise` of a first measured value, in its unit, does to the residuals: a
     `column` (m,)."""

@@ -21,6 +21,7 @@ from plantfit.trust.intervals.covariance import (
     output_errors,
     own_student,
 )
+from plantfit.trust.intervals.first_values import FreeStarts, free_starts
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
 
 STEPS = 12  # points to either side at most
@@ -58,8 +59,8 @@ def profile(problem: Problem, answer: Any, name: str, level: float = 0.95) -> Pr
     `answer` is a cube point (d,) or what `fit` returns. The coordinate is moved to either side and the others are
     fitted anew, by bounded least squares. An end is where the sum of squares has grown by the residual variance times
     chi-squared(1) times the ratio of the sandwich to the plain variance (Kent, Biometrika 69 (1982) 19, sec. 3: what
-    the likelihood ratio of one parameter is distributed as when the residuals are not white). Raises SpaceError for an
-    unknown name.
+    the likelihood ratio of one parameter is distributed as when the residuals are not white). Starts that the fit
+    has estimated are free as the others are. Raises SpaceError for an unknown name.
     """
     names = problem.space.names
     if name not in names:
@@ -67,7 +68,7 @@ def profile(problem: Problem, answer: Any, name: str, level: float = 0.95) -> Pr
     place, problem = names.index(name), as_known(problem)
     walk = _Walk(problem, np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float), place)
     for _ in range(4):  # again from a better answer that a side has met
-        variance, inflation = _spread(problem, walk.best, place)
+        variance, inflation = _spread(problem, walk.best, place, walk.starts)
         threshold = float(chi2.ppf(level, 1)) * inflation
         walk.begin(variance, threshold)
         if all([walk.side(-1.0), walk.side(1.0)]):
@@ -92,7 +93,8 @@ class _Walk:
         for group in problem.separable or ():  # others have no part in it
             if place in group:
                 self.own = np.asarray(group)
-        self.best, self.least = refit(problem, start, np.isin(np.arange(len(start)), self.own))
+        self.starts = free_starts(problem.unsmoothed, start, residual_blocks(problem))
+        self.best, self.least = refit(problem, start, np.isin(np.arange(len(start)), self.own), starts=self.starts)
         self.excess: dict[float, float] = {}
 
     def begin(self, variance: float, threshold: float) -> None:
@@ -162,7 +164,7 @@ class _Walk:
         }.values():
             moved = start.copy()
             moved[self.place] = here
-            tried.append(refit(self.problem, moved, free))
+            tried.append(refit(self.problem, moved, free, starts=self.starts))
         point, squares = min(tried, key=lambda a: a[1])
         self.solved[here], self.excess[here] = point, (squares - self.least) / self.variance
         if squares < self.least:
@@ -170,10 +172,12 @@ class _Walk:
         return self.excess[here]
 
 
-def _spread(problem: Problem, z: np.ndarray, place: int) -> tuple[float, float]:
+def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | None) -> tuple[float, float]:
     """Variance of the residuals, and the sandwich variance of one coordinate over the plain one (`not_below`,
     `own_student`)."""
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
+    if starts is not None:
+        jacobian = starts.left(jacobian)[: len(residuals)]
     free = (z > EDGE) & (z < 1 - EDGE)
     free[place] = True
     place_in, jacobian = int(np.sum(free[:place])), jacobian[:, free]

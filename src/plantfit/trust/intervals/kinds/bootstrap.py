@@ -12,6 +12,7 @@ from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.measure.long_run import first_correlation
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.covariance import errors_at
+from plantfit.trust.intervals.first_values import FreeStarts, free_starts
 from plantfit.trust.intervals.linearised import EDGE, named_blocks, residual_blocks
 
 TIMES = 10  # correlation times of the residuals in a block
@@ -41,15 +42,15 @@ def bootstrap(
 
     Residuals are drawn in blocks that overlap and run round the end of a record, as long as ten times their correlation
     time (Politis and Romano, in Exploring the Limits of Bootstrap, 1992, p. 263), and made larger by what the fit took
-    from them. Each refit begins at z and stays within the bounds. Initial values that are read from a record's first
-    samples keep them. Errors of an output with no more samples than there are free parameters are normal: its residuals
-    are smaller than its errors, which its scale tells.
+    from them. Each refit begins at z and stays within the bounds. Starts that the fit has estimated are free in each;
+    other initial values that are read from a record's first samples keep them. Errors of an output with no more samples
+    than there are free parameters are normal: its residuals are smaller than its errors, which its scale tells.
     """
     data, space = problem.unsmoothed, problem.space
     r, jacobian = residuals_and_jacobian(data, z)
     rng = np.random.default_rng(seed)
     lengths, series = _series(problem, r)
-    errors = errors_at(r, jacobian, residual_blocks(data))
+    errors, starts = errors_at(r, jacobian, residual_blocks(data)), free_starts(data, z, residual_blocks(data))
     values, lost = [], 0
     for k in range(replicates):
         shift = np.zeros_like(r)
@@ -59,7 +60,9 @@ def bootstrap(
                 shift[rows] = rng.normal(scale=np.sqrt(own.mean_square(r[rows])), size=len(rows)) - r[rows]
             else:
                 shift[rows] = _drawn(r[rows] - r[rows].mean(), lengths[output], rng) * np.sqrt(own.larger) - r[rows]
-        found = _refitted(data, z, shift)
+        if starts is not None and (more := len(starts.columns) - len(r)):  # first values that are no fitted samples
+            shift = np.r_[shift, np.sqrt(np.mean(r**2)) * rng.standard_normal(more)]
+        found = _refitted(data, z, shift, starts)
         if found is None:
             lost += 1
         else:
@@ -106,15 +109,21 @@ def _drawn(series: np.ndarray, length: int, rng: np.random.Generator) -> np.ndar
     return series[(starts[:, None] + np.arange(length)).ravel()[:n] % n]
 
 
-def _refitted(problem: Problem, z: np.ndarray, shift: np.ndarray) -> np.ndarray | None:
-    """The cube point (d,) nearest to data that lie `shift` (m,) away; None where the plant cannot be simulated."""
+def _refitted(problem: Problem, z: np.ndarray, shift: np.ndarray, starts: FreeStarts | None) -> np.ndarray | None:
+    """The cube point (d,) nearest to data that lie `shift` (m,) away, the `starts` free; None where the plant cannot be
+    simulated."""
     last: dict[bytes, tuple[np.ndarray, np.ndarray]] = {}
+    if starts is not None:
+        shift = starts.left(shift)
 
     def at(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if (key := x.tobytes()) not in last:
             last.clear()
             r, jacobian = residuals_and_jacobian(problem, x)
-            last[key] = (np.nan_to_num(r + shift, nan=1e100, posinf=1e100, neginf=-1e100), np.nan_to_num(jacobian))
+            r, jacobian = np.nan_to_num(r, nan=1e100, posinf=1e100, neginf=-1e100), np.nan_to_num(jacobian)
+            if starts is not None:
+                r, jacobian = starts.left(r), starts.left(jacobian)
+            last[key] = (r + shift, jacobian)
         return last[key]
 
     begin = np.clip(z, 1e-9, 1 - 1e-9)

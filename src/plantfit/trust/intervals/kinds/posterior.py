@@ -13,7 +13,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import MissingExtra
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.first_values import first_value_effects
 from plantfit.trust.intervals.kinds.noise import OutputNoise, log_likelihood
+from plantfit.trust.intervals.linearised import residual_blocks
 
 import jax
 import jax.numpy as jnp
@@ -52,20 +54,22 @@ def posterior(
     bounds, and normal ones where `priors` has (mean, standard deviation) by number. Raises MissingExtra where blackjax
     is not installed.
 
-    The cube is mapped to the whole space by logits and rotated to the linearised problem's axes, so that the metric
-    begins near its best. (Hoffman and Gelman, J. Mach. Learn. Res. 15 (2014) 1593.)
+    Starts that the fit has estimated are free: in each draw those that fit it best, to first order about z. The cube is
+    mapped to the whole space by logits and rotated to the linearised problem's axes, so that the metric begins near its
+    best. (Hoffman and Gelman, J. Mach. Learn. Res. 15 (2014) 1593.)
     """
     need_blackjax()
     import blackjax
     from blackjax.diagnostics import effective_sample_size, potential_scale_reduction
 
     begin = np.clip(z, INSIDE, 1.0 - INSIDE)
-    origin, axes = np.log(begin / (1 - begin)), _axes(problem, begin, noises, priors)
+    columns, onto = _starts(problem.unsmoothed, z, noises)
+    origin, axes = np.log(begin / (1 - begin)), _axes(problem, begin, noises, priors, columns, onto)
     # records and noise are arguments of the compiled programs: those of another record of this shape are found in the
     # cache
     density, given = (
         _density(problem, noises, priors),
-        _Given(origin, axes, problem.unsmoothed.arguments, *_places(noises)),
+        _Given(origin, axes, problem.unsmoothed.arguments, *_places(noises), columns, onto),
     )
     key = jax.random.key(seed)
     start_key, warm_key, draw_key = jax.random.split(key, 3)
@@ -120,13 +124,36 @@ def posterior(
 
 class _Given(NamedTuple):
     """Numbers of a density: origin (d,) and axes (d, d) of its scale, the problem's recordings, rows of residuals
-    for each output."""
+    for each output, and what starts do to residuals, with how they follow from these (`_starts`)."""
 
     origin: Any
     axes: Any
     arguments: Any
     rows: Any
     lagged: Any
+    columns: Any
+    onto: Any
+
+
+def _starts(problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise]) -> tuple[np.ndarray, np.ndarray]:
+    """What starts that the fit has estimated do to the residuals (m, l), by standard deviations of their noise, and
+    what gives (l, m) the likeliest of them, with the sign turned, under the noise at z (d,)."""
+    r = residuals_and_jacobian(problem, z)[0]
+    begins = first_value_effects(problem, z, residual_blocks(problem)) if problem.start_corrections else None
+    columns = np.zeros((len(r), 0)) if begins is None else begins.estimated
+    seen, back = np.zeros((columns.shape[1],) * 2), np.zeros(columns.shape[::-1])
+    for noise in noises if columns.shape[1] else ():
+        phi = np.linalg.lstsq(r[noise.lagged], r[noise.rows], rcond=None)[0] if noise.order else np.zeros(0)
+        left = r[noise.rows] - r[noise.lagged] @ phi
+        whitened = columns[noise.rows] - np.tensordot(phi, np.swapaxes(columns[noise.lagged], 0, 1), 1)
+        weight = len(left) / max(float(left @ left), 1e-300)
+        seen += weight * whitened.T @ whitened
+        np.add.at(back.T, noise.rows, weight * whitened)
+        for k, own in enumerate(phi):
+            np.add.at(back.T, noise.lagged[:, k], -weight * own * whitened)
+    if begins is not None:
+        seen += np.diag(begins.known)
+    return columns, np.linalg.pinv(seen) @ back
 
 
 def _places(noises: Sequence[OutputNoise]) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -144,7 +171,7 @@ def _density(
             replace(n, rows=rows, lagged=lagged)
             for n, rows, lagged in zip(noises, given.rows, given.lagged, strict=True)
         ]
-        return log_likelihood(own, r)
+        return log_likelihood(own, r - given.columns @ (given.onto @ r))
 
     @jax.custom_vjp
     def likelihood(z: jax.Array, given: _Given) -> jax.Array:
@@ -175,10 +202,11 @@ def _density(
 
 
 def _axes(
-    problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]]
-) -> np.ndarray:
+    problem: Problem, z: np.ndarray, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]],
+    columns: np.ndarray, onto: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     """Columns (d, d) of one standard deviation each on the scale of logits, of the linearised problem."""
-    r, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
+    r, jacobian = (rows - columns @ (onto @ rows) for rows in residuals_and_jacobian(problem.unsmoothed, z))
     information = LOGISTIC * np.eye(len(z))
     onto = z * (1.0 - z)  # of the cube for a move of the logit
     for noise in noises:
