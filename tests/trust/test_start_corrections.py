@@ -272,3 +272,15 @@ def test_starts_are_free_in_intervals_of_all_kinds():
     ):
         near = pytest.approx((wanted["low"], wanted["high"]), abs=loose * width)
         assert (found["low"], found["high"]) == near, found["kind"]
+
+
+def test_recordings_alone_have_starts_of_their_own():
+    """Else each keeps the start that it has in the fit of all, and recordings agree more than their errors allow."""
+    records = {f"r{k}": record(10 + k, samples=100, name=f"r{k}") for k in range(3)}
+    answer = pf.fit(problem_of(records), seed=1)
+    wanted = {n: other([r]) for n, r in records.items()}
+    for rows in (answer.findings["heterogeneity"]["parameters"], pf.compare_records(answer).record["parameters"]):
+        for k, row in enumerate(rows):
+            for alone in row["alone"]:
+                values, errors = wanted[alone["recording"]]
+                assert alone["value"] == pytest.approx(values[k], abs=0.02 * errors[k]), (row["name"], alone)

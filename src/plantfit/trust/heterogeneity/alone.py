@@ -10,8 +10,9 @@ from scipy import special
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
+from plantfit.trust.intervals.first_values import free_starts
 from plantfit.trust.intervals.follow.following import followed_ranges
-from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.intervals.linearised import linearise, residual_blocks
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows
 
 # twice the log-likelihood by which a basin has to be better than that of the joint answer
@@ -84,10 +85,10 @@ def fitted_alone(
     Basins of one cost, as those of a model in which two parameters may be exchanged, are no disagreement. `search`
     gives a cube point (d,) and the evaluations that it took.
     """
-    everything = np.ones(len(start), dtype=bool)
-    z, cost = refit(own, start, everything)
+    everything, starts = np.ones(len(start), dtype=bool), free_starts(own.unsmoothed, start, residual_blocks(own))
+    z, cost = refit(own, start, everything, starts=starts)
     found, spent = search(own, start)
-    other, lower = refit(own, found, everything)
+    other, lower = refit(own, found, everything, starts=starts)
     here = estimates(own, z, spent)
     if lower < cost and here.independent * np.log(cost / max(lower, 1e-300)) > PREFERRED:
         return estimates(own, other, spent)

@@ -13,6 +13,7 @@ from plantfit.problem.problem import Problem
 from plantfit.space import Space
 from plantfit.trust.heterogeneity.alone import Estimates
 from plantfit.trust.intervals.covariance import Begins, Block
+from plantfit.trust.intervals.first_values import free_of
 from plantfit.trust.intervals.linearised import EDGE, Local, named_blocks
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows
 from plantfit.trust.intervals.ranges import linear_problem
@@ -47,15 +48,22 @@ def refitted(
     """By recording what it says alone, and the evaluations that were spent, about `allowed` at most; of recordings that
     come to their end.
 
-    Residuals (m,) with derivatives (m, d) at the answer z (d,); `begins` as in `covariance`. One local search each,
-    bounded by the box, all of them in step: no point depends on how many others there are.
+    Residuals (m,) with derivatives (m, d) at the answer z (d,); `begins` as in `covariance`: starts that the fit of all
+    has estimated are free in each. One local search each, bounded by the box, all of them in step: no point depends on
+    how many others there are.
     """
     rows = own_rows(problem)
     places = {n: problem.space.local(n) for n in rows}
+    starts = {n: free_of(begins.of(at), residuals[at]) for n, (at, _) in rows.items()}
+
+    def of(n: str, r: np.ndarray, j: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, j, own = r[rows[n][0]], j[rows[n][0]][:, places[n]], starts[n]
+        return (r, j) if own is None else (own.left(r), own.left(j))
+
     searches = {}
     for n, (at, _) in rows.items():
         own, close = places[n], min(TOLERANCE, CLOSE / (at.stop - at.start))
-        searches[n] = Search(own, np.asarray(z, dtype=float)[own], residuals[at], jacobian[at][:, own], close, DAMPING)
+        searches[n] = Search(own, np.asarray(z, dtype=float)[own], *of(n, residuals, jacobian), close, DAMPING)
     spent = 0.0
     for _ in range(STEPS):
         moving = {n: s for n, s in searches.items() if not s.done}
@@ -66,7 +74,7 @@ def refitted(
         for trial, (n, s) in zip(trials, moving.items(), strict=True):
             trial[places[n]] = np.clip(s.x + steps[n][0], 0.0, 1.0)
         for (n, s), (r, j) in zip(moving.items(), at_several(problem.unsmoothed, trials), strict=True):
-            s.update(*steps[n], r[rows[n][0]], j[rows[n][0]][:, places[n]])
+            s.update(*steps[n], *of(n, r, j))
         spent += work(problem, len(moving))
     ended = {n: s for n, s in searches.items() if s.done}
     return {n: _estimates(problem, n, z, s, rows[n][1], begins.of(rows[n][0])) for n, s in ended.items()}, spent
@@ -77,9 +85,10 @@ def _estimates(
 ) -> Estimates:
     whole, own = np.array(z, dtype=float), search.own
     whole[own] = search.x
-    jacobian = np.zeros((len(search.residuals), len(whole)))
-    jacobian[:, own] = search.jacobian
-    linear = linear_problem(problem, whole, search.residuals, jacobian, list(blocks), problem.robust, own, begins)
+    samples = max(b.rows.stop for b in blocks)  # rows below are of starts
+    residuals, jacobian = search.residuals[:samples], np.zeros((samples, len(whole)))
+    jacobian[:, own] = search.jacobian[:samples]
+    linear = linear_problem(problem, whole, residuals, jacobian, list(blocks), problem.robust, own, begins)
     covariance = linear.spread * linear.size[:, None] * linear.size[None, :]
     touched = np.any(search.jacobian != 0.0, axis=0)
     bound = tuple("lower" if x <= EDGE else "upper" if x >= 1.0 - EDGE else None for x in search.x)
@@ -89,8 +98,8 @@ def _estimates(
     space = Space(problem.space.parameters, (name,))
     unseen = [n for n, known in zip(space.names, touched, strict=True) if not known]
     rows = {r["name"]: r for r in parameter_rows(space, local, unseen) if r["status"] != "fixed"}
-    fits = {name: rmse(problem, name, search.residuals)}
-    return Estimates(space.names, rows, covariance, len(search.residuals), linear.samples, linear.sound, fits)
+    fits = {name: rmse(problem, name, residuals)}
+    return Estimates(space.names, rows, covariance, samples, linear.samples, linear.sound, fits)
 
 
 def of_all(problem: Problem, local: Local, rows: Sequence[Mapping[str, Any]], residuals: np.ndarray) -> Estimates:

@@ -58,10 +58,14 @@ def free_starts(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> Fre
     """Those of the problem at its answer z (d,); nothing where the fit has estimated none."""
     if not problem.start_corrections:
         return None
-    begins = first_value_effects(problem, z, blocks)
+    return free_of(first_value_effects(problem, z, blocks), residuals(problem, z))
+
+
+def free_of(begins: Begins, residuals: np.ndarray) -> FreeStarts | None:
+    """The same from what noise of first values does to residuals (m,)."""
     if not begins.estimated.shape[1]:
         return None
-    size = float(np.sqrt(np.mean(residuals(problem, z) ** 2)))
+    size = float(np.sqrt(np.mean(residuals**2)))
     columns = np.vstack([begins.estimated, size * np.diag(np.sqrt(begins.known))[begins.known > 0]])
     return FreeStarts(columns, np.linalg.pinv(columns))
 
