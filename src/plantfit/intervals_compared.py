@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.special import ndtri
+from scipy.special import stdtrit
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
@@ -21,18 +21,22 @@ from plantfit.findings.results.intervals_compared import (
 )
 from plantfit.findings.results.result import Result
 from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.problem import Problem
 from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.intervals import interval_rows, intervals_page
 from plantfit.report.text import columns
 from plantfit.space import Coordinate
-from plantfit.trust.finish.unknown_noise import rest_on_it, unknown_noise
+from plantfit.trust.finish.unknown_noise import as_known, rest_on_it, unknown_noise
 from plantfit.trust.intervals.kinds.bootstrap import Bootstrap, bootstrap, percentiles
 from plantfit.trust.intervals.kinds.inference_data import Drawn, netcdf_of
 from plantfit.trust.intervals.kinds.noise import noise_of
 from plantfit.trust.intervals.kinds.posterior import CHAINS, Draws, need_blackjax, posterior
 from plantfit.trust.intervals.kinds.priors import Prior, normal_priors
 from plantfit.trust.intervals.kinds.told import interval_sentences
+from plantfit.trust.intervals.linearised import residual_blocks
 from plantfit.trust.intervals.profile import Profile, profile
+from plantfit.trust.intervals.ranges import degrees_left
+from plantfit.trust.intervals.robust_or_classical import robust_errors
 
 if TYPE_CHECKING:
     import polars as pl
@@ -139,7 +143,10 @@ def compare_intervals(
         else np.zeros(len(z), dtype=bool)
     )
     silent = {n for n, on in zip(space.names, rest, strict=True) if on}
-    compared = [_row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused, silent) for i in places]
+    degrees = _degrees(as_known(problem), z)
+    compared = [
+        _row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused, silent, degrees) for i in places
+    ]
     if answer.errors:
         refused["errors"] = "Stated errors of instruments are in the verdict's intervals alone."
     made = ComparisonOfIntervals(
@@ -205,12 +212,20 @@ def _counted(say: Callable[[str], None], what: str) -> Callable[[int, int], None
     return lambda done, of: say(f"{what} {done} of {of}")
 
 
+def _degrees(problem: Problem, z: np.ndarray) -> float:
+    """Degrees of freedom of Student's t for intervals by the covariance at the cube point z (d,), as the verdict has
+    them."""
+    residuals, blocks = residuals_and_jacobian(problem.unsmoothed, z)[0], residual_blocks(problem)
+    return degrees_left(residuals, blocks, len(z), robust_errors(problem, residuals, blocks))[2]
+
+
 def _row(
     answer: Answer, z: np.ndarray, i: int, rows: Mapping[str, Any], kinds: Sequence[str], level: float,
     profiles: Mapping[str, Profile],
-    found: Bootstrap | None, drawn: Draws | None, refused: dict[str, str], silent: Collection[str],
+    found: Bootstrap | None, drawn: Draws | None, refused: dict[str, str], silent: Collection[str], degrees: float,
 ) -> IntervalsOfParameter:  # fmt: skip
-    """All intervals of one coordinate; `silent` are those that rest on an output of unknown noise."""
+    """All intervals of one coordinate; `silent` are those that rest on an output of unknown noise, `degrees` those of
+    freedom of Student's t."""
     problem = answer.problem
     c, value = problem.space.coordinates[i], float(np.asarray(problem.space.physical(z))[i])
     own = rows[c.name]
@@ -220,7 +235,7 @@ def _row(
     for kind in kinds:
         if kind == "covariance":
             error = (own["by_noise"] or own)["standard_error"]
-            half = None if error is None else float(ndtri(0.5 + level / 2)) * error
+            half = None if error is None else float(stdtrit(degrees, 0.5 + level / 2)) * error
             all_of.append(
                 _kind(kind, None if half is None else value - half, None if half is None else value + half, None)
             )

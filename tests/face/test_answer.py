@@ -15,6 +15,7 @@ from face_plants import TRUTH, heated, heater_answer, heater_model, lasting, lin
 import plantfit as pf
 from plantfit.errors import ModelError, PlantfitError, RecordingError, SpaceError, UnitError
 from plantfit.optimize.contract import RunResult
+from plantfit.problem import new_recording
 
 LOAD = """
 import json, pickle, sys
@@ -115,6 +116,14 @@ def test_a_new_recording_is_predicted_as_the_closed_form_says(heater, step):
     new = pf.from_arrays({"t": t, "u": (u / 1000, "kW")})  # no T: the model does not begin at one; another unit
     truth = response(t, u, **heater.values)
     np.testing.assert_allclose(heater.predict(new)["T"], truth, atol=1e-3 * float(np.std(truth)))
+
+
+def test_draws_over_a_new_recording_compile_no_program_anew(heater):
+    new = pf.from_arrays({"t": np.arange(0.0, 100.0, 2.0), "u": (np.linspace(0.01, 0.06, 50), "kW")})
+    heater.predict(new)
+    before = new_recording._compiled.cache_info().misses
+    heater.predict(new, values={"K": 0.9})
+    assert new_recording._compiled.cache_info().misses == before
 
 
 def test_one_new_value_of_one_parameter(heater):

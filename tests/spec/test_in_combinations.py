@@ -67,6 +67,20 @@ outputs = {{ y = "V" }}
 {parameters(K=(0.1, 50, "1"), c=(0.1, 50, "1"), R=(0.1, 50, "ohm"), C=(0.01, 5, "F"), b1=(-2, 2, "V"), b2=(-2, 2, "V"), x0=(-1, 1, "V"))}'''  # noqa: E501
 
 
+def test_parameters_without_units_give_combinations_without_units(tmp_path):
+    # in x' = K*c*u - x/R with u and x in V, K*c has 1/s that nobody wrote
+    text = lag(tmp_path).replace("x' = (K*u*c - x)/(R*C)", "x' = K*u*c - x/R").replace("b1 + b2", "b")
+    head = text[: text.index("[parameters.K]")].replace('"x0*K"', "0.0")
+    bare = "".join(f"[parameters.{n}]\nbounds = [0.1, 50]\n" for n in ("K", "c", "R", "b"))
+    study, before = fitted(tmp_path, head + bare)
+    new = spec.in_combinations(study, before.findings)
+    assert set(new.made.values()) == {"K*c"}
+    assert "unit" not in new.text[new.text.index("[parameters.K_c]") :]
+    after = fit(spec.parse(new.text, tmp_path / "combined.toml").problem, seed=1)
+    assert after.best.cost == pytest.approx(before.best.cost, rel=1e-6)
+    assert after.values["K_c"] == pytest.approx(3.0 / 1.2, rel=0.02)
+
+
 def test_products_and_sums_become_parameters_and_hold_the_truth(tmp_path):
     study, before = fitted(tmp_path, lag(tmp_path))
     new = spec.in_combinations(study, before.findings)

@@ -5,7 +5,7 @@ import h5netcdf
 import numpy as np
 import pytest
 from scipy.signal import lfilter
-from scipy.stats import chi2, norm
+from scipy.stats import norm
 from scipy.stats import t as student
 
 import plantfit as pf
@@ -58,12 +58,24 @@ def test_all_kinds_meet_the_closed_form_of_a_straight_line(white, found):
         own = {i["kind"]: (i["low"], i["high"]) for i in p["kinds"]}
         # 2.5 % quantiles of some 5000 draws: 0.04 errors
         assert own["posterior"] == pytest.approx(exact, abs=0.08 * errors[k])
-        robust = errors[k] * np.sqrt(found.profiles["ab"[k]].inflation)  # at least 1: what correlation would add
-        assert own["profile"] == pytest.approx(norm.interval(0.95, best[k], robust), abs=0.05 * errors[k])
+        assert own["profile"] == pytest.approx(exact, abs=0.05 * errors[k])
         assert own["bootstrap"] == pytest.approx(exact, abs=0.35 * errors[k])
-        assert own["covariance"] == pytest.approx(norm.interval(0.95, best[k], errors[k]), abs=0.45 * errors[k])
+        assert own["covariance"] == pytest.approx(exact, abs=0.05 * errors[k])
     assert found.record["posterior"]["orders"] == {"y": 0}
     assert [v["level"] for v in found.record["verdict"]] == ["good", "good"], found.verdict
+
+
+def test_covariance_and_profile_of_few_samples_are_those_of_student_at_any_level():
+    rng = np.random.default_rng(3)
+    u = rng.uniform(0, 5, 8)
+    y = 1 + 2 * u + 0.5 * rng.normal(size=8)
+    X = np.stack([np.ones(8), u], axis=1)
+    best, squares = np.linalg.lstsq(X, y, rcond=None)[:2]
+    errors = np.sqrt(squares[0] / 6 * np.diag(np.linalg.inv(X.T @ X)))
+    found = pf.compare_intervals(line(u, y), kinds=("covariance", "profile"), level=0.9)
+    for p, value, error in zip(found.record["parameters"], best, errors, strict=True):
+        for own in p["kinds"]:
+            assert (own["low"], own["high"]) == pytest.approx(student.interval(0.9, 6, value, error), abs=0.01 * error)
 
 
 def test_the_posterior_under_coloured_noise_is_that_of_quadrature():
@@ -255,8 +267,7 @@ def test_profiles_of_puromycin_are_those_of_r():
     )
     record = pf.from_arrays({"u": concentration, "y": rate}, period=1.0, units=ONE)
     answer = pf.fit(pf.Problem(model, record, {"Vm": (50.0, 500.0), "K": (0.001, 1.0)}), seed=1)
-    level = float(chi2.cdf(student.ppf(0.975, 10) ** 2, 1))
-    found = pf.compare_intervals(answer, kinds=("profile",), level=level)
+    found = pf.compare_intervals(answer, kinds=("profile",))
     for name, ends in published.items():
         assert (found.profiles[name].low, found.profiles[name].high) == pytest.approx(ends, rel=2e-3)
 

@@ -62,7 +62,11 @@ def test_draws_have_the_spread_of_their_shape(shape, divisor):
 
 def test_sensitivities_and_shares():
     budget = uncertainty_budget(
-        [type_b("a", 3.0, "K", "normal", k=1.0, sensitivity=2.0), type_b("b", 8.0, "V", "normal", k=1.0)], "bar"
+        [
+            type_b("a", 3.0, "K", "normal", k=1.0, sensitivity=2.0),
+            type_b("b", 16.0, "V", "normal", k=1.0, sensitivity=0.5),
+        ],
+        "bar",
     )
     assert budget.combined == pytest.approx(10.0)
     assert [r["share"] for r in budget.rows()] == pytest.approx([0.36, 0.64])
@@ -81,3 +85,12 @@ def test_wrong_sources_are_refused():
         uncertainty_budget([])
     with pytest.raises(RecordingError, match="twice"):
         uncertainty_budget([PAPER[0], PAPER[0]])
+
+
+def test_a_source_in_another_unit_needs_a_sensitivity():
+    with pytest.raises(RecordingError, match="'a' is in mV and the result in V: write its limit in V, or give its"):
+        uncertainty_budget([type_b("a", 1.0, "mV"), type_b("b", 1.0, "V")], "V")
+    with pytest.raises(RecordingError, match="sensitivity in V/K"):
+        uncertainty_budget([type_b("a", 1.0, "V"), type_b("b", 1.0, "K")])
+    mixed = uncertainty_budget([type_b("a", 1.0, "V"), type_b("b", 1.0, "K", sensitivity=0.002)])
+    assert mixed.combined == pytest.approx(np.hypot(1.0, 0.002) / np.sqrt(3.0))

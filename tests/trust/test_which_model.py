@@ -162,6 +162,22 @@ def test_the_sentence_gives_both_errors_and_the_difference_with_its_unit():
     assert found.verdict[1].sentence.startswith("AICc and BIC choose bend")
 
 
+@pytest.mark.parametrize("kept", [1000, 12])
+def test_a_linear_model_does_as_well_only_where_the_difference_is_known_to_be_small(kept):
+    rng = np.random.default_rng(2)
+    fitted = N - kept > T
+    y, slow = 0.3 * noise(rng, 0.0), np.linspace(0.0, 1.0, N)
+    own = Candidate("mine", 1, 1.0, (np.zeros(N),))
+    same = Candidate("linear", 3, 3.0, (0.01 * rng.normal(size=N),), None, "linear", None, "A linear model of order 1")
+    drifts = Candidate("linear", 3, 3.0, (0.6 * slow,), None, "linear", None, "A linear model of order 1")
+    if kept == 1000:
+        said = record(y, T < 0.5 * N, own, same).verdict[-1].sentence
+        assert said.startswith("A linear model of order 1 does as well as mine: RMSE ")
+    else:
+        said = record(y, fitted, own, drifts).verdict[-1].sentence
+        assert said.startswith("A linear model of order 1 and mine cannot be told apart: RMSE "), said
+
+
 def test_a_linear_model_that_does_better_is_a_warning_and_one_that_does_not_is_none():
     rng = np.random.default_rng(1)
     fitted, y = T < 0.6 * N, rng.normal(size=N)

@@ -87,13 +87,13 @@ class NewRecording:
         if not predictor.has_steps or problem.substeps_chosen or self.experiment.steady:
             return found
         even = max(1, round(problem.steps_a_sample)) if problem.mesh and mesh is None else predictor.stepping().substeps
-        simulator = _with_steps(predictor.stepping(), even)
+        order = STEPPERS[predictor.stepping().stepper].order
         while True:
-            twice = _with_steps(simulator, 2 * simulator.substeps)
-            finer = self._simulated(predictor.with_simulator(twice), p, mesh)
-            if _error(found, finer, STEPPERS[simulator.stepper].order) <= SMALL or twice.substeps >= FINEST:
+            even *= 2
+            finer = self._simulated(_with_steps(predictor, even), p, mesh)
+            if _error(found, finer, order) <= SMALL or even >= FINEST:
                 return finer
-            simulator, found = twice, finer
+            found = finer
 
     def _mesh(self) -> np.ndarray | None:
         """Times of steps (k,) that the problem has for a recording at the same times."""
@@ -124,13 +124,15 @@ class NewRecording:
         )
 
 
-@lru_cache(maxsize=8)  # bands ask for thousands of draws
+@lru_cache(maxsize=16)  # bands ask for thousands of draws, with the same few steps
 def _compiled(predictor: Predictor) -> Any:
     return jax.jit(predictor.outputs)
 
 
-def _with_steps(simulator: Simulator, substeps: int) -> Simulator:
-    return Simulator(simulator.vector, simulator.stepper, substeps, simulator.interpolated)
+@lru_cache(maxsize=16)  # a new predictor would be compiled anew
+def _with_steps(predictor: Predictor, substeps: int) -> Predictor:
+    s = predictor.stepping()
+    return predictor.with_simulator(Simulator(s.vector, s.stepper, substeps, s.interpolated))
 
 
 def _arrays(outputs: Mapping[str, Any]) -> dict[str, np.ndarray]:

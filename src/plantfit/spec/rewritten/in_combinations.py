@@ -152,16 +152,19 @@ def _pivots(group: _Group, rows: Mapping[str, Any], written: bool) -> tuple[str,
     return tuple(group.names[k] for k in best)
 
 
-def _units_of(group: _Group, rows: Mapping[str, Any]) -> list[str] | None:
-    """The unit of every combination; None where equations cannot hold them: both kinds, a sign that powers lose,
-    factors with units."""
+def _units_of(group: _Group, rows: Mapping[str, Any]) -> list[str | None] | None:
+    """The unit of every combination, None for one of parameters without a declared unit; None where equations cannot
+    hold them: both kinds, a sign that powers lose, factors with units."""
     if group.product is None or (group.product and any(rows[n]["value"] <= 0 for n in group.names)):
         return None
     own = [units.parse(units.difference_of(rows[n]["unit"] or "") or "") for n in group.names]
     if not group.product:
-        return [rows[group.names[0]]["unit"] or ""] * len(group.found) if len(set(own)) == 1 else None
-    found = []
+        return [rows[group.names[0]]["unit"]] * len(group.found) if len(set(own)) == 1 else None
+    found: list[str | None] = []
     for row in group.weights:
+        if not all(rows[n]["unit"] for n, power in zip(group.names, row, strict=True) if power):
+            found.append(None)  # a unit that nobody wrote may be any in the equations, and is no 1
+            continue
         unit = units.parse("")
         for base, power in zip(own, row, strict=True):
             unit = unit * base ** float(power) if power else unit
@@ -178,7 +181,9 @@ def _spelled(unit: Any) -> str:
     return text
 
 
-def _replaced(document: Any, study: Study, group: _Group, pivots: Sequence[str], unit: Sequence[str]) -> dict[str, str]:
+def _replaced(
+    document: Any, study: Study, group: _Group, pivots: Sequence[str], unit: Sequence[str | None]
+) -> dict[str, str]:
     """Write a group in; the new parameters with their formulas."""
     taken = set(study.problem.space.parameters) | set(re.findall(r"[A-Za-z_]\w*", study.table.model.equations or ""))
     made: dict[str, str] = {}
@@ -203,7 +208,7 @@ def _insert(
     group: _Group,
     made: Mapping[str, str],
     formulas: Mapping[str, str],
-    unit: Sequence[str],
+    unit: Sequence[str | None],
 ) -> None:
     lines = "".join(f"{name} = {formula}\n" for name, formula in formulas.items())
     model = document["model"]
@@ -216,7 +221,8 @@ def _insert(
         low, high = _bounds(study, c)
         table = tomlkit.table()
         table["sentence"] = formula
-        table["unit"] = own
+        if own:
+            table["unit"] = own
         table["bounds"] = [float(f"{low:.6g}"), float(f"{high:.6g}")]
         if low > 0 and np.log10(high / low) > DECADES:
             table["scale"] = "log"

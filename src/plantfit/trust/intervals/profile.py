@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.special import stdtrit
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
@@ -23,6 +23,8 @@ from plantfit.trust.intervals.covariance import (
 )
 from plantfit.trust.intervals.first_values import FreeStarts, free_starts
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
+from plantfit.trust.intervals.ranges import degrees_left
+from plantfit.trust.intervals.robust_or_classical import robust_errors
 
 STEPS = 12  # points to either side at most
 CLOSE = 0.03  # of the interval's half width: how near an end is found
@@ -36,7 +38,7 @@ class Profile:
 
     `points` (n,) and `excess` (n,): values tried, in order, and by how much chi-squared grew there, all others
     refitted; `threshold`: that of the level, times `inflation`, the robust variance of the value over that of white
-    residuals. `answer` (d,): the cube point with the lowest cost met.
+    residuals (1 where errors are classical). `answer` (d,): the cube point with the lowest cost met.
     """
 
     name: str
@@ -58,9 +60,10 @@ def profile(problem: Problem, answer: Any, name: str, level: float = 0.95) -> Pr
 
     `answer` is a cube point (d,) or what `fit` returns. The coordinate is moved to either side and the others are
     fitted anew, by bounded least squares. An end is where the sum of squares has grown by the residual variance times
-    chi-squared(1) times the ratio of the sandwich to the plain variance (Kent, Biometrika 69 (1982) 19, sec. 3: what
-    the likelihood ratio of one parameter is distributed as when the residuals are not white). Starts that the fit
-    has estimated are free as the others are. Raises SpaceError for an unknown name.
+    the square of Student's t, with the degrees of freedom of the verdict's ranges, times the ratio of the sandwich to
+    the plain variance (Kent, Biometrika 69 (1982) 19, sec. 3: what the likelihood ratio of one parameter is distributed
+    as when the residuals are not white). With classical errors residuals are taken as white. Starts that the
+    fit has estimated are free as the others are. Raises SpaceError for an unknown name.
     """
     names = problem.space.names
     if name not in names:
@@ -68,8 +71,8 @@ def profile(problem: Problem, answer: Any, name: str, level: float = 0.95) -> Pr
     place, problem = names.index(name), as_known(problem)
     walk = _Walk(problem, np.array(getattr(getattr(answer, "best", None), "x", answer), dtype=float), place)
     for _ in range(4):  # again from a better answer that a side has met
-        variance, inflation = _spread(problem, walk.best, place, walk.starts)
-        threshold = float(chi2.ppf(level, 1)) * inflation
+        variance, inflation, degrees = _spread(problem, walk.best, place, walk.starts)
+        threshold = float(stdtrit(degrees, 0.5 + level / 2)) ** 2 * inflation
         walk.begin(variance, threshold)
         if all([walk.side(-1.0), walk.side(1.0)]):
             break
@@ -172,9 +175,9 @@ class _Walk:
         return self.excess[here]
 
 
-def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | None) -> tuple[float, float]:
-    """Variance of the residuals, and the sandwich variance of one coordinate over the plain one (`not_below`,
-    `own_student`)."""
+def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | None) -> tuple[float, float, float]:
+    """Variance of the residuals, the sandwich variance of one coordinate over the plain one (`not_below`,
+    `own_student`), and the degrees of freedom of Student's t."""
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     if starts is not None:
         jacobian = starts.left(jacobian)[: len(residuals)]
@@ -189,19 +192,23 @@ def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | No
     whole = np.linalg.inv(curved + box_prior(curved))
     bread, sizes = whole[place_in], output_errors(jacobian, blocks, whole, variance)
     plain = float(bread @ hessian @ bread)
+    in_time = robust_errors(problem, residuals, blocks)
+    samples, _, degrees = degrees_left(residuals, blocks, len(whole), in_time)
     robust, total, square = 0.0, 0.0, 0.0
     for block in blocks:
         by_residual, left = jacobian[block.rows] @ bread / variance, residuals[block.rows]
         errors = sizes[block.output]
+        if not in_time:  # as `sandwich` has it
+            pooled = block.scaled or len(sizes) == 1
+            robust += float(by_residual @ by_residual) * (variance if pooled else errors.mean_square(left))
+            continue
         influence, shares = (by_residual * left)[:, None], (by_residual**2 * errors.mean_square(left))[:, None]
         own = float(np.sum(shares))
         found = float(prewhitened_long_run(influence, block.index)[0, 0]) * errors.larger
         robust += max(found, own) if errors.least else found
         total, square = total + own, square + own**2 / float(degrees_of_freedom(influence, shares, block.index)[0])
-    least = not_below(
-        np.array([plain]), np.array([robust]), lambda: np.array([total**2 / max(square, 1e-300)]), len(residuals)
-    )[0]
-    longer = own_student(jacobian, residuals, blocks, whole, variance, float(max(1, len(residuals) - len(whole))))[
-        place_in
-    ]
-    return variance, longer**2 * max(robust, least) / max(plain, np.finfo(float).tiny)
+    if in_time:
+        independent = np.array([total**2 / max(square, 1e-300)])
+        robust = max(robust, not_below(np.array([plain]), np.array([robust]), lambda: independent, len(residuals))[0])
+    longer = own_student(jacobian, residuals, blocks, whole, variance, samples - len(whole))[place_in]
+    return variance, longer**2 * robust / max(plain, np.finfo(float).tiny), degrees

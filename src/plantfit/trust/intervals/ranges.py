@@ -40,10 +40,10 @@ class Linear:
 
     `rows` (k, d) and `rest` (k,): sum of squares |rows x + rest|^2 over the residual variance; `spread` (d, d) the
     covariance of x by the sandwich with no prior but that nothing moves further than `FAR`; `threshold` (d,) what the
-    sum may grow by. `samples`: how many independent ones the residuals are worth; not `sound` where these are too few
-    for intervals that hold. `begun` (d,): how many times as large standard errors are because states begin at measured
-    values whose noise is not estimated. Where some direction is open, rows of `turn` (d, d) are principal directions,
-    and `turned` (d, d) is the covariance along them.
+    sum may grow by, by the `quantile` of Student's t with so many `degrees` of freedom. `samples`: how many independent
+    ones the residuals are worth; not `sound` where these are too few for intervals that hold. `begun` (d,): how many
+    times as large standard errors are because states begin at measured values whose noise is not estimated. Where some
+    direction is open, rows of `turn` (d, d) are principal directions, and `turned` (d, d) is the covariance along them.
     """
 
     values: np.ndarray
@@ -55,6 +55,7 @@ class Linear:
     spread: np.ndarray
     threshold: np.ndarray
     quantile: float
+    degrees: float
     variance: float
     samples: float
     sound: bool
@@ -105,6 +106,22 @@ def effective_samples(residuals: np.ndarray, blocks: Sequence[Block], fitted: in
     return total, worst
 
 
+def degrees_left(
+    residuals: np.ndarray, blocks: Sequence[Block], fitted: int, robust: bool
+) -> tuple[float, float, float]:
+    """How many independent samples the residuals (m,) are worth where `fitted` parameters were, their largest
+    correlation from sample to sample, and the degrees of freedom of Student's t for intervals."""
+    samples, memory = effective_samples(residuals, blocks, fitted) if robust else (float(len(residuals)), 0.0)
+    if known_variance(blocks, len(residuals), fitted):
+        return samples, memory, MANY
+    degrees = samples - fitted
+    if degrees > 0 and memory > 2.0 / np.sqrt(len(residuals)):
+        # an estimated correlation r makes sums of an AR(1) uncertain as 4 (1 + r) / (n (1 - r)) of their variance, by
+        # its own (1 - r^2) / n
+        degrees = 1.0 / (1.0 / degrees + 2.0 / samples)
+    return samples, memory, max(1.0, degrees)
+
+
 def plain_space(problem: Problem) -> bool:
     """Whether ranges are made: no tables, no smoothing, and at most 60 coordinates."""
     space = problem.space
@@ -151,14 +168,9 @@ def linear_problem(
     loose = bool(len(at)) and float(singular[-1]) < 1.0 / LOOSE
     if loose:
         turned = turned + beside_starts(j @ right.T, residuals, blocks, along, prior, variance, free, robust, begins)
-    samples, memory = effective_samples(residuals, blocks, len(at)) if robust else (float(len(residuals)), 0.0)
+    samples, memory, degrees = degrees_left(residuals, blocks, len(at), robust)
     sound = bool(not robust or known or (memory <= SLOW and samples - len(at) >= LEAST_FREE))
-    degrees = samples - len(at)
-    if degrees > 0 and memory > 2.0 / np.sqrt(len(residuals)):
-        # an estimated correlation r makes sums of an AR(1) uncertain as 4 (1 + r) / (n (1 - r)) of their variance, by
-        # its own (1 - r^2) / n
-        degrees = 1.0 / (1.0 / degrees + 2.0 / samples)
-    quantile = float(stdtrit(MANY if known else max(1.0, degrees), 0.5 + LEVEL / 2))
+    quantile = float(stdtrit(degrees, 0.5 + LEVEL / 2))
     inflation = np.maximum(1e-6, np.diag(spread) / np.maximum(np.diag(bread), 1e-300))
     limits = np.array([c.limits for c in coordinates]).reshape(-1, 2)
     least, most = ((ends - values) / size for ends in limits.T)
@@ -166,7 +178,7 @@ def linear_problem(
     longer = own_student(j, residuals, blocks, bread, variance, samples - len(at))
     threshold = (quantile * longer) ** 2 * inflation * limit_factors(spread, least, most, quantile, OPEN)
     return Linear(
-        values, size, least, most, rows, rest, spread, threshold, quantile, variance,
+        values, size, least, most, rows, rest, spread, threshold, quantile, degrees, variance,
         samples, sound, np.sqrt(np.diag(spread) / np.maximum(np.diag(own), 1e-300)), right if loose else None,
         turned if loose else None,
     )  # fmt: skip

@@ -9,7 +9,7 @@ import numpy as np
 from plantfit.findings.uncertainty import ReadingBudget, StatedError
 from plantfit.problem.problem import Problem
 from plantfit.trust.stated_errors.shared_error import SharedError
-from plantfit.trust.stated_errors.uncertainty_budget import MANY, uncertainty_budget
+from plantfit.trust.stated_errors.uncertainty_budget import MANY, Budget
 
 Kind = Literal["signal", "clock", "constant"]
 K = 2.0  # coverage factor of the expanded uncertainty that is quoted
@@ -55,7 +55,7 @@ def _budget(
     sources = [
         dataclasses.replace(e.source, sensitivity=e.sensitivity(reading) if kind == "signal" else 1.0) for e in errors
     ]
-    budget = uncertainty_budget(sources, unit)
+    budget = Budget(tuple(sources), unit)
     rows = zip(budget.rows(K), errors, strict=True)
     degrees = budget.degrees_of_freedom
     return ReadingBudget(

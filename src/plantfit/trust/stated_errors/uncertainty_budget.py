@@ -9,6 +9,7 @@ import numpy as np
 import scipy  # scipy.special is loaded at its first use
 
 from plantfit.errors import RecordingError
+from plantfit.units import equal, quotient
 
 Shape = Literal["rectangular", "triangular", "normal", "u-shaped"]
 
@@ -161,11 +162,20 @@ class Budget:
 
 
 def uncertainty_budget(sources: Sequence[Source], unit: str | None = None) -> Budget:
-    """The budget of one result; raises RecordingError without sources, and for equal names."""
+    """The budget of one result, in `unit` or that of the first source.
+
+    Raises RecordingError without sources, for equal names, and for a source in another unit without a sensitivity.
+    """
     names = [s.name for s in sources]
     if not names:
         raise RecordingError("An uncertainty budget needs at least one source; give some by type_a and type_b.")
     twice = [n for n in names if names.count(n) > 1]
     if twice:
         raise RecordingError(f"Source {twice[0]!r} is in the budget twice; give each source a name of its own.")
-    return Budget(tuple(sources), unit or sources[0].unit)
+    unit = unit or sources[0].unit
+    for s in sources:
+        # a sensitivity of 1 is the default: that it is meant for mV in a budget in V is hardly so
+        if s.sensitivity == 1.0 and unit and s.unit and not equal(s.unit, unit):
+            how = f"write its limit in {unit}, or give its sensitivity in {quotient(unit, s.unit)}"
+            raise RecordingError(f"Source {s.name!r} is in {s.unit} and the result in {unit}: {how}.")
+    return Budget(tuple(sources), unit)

@@ -14,6 +14,7 @@ from plantfit.trust.which_model.paired_losses import FEWEST, equal
 
 Part = Literal["unseen", "left_out"]
 # difference of a criterion that leaves a model essentially no support (Burnham and Anderson 2002, section 2.6)
+CLOSE = 0.1  # of an RMSE: two models whose difference is surely less do as well as each other
 STRONG = 10.0
 
 
@@ -193,11 +194,13 @@ def _linear(found: ComparisonOfModels, best: ComparedModel, linear: ComparedMode
     half = pair.half_width
     decimals = places(half, [value, own])
     if not pair.told:
-        gap = "" if half is None else f" (difference {pair.difference:.{decimals}f} ± {half:.{decimals}f})"
-        text = (
-            f"{what} does as well as {best.name}: RMSE {_shown(value, decimals)} against "
-            f"{_shown(own, decimals)}{unit}{gap}."
-        )
+        known = half is not None and pair.difference is not None
+        gap = f"difference {pair.difference:.{decimals}f} ± {half:.{decimals}f}" if known else "of unknown uncertainty"
+        both = f"RMSE {_shown(value, decimals)} against {_shown(own, decimals)}{unit} ({gap})"
+        # not told apart is no proof that they are alike
+        alike = equal(value, own) or (known and abs(pair.difference) + half <= CLOSE * own)
+        said = f"does as well as {best.name}" if alike else f"and {best.name} cannot be told apart"
+        text = f"{what} {said}: {both}."
         return _said("info", text)
     if pair.better == linear.name:
         text = (
