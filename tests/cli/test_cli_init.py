@@ -329,3 +329,16 @@ def test_a_study_with_samples_of_a_laboratory_passes_check(tmp_path, capsys, mon
     said = call(capsys, monkeypatch, "check", "lab.toml")
     assert said.code == 0, said.err
     assert "ready: plantfit run" in said.out
+
+
+def test_newest_row_first_and_a_gauge_pressure_give_a_study_that_parses(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    u = prbs(np.random.default_rng(7), 300, 9, 20.0, 60.0)
+    p = 1.5 + 0.1 * lag(u, 60.0, 600.0)
+    rows = [f"{60 * k},{u[k]},{p[k]:.4f}\n" for k in range(300)]
+    Path("vessel.csv").write_text("t [s],valve [%],pressure (bar(g))\n" + "".join(rows[::-1]))
+    said = call(capsys, monkeypatch, "init", "vessel.csv", "--yes")
+    assert said.code == 0, said.err
+    assert "300 rows, 60 s apart" in said.out
+    assert spec.load(tmp_path / "vessel.toml").problem.outputs
+    assert '= "bar" }    # ' in (tmp_path / "vessel.toml").read_text("utf-8")

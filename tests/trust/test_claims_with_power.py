@@ -100,6 +100,16 @@ def test_rounding_is_no_noise():
     assert list(noise_rows(findings(y, y + 1e-3 * noise(400, 0.0, 3))))
 
 
+@pytest.mark.parametrize(("fitted", "level"), [(96.0, "good"), (60.0, "warning")])
+def test_few_samples_that_hardly_move_hold_where_those_that_move_are_followed_well(fitted, level):
+    """15 samples tell no noise: glucose that is used up stays at zero, and a fit of -5 % says nothing."""
+    found = findings(noise(15, 0.0), np.zeros(15), unseen=0.9, percent=-5.0)
+    fits = [{**r, "fit_percent": fitted} if r["part"] == "fit" else r for r in found["scores"]]
+    (told,) = unseen_sentences({**found, "scores": fits})
+    assert told["level"] == level
+    assert told["sentence"].endswith("it holds.") is (level == "good")
+
+
 SLOW = np.sin(np.arange(400) / 40.0)
 
 

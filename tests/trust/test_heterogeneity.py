@@ -16,10 +16,12 @@ from benchmarks.records_alike import model, recording, study
 
 import plantfit as pf
 from plantfit.errors import RecordingError
+from plantfit.findings.results.intervals_compared import IntervalsOfParameter, KindOfInterval
 from plantfit.models import equations
 from plantfit.recording import Recording, Signal
 from plantfit.trust.heterogeneity.cochran import between, difference, heterogeneity, holm, pooled, seen_from, together
 from plantfit.trust.heterogeneity.sentences import answer_sentences
+from plantfit.trust.intervals.kinds.told import _disagreement
 
 STUDIES = 100
 
@@ -274,7 +276,17 @@ def test_the_answer_names_the_recording_and_allows_for_it():
         if p["name"] == "tau":
             assert {a["recording"]: a["value"] for a in p["alone"]} == pytest.approx(alone, rel=1e-4)
     covariance = pf.compare_intervals(answer, kinds=("covariance", "profile"), parameters=("tau",))
-    assert "the recordings disagree on it; the verdict allows for that" in covariance.verdict
+    assert "the verdict allows for a scatter between recordings" in covariance.verdict
+
+
+def test_of_a_recording_that_agrees_no_kind_of_interval_says_that_it_disagrees():
+    own = {"name": "tau", "unit": "s", "value": 0.6, "standard_error": 0.01, "status": "determined", "scatters": True}
+    kinds = [
+        KindOfInterval(kind=k, low=0.6 - w, high=0.6 + w, open_low=False, open_high=False)
+        for k, w in (("verdict", 0.04), ("profile", 0.02))
+    ]
+    said = _disagreement(IntervalsOfParameter(**own, kinds=kinds), kinds[1], kinds[0], None)["sentence"]  # type: ignore[arg-type]
+    assert said.endswith("the verdict allows for a scatter between recordings, the other kinds for the noise alone.")
 
 
 def test_two_that_differ_withdraw_determined():

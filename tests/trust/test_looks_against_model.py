@@ -6,7 +6,7 @@ import pytest
 from plantfit.models import equations
 from plantfit.problem import Experiment, Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.looks import problem_looks
+from plantfit.trust.looks import not_followed, problem_looks
 
 
 def record(period=0.05, start=0.0, rest=40, n=600):
@@ -122,3 +122,23 @@ def test_an_input_that_never_moves_is_told_as_what_it_is():
     assert not found(2.0 * (1 - np.exp(-t / 0.5)), before={"u": 0.0})  # a step at the first sample
     (look,) = found(np.full(n, 2.0), before={"u": 1.0})  # said to have been the same before
     assert look.level == "warning"
+
+
+@pytest.mark.parametrize("wrong", [False, True])
+def test_single_samples_that_the_model_makes_itself_are_no_outliers(wrong):
+    """A dose that is gone by the next sample; beside it one sample that is wrong."""
+    n, dose, gone = 200, 3.0, 0.1
+    t = np.arange(float(n))
+    y = 0.01 * np.random.default_rng(3).standard_normal(n)
+    y[60:] += dose * np.exp(-(t[60:] - 60.0) / gone)
+    y[130] += 3.0 * wrong
+    model = equations(
+        "x' = -x/tau; when rising(t - 60): x = x + dose; y = x",
+        states={"x": {"initial": 0.0}}, outputs=["y"],
+        parameters={"tau": {"unit": "s", "bounds": (0.05, 0.2)}, "dose": {"bounds": (2.0, 4.0)}},
+    )  # fmt: skip
+    problem = Problem(model, Recording(t, {"y": Signal(y)}, "a"))
+    z = problem.space.cube(problem.space.vector({"tau": gone, "dose": dose}))
+    seen = [look for look in problem_looks(problem) if look.kind == "spikes"]
+    assert seen
+    assert [look.kind for look in not_followed(seen, problem, z)] == ["spikes"] * wrong

@@ -63,7 +63,7 @@ def described(content: Table) -> Description:
         period, jitter = found.period[1], 0.0
     if time is not None:
         try:
-            steps = np.diff(seconds(found, time, None)[0])
+            steps = np.abs(np.diff(seconds(found, time, None)[0]))  # the newest row may come first
             if len(steps):
                 period = float(np.median(steps))
                 jitter = float(np.max(np.abs(steps - period)))

@@ -34,7 +34,7 @@ from plantfit.trust.intervals.input_steps import allowing_for_steps, claimed
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
-from plantfit.trust.looks import problem_looks
+from plantfit.trust.looks import not_followed, problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
@@ -99,7 +99,7 @@ def assess(
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
         scores=scores,
         residual_tests=tests,
-        data=[*problem_looks(problem), *stepped],
+        data=[*not_followed(problem_looks(problem), problem, best.x), *stepped],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
         uncertainty=uncertainty,

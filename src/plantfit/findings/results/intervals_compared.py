@@ -51,7 +51,7 @@ class IntervalsOfParameter(Record):
     standard_error: Number
     status: Status
     scatters: bool
-    """Whether it differs between recordings by more than its errors, which the verdict's interval alone allows for."""
+    """Whether the interval of the verdict allows for a scatter between recordings, as no other kind does."""
     kinds: list[KindOfInterval]
 
 

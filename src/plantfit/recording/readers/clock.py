@@ -1,13 +1,14 @@
 """Time columns to seconds: numbers with a unit, ISO timestamps, or clock readings."""
 
 import re
+from datetime import datetime, timedelta
 
 import numpy as np
 import polars as pl
 
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import Column, Table
-from plantfit.recording.readers.numbers import casted, clean_text, is_missing, numbers
+from plantfit.recording.readers.numbers import casted, clean_text, is_missing, is_number, numbers
 from plantfit.recording.readers.timestamps import is_date, is_timestamp, timestamps
 from plantfit.units import compatible, factor_offset
 
@@ -23,6 +24,10 @@ _NAMES = re.compile(
     re.IGNORECASE,
 )
 FAR = 1e11  # s since 1970, in the year 5138
+_DAYS = (20_000.0, 80_000.0)  # as spreadsheets count them since 1900: 1954 to 2119
+_DATED = re.compile(r"^(date|datum)|date$|stamp|stempel|horodatage", re.IGNORECASE)
+_HOUR = 3600.0
+_AS_TIME = re.compile(r"\d{1,4}[:./-]\d{1,2}.*")
 _BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us"}
 
 
@@ -104,13 +109,20 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
     cells = column.cells
     if cells.dtype.is_temporal():
         _refuse_unit(column, time_unit, "dates or clock readings")
-        return _from_temporal(table, column), f"Time from {column.header!r}, in seconds from the first row."
+        values = _from_temporal(table, column)
+        told = f"Time from {column.header!r}, in seconds from the first row."
+        if cells.dtype == pl.Datetime and cells.dtype.time_zone is None:  # type: ignore[attr-defined]
+            values, said = without_daylight_saving(values, cells[0], table)
+            told += said
+        return values, told
     if cells.dtype == pl.String:
         text = clean_text(cells).to_list()
         first = next((cell for cell in text if cell is not None), "")
         if looks_like_time(first):
             _refuse_unit(column, time_unit, "timestamps or clock readings")
             return _from_text(table, column, text, first)
+        if _AS_TIME.fullmatch(first) and not is_number(first):
+            _refuse_unread(table, column, text.index(first), first)
     values, _ = numbers(table, column, "time")
     _no_gaps(table, column, np.isfinite(values))
     try:
@@ -119,6 +131,12 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
         raise UnitError(f"{table.source}: {error}") from None
     if known_by.startswith("assumed") and np.min(np.abs(values)) >= FAR:
         _refuse_far(table, column, float(values[0]))
+    if known_by.startswith("assumed") and _DATED.search(column.name) and _in_days(values):
+        raise UnitError(
+            f"{table.source}: time column {column.header!r} has no unit and begins at {values[0]:.9g}, as days do "
+            "that a spreadsheet counts since 1900; say time_unit = 'day' in the study file (or 's' if these are "
+            f"seconds), or write the unit into the header, as in '{column.header} [day]'."
+        )
     factor, _ = factor_offset(unit, "s")
     # a division keeps 7 ms at 0.007 s to the last bit, a product does not
     values = values / round(1 / factor) if factor < 1 else values * factor
@@ -130,8 +148,26 @@ def _refuse_far(table: Table, column: Column, first: float) -> None:
     unit = "ms" if abs(first) < 1e14 else "us" if abs(first) < 1e17 else "ns"
     raise UnitError(
         f"{table.source}: time column {column.header!r} has no unit and begins at {first:.6g}, "
-        f"thousands of years in s; say its unit, as in time_unit = {unit!r} for {unit} since 1970."
+        f"thousands of years in s; say its unit in the study file, as in time_unit = {unit!r} for {unit} "
+        f"since 1970, or in the header, as in '{column.header} [{unit}]'."
     )
+
+
+def _in_days(values: np.ndarray) -> bool:
+    """Whether numbers (n,) may be days of our time, counted since 1900."""
+    return bool(_DAYS[0] <= values.min() and values.max() <= _DAYS[1])
+
+
+def _refuse_unread(table: Table, column: Column, row: int, cell: str) -> None:
+    """What looks like a time and is none that is read."""
+    if re.fullmatch(r"\d+:\d\d(?:[.,]\d+)?", cell):
+        hours, rest = cell.split(":")
+        seen = f"may be minutes and seconds, or hours and minutes; write 00:{cell}, or {hours}:{rest}:00"
+    elif re.search(r":\d\d(?:[.,]\d+)?\s*[A-Za-z]", cell):
+        seen = "ends in a word; write the zone as an offset (2024-05-31 13:05:59+02:00), or leave it out"
+    else:
+        seen = "is no time that can be read; write 2024-05-31 13:05:59, 13:05:59 or a number"
+    raise RecordingError(f"{table.where(row)}, time column {column.header!r}: {cell!r} {seen}.")
 
 
 def _refuse_unit(column: Column, time_unit: str | None, kind: str) -> None:
@@ -198,7 +234,44 @@ def _from_text(table: Table, column: Column, text: list[str | None], first: str)
             f"{table.source}: time column {column.header!r} mixes "
             "timestamps with and without a time zone; write all alike."
         ) from None
-    return values, f"Time from the timestamps {column.header!r}, in seconds from {start}."
+    told = f"Time from the timestamps {column.header!r}, in seconds from {start}."
+    if start is not None and start.tzinfo is None:
+        values, said = without_daylight_saving(values, start, table)
+        told += said
+    return values, told
+
+
+def without_daylight_saving(t: np.ndarray, start: datetime, table: Table) -> tuple[np.ndarray, str]:
+    """Times (n,) in s from `start`, a local time, as if nobody had put the clock forward or back, and what is told.
+
+    A clock was put where, in a night to Sunday of spring or autumn, a step of else usual length is an hour longer or
+    shorter. No other step may go back then: those are rows out of order.
+    """
+    rows = np.arange(len(t)) if len(t) < 2 or np.median(np.diff(t)) > 0 else np.arange(len(t))[::-1]
+    steps, told = np.diff(t[rows]), ""
+    if len(steps) < 10 or np.count_nonzero(steps < 0) > 1:
+        return t, ""
+    usual = float(np.median(steps))
+    if not 0 < usual < _HOUR:
+        return t, ""
+    amount = np.zeros(len(t))
+    for k in np.flatnonzero(np.abs(np.abs(steps - usual) - _HOUR) <= 0.5 * usual) + 1:
+        put = _HOUR if steps[k - 1] > 0 else -_HOUR
+        if _clocks_change(start + timedelta(seconds=float(t[rows[k - 1]]))):
+            amount[rows[k:]] -= put
+            told += (
+                f" An hour was {'taken off' if put > 0 else 'added'} from {table.where(int(rows[k]))} on, because the "
+                f"clock was put {'forward' if put > 0 else 'back'} there for daylight saving."
+            )
+    return (t + amount - amount[0], told) if told else (t, "")
+
+
+def _clocks_change(local: datetime) -> bool:
+    """Whether clocks are put at about this local time somewhere: on Sundays of March, April and September to November,
+    from 0:00 to 3:00."""
+    hour = local.hour + local.minute / 60
+    night = (local.weekday() == 6 and hour <= 3) or (local.weekday() == 5 and hour >= 23.5)
+    return night and local.month in (3, 4, 9, 10, 11)
 
 
 def _clock_seconds(cell: str) -> float | None:

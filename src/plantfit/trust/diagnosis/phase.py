@@ -14,22 +14,26 @@ from plantfit.findings.diagnosis import ResidualChange
 from plantfit.models.library.regression import LinearModel
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
+from plantfit.recording.clean.outliers import inline
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
 from plantfit.trust.diagnosis.treatment import changed
+from plantfit.trust.finish.other_starts import OtherStarts, other_starts
+from plantfit.trust.intervals.first_values import outputs_begun_at
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
 from plantfit.trust.verdict.outputs import forgotten, noise_rows
-from plantfit.trust.verdict.words import Sentence, say, some, study_file
+from plantfit.trust.verdict.words import Sentence, number, say, some, study_file, with_unit
 
 Findings = dict[str, Any]
 
 TIMES = 2.0  # the evaluations of the search
 FLOOR_SAMPLES = 2e6  # simulated samples that are allowed after the shortest search, a second or two
 MOST, LONGEST = 60, 100_000  # coordinates and residuals beyond which one evaluation is not what it costs
+FOLLOWED = 80.0  # percent of fit, below which a start may be to blame
 DRAWN = 0.05  # of the mean square: what explains less is not drawn
 
 
@@ -62,6 +66,10 @@ def with_diagnosis(
     if not whole and not (asked_for(findings) and (isinstance(problem.model, LinearModel) or treatable(problem))):
         return findings
     best = min(runs, key=lambda r: r.cost)
+    if not whole and _lost(findings) and (starts := other_starts(problem, best.x)) is not None:
+        # a simulation that begins wrongly tells nothing of the model, nor of whether it forgets its start
+        findings = {**findings, "simulation": {**findings["simulation"], "forgets": []}}
+        return _said(findings, best, {"state": "left", "verdict": [_begun_wrongly(problem, starts)]})
     if not whole and forgotten(findings):
         text = (
             "What may be missing was not tried, as the simulation forgets "
@@ -90,12 +98,63 @@ def with_diagnosis(
     record = diagnosis_record(found, alone=False, linear=linear)
     record["verdict"] += _cut(found, command)
     more = {"state": "whole" if found.whole else "part", "allowed": None if whole else meter.limit, **_after(found)}
+    record["verdict"] += _first_values(problem, best.x, found)
     first = list(_data_first(found, findings))
     return _said(
         findings,
         best,
         {**record, "verdict": record["verdict"] + first, **more, "next": "" if first else _next(found, findings)},
     )
+
+
+def _lost(findings: Mapping[str, Any]) -> bool:
+    """Whether some record is not followed."""
+    fits = [s["fit_percent"] for s in findings["scores"] if s["part"] == "fit"]
+    return any(f is not None and f < FOLLOWED for f in fits)
+
+
+def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:
+    """That states cannot begin at first measured values, and the lines that free them."""
+    outputs = list(dict.fromkeys(o for _, o in found.measured))
+    units = {o: problem.model.outputs[o] for o in problem.outputs}
+    several = len(problem.data["drive"]) > 1
+    where = some([f"{with_unit(v, units[o])} of {o} in {n}" for (n, o), v in found.measured.items()], most=3)
+    instead = some([f"{with_unit(v, units[o])} of {o} in {n}" for (n, o), v in found.instead.items()], most=3)
+    better = some([f"{o} {with_unit(found.after[o], units[o])} (now {number(found.before[o])})" for o in units])
+    one = len(found.measured) == 1
+    lines = []
+    for o in outputs:
+        own = [v for (_, name), v in found.instead.items() if name == o]
+        room = max(max(map(abs, own)), 3 * found.noise[o] if found.noise[o] > 0 else 0.0)
+        low, high = min(own) - room, max(own) + room
+        row: dict[str, Any] = {"bounds": [float(f"{low:.2g}"), float(f"{high:.2g}")]}
+        row |= {"unit": str(units[o])} if units[o] else {}
+        row |= {"per_recording": True} if several else {}
+        lines.append(f"{o}_first = {inline(row)}")
+    names = " and ".join(f"{o}_first in place of {o}" for o in outputs)
+    text = (
+        f"States begin at {'the first measured value' if one else 'first measured values'} ({where}), from which the "
+        f"model does not follow the record. From {instead} it does, with an RMSE of {better}: "
+        f"{'that sample is' if one else 'those samples are'} wrong, or too noisy to begin at. Make the start a "
+        f"parameter: write {names} in the initial values, and under [parameters] {', '.join(lines)}."
+    )
+    return say("bad", text, **{f"rmse_{o}": v for o, v in found.after.items()})
+
+
+def _first_values(problem: Problem, z: np.ndarray, found: Diagnosis) -> Iterator[Sentence]:
+    """That initial values which are off are measured ones: the sample is to blame, and not the model."""
+    if not any(t.extension.kind == "start" for t in found.found):
+        return
+    for output in outputs_begun_at(problem, z):
+        seen = {n: e.recording[output] for n, e in problem.experiments.items() if n in problem.data["drive"]}
+        first = {n: float(y[np.isfinite(y)][0]) for n, y in seen.items() if np.isfinite(y).any()}
+        unit = problem.model.outputs[output]
+        values = some([f"{with_unit(v, unit)} in {n}" for n, v in first.items()], most=3)
+        text = (
+            f"States begin at the first measured value of {output} ({values}), and a start beside it follows the "
+            "record better: that sample may be wrong, or too noisy to begin at. The added start takes its place."
+        )
+        yield say("warning", text)
 
 
 def _said(findings: Findings, best: RunResult, diagnosis: dict[str, Any]) -> Findings:

@@ -24,6 +24,7 @@ Key = tuple[str, str]  # recording and output
 # measured
 LARGEST = 5.0
 TAKEN_UP = 0.01  # of what a first value does to the residuals, below which the parameters do it all
+HALVED = (1.0, 0.5, 0.25, 0.125)  # parts of a step that are tried where the start is far from where it belongs
 ROUNDS, ENDED = 5, 1e-3  # of estimates, and standard deviations of the noise that the last of them may move a start
 
 
@@ -66,6 +67,34 @@ def _estimated(
             break
         effects = _effects(made, end.z)
     return made, end, []
+
+
+def estimated(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
+    """The problem with all its `start_corrections` estimated anew from where they are, however far off they end, and
+    the search gone on there from where it stood (`last`); as they were where the cost is not lower."""
+    effects, made, end = _effects(problem, last.z), problem, last
+    starts = {(e.recording, e.output): problem.start_corrections[e.recording][e.output] for e in effects}
+    for _ in range(4 * ROUNDS):
+        scored = [e for e in _effects(made, end.z) if is_scored(made, e)]
+        if not scored:
+            break
+        times, moved = _step(made, end.z, scored, {})
+        better = None
+        for part in HALVED:
+            tried = dict(starts)
+            for effect, share in zip(scored, times, strict=True):
+                tried[effect.recording, effect.output] += part * float(share) * effect.noise
+            other = made.with_starts(_table(tried))
+            gone = descent(other, np.clip(end.z + part * moved, 0.0, 1.0))
+            if gone.cost < end.cost:
+                better = other, gone, tried
+                break
+        if better is None:
+            break
+        made, end, starts = better
+        if np.max(np.abs(times)) <= ENDED:
+            break
+    return made, end
 
 
 def _table(found: Mapping[Key, float]) -> dict[str, dict[str, float]]:

@@ -4,7 +4,7 @@ those of packages.
 Those against the model are made here: length and period against the bounds of its times, and rest at the start.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,7 @@ OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units tha
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests
 FAR = 10.0  # times a bound: not sampled badly, but in another unit
 RESTING, MOVES = 10, 8.0  # samples before the first move of an input, and standard errors of the slope over them
+LIKE, TO_SD = 5.0, 1.4826  # standard deviations, of others' median, up to which a single sample is followed as they are
 SHARES = (0.31, 0.64)  # of the box: where a model is looked at for what holds whatever its parameters are
 STILL = 1e-3  # of a state: a model that moves less during the samples at rest is at rest itself
 
@@ -64,6 +65,24 @@ def problem_looks(problem: Problem) -> list[Look]:
             set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, e)
         ):
             found += _start(problem, model, recording)
+    return found
+
+
+def not_followed(looks: Sequence[Look], problem: Problem, z: np.ndarray) -> list[Look]:
+    """The looks, without single samples that the model at the cube point z (d,) follows as well as it follows others: a
+    peak that it makes itself, as of a dose or a pulse, is no outlier."""
+    if not any(look.kind == "spikes" for look in looks):
+        return list(looks)
+    values, found = problem.space.physical(np.asarray(z, dtype=float)), []
+    for look in looks:
+        if look.kind == "spikes" and look.signal in problem.outputs:
+            record = problem.experiments[look.recording].recording
+            residual = np.asarray(problem.predict(values, look.recording)[look.signal]) - record[look.signal]
+            marked = np.isin(record.t, look.times)
+            others = np.abs(residual[~marked & np.isfinite(residual)])
+            if len(others) and np.all(np.abs(residual[marked]) <= LIKE * TO_SD * np.median(others)):
+                continue
+        found.append(look)
     return found
 
 
@@ -197,4 +216,4 @@ def _fixed_states(problem: Problem, model: Model, recording: Recording) -> list[
     return [s for s in model.states if float(one[s]) == float(other[s])]
 
 
-__all__ = ["problem_looks"]
+__all__ = ["not_followed", "problem_looks"]

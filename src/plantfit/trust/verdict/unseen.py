@@ -132,11 +132,20 @@ def failing(findings: Findings) -> list[str]:
     return list(found)
 
 
-def _is_poor(row: Row, noise: float | None) -> bool:
-    """Whether little of an unseen output is followed, though its noise from sample to sample would allow more."""
-    return (
-        row["fit_percent"] is not None and row["fit_percent"] < POOR and (noise is None or row["rmse"] > FLOOR * noise)
-    )
+def _is_poor(findings: Findings, row: Row, level: str, noise: float | None) -> bool:
+    """Whether little of an unseen output is followed, though its noise from sample to sample would allow more.
+
+    Where samples are too few to tell that noise, those that are followed as the fitted ones (`level` "good"), and these
+    well, may do no more than it.
+    """
+    percent = row["fit_percent"]
+    if percent is None or percent >= POOR:
+        return False
+    if noise is not None:
+        return row["rmse"] > FLOOR * noise
+    fitted = [r for r in findings["scores"] if r["part"] == "fit" and r["output"] == row["output"]]
+    well = all((r["fit_percent"] or 0.0) >= GOOD for r in fitted if not shows_nothing(r))
+    return level != "good" or not fitted or not well
 
 
 def _but(findings: Findings, row: Row, level: str) -> str | None:
@@ -145,7 +154,7 @@ def _but(findings: Findings, row: Row, level: str) -> str | None:
     if level == "bad":
         return None
     percent, noise = row["fit_percent"], most_noise(findings, row["output"])
-    if _is_poor(row, noise):
+    if _is_poor(findings, row, level, noise):
         return (
             f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} "
             f"a fit of {percent:.0f} % only"
@@ -219,7 +228,7 @@ def _end(findings: Findings, row: Row, level: str, noise: float | None) -> tuple
     """Level and words for one of many recordings."""
     if _is_foretold(findings, row, level):
         return _CHANCE if level == "warning" else _FORETOLD
-    return _POOR if level != "bad" and _is_poor(row, noise) else (level, _HOLDS[level])
+    return _POOR if level != "bad" and _is_poor(findings, row, level, noise) else (level, _HOLDS[level])
 
 
 def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:

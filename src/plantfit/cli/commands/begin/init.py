@@ -247,6 +247,7 @@ def _asked(what: str, guess: list[str], usable: "list[Role]", source: str) -> li
 
 def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str], outputs: list[str]) -> list[Link]:
     from plantfit.recording.readers.columns import unit_in_name
+    from plantfit.units import gauge
 
     symbols: dict[str, str] = {}
     by_header = {r.header: r for r in roles.columns}
@@ -264,8 +265,8 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
                 f"Column {header!r} never changes, so it can be neither input nor output; name another."
             )
         first = float(c.first_number if c.first_number is not None else c.minimum)
-        named = None if c.unit else unit_in_name(header)
-        return Signal(symbols[header], header, c.unit or named, c.minimum, c.maximum, first, named is not None)
+        named = gauge(c.unit) if c.unit else unit_in_name(header)  # the numbers of bar(g) are taken as bar
+        return Signal(symbols[header], header, named or c.unit, c.minimum, c.maximum, first, named is not None)
 
     signals = {h: signal(h) for h in (*inputs, *outputs)}
     links = []

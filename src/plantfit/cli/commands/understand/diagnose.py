@@ -28,10 +28,11 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     from plantfit.first_look import linear_beside
     from plantfit.recording.clean.outliers import inline
     from plantfit.trust.diagnosis import diagnosis_record
-    from plantfit.trust.looks import problem_looks
+    from plantfit.trust.looks import not_followed, problem_looks
 
     found = _tried(study, only, json)
-    looks = [look.record for look in problem_looks(found.carrier.given)]
+    given = found.carrier.given
+    looks = [look.record for look in not_followed(problem_looks(given), given, found.carrier.z)]
     record = {**diagnosis_record(found, linear=linear_beside), "data": looks}
     if json:
         return print_json({**record, **_written(study, found, place, force, only)})

@@ -73,7 +73,7 @@ def _reason(
 ) -> str:
     kind = other.kind
     if "verdict" in (kind, one.kind) and p.scatters:
-        return "the recordings disagree on it; the verdict allows for that, the other kinds for the noise alone."
+        return "the verdict allows for a scatter between recordings, the other kinds for the noise alone."
     if kind == "verdict" and not all(p.status == "determined" for p in found.parameters):
         return (
             "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
