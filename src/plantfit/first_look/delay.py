@@ -9,14 +9,14 @@ from plantfit.first_look.data import Data
 
 ORDER = 12  # of the whitening filter at most
 SHARE = 0.1  # of the record, how late a reaction is looked for
-CHANCE = 0.01  # that any lag before the reaction is beyond the band
+CHANCE = 0.01  # that any lag before the reaction is beyond the band in one of two looks
 
 
 @dataclass(frozen=True)
 class Delay:
     """`value` (s): one sample before the first lag beyond the band, since an input that is held acts from one sample
-    on; None where no lag is. `lags` (k,) s, `correlation` (k,), and the `bound` of all lags together. `both`: the output
-    was made white, too."""
+    on; None where no lag is. `lags` (k,) s, `correlation` (k,), and the `bound` of all lags together. `both`: the
+    output was made white, too."""
 
     value: float | None
     lags: np.ndarray
@@ -30,9 +30,9 @@ def reaction_delay(data: Data, k: int) -> Delay:
 
     An autoregression whitens the input, the output passes the same filter, and their correlation is the impulse
     response in noise (Box, Jenkins and Reinsel, Time Series Analysis, 4th ed. 2008, section 12.2.1). Missing outputs
-    are left out. Where no lag is beyond the band, the output is whitened by an autoregression of its own (Haugh 1976,
-    J. Am. Stat. Assoc. 71:378): a causal filter leaves the first lag where it is, and of an output that integrates it
-    takes what hides it.
+    are left out. Then the output is whitened by an autoregression of its own (Haugh 1976, J. Am. Stat. Assoc. 71:378):
+    a causal filter leaves the first lag where it is, and of an output that integrates it takes what hides it. The
+    earlier of both counts.
     """
     u, y = data.inputs[:, k], data.y
     known = np.isfinite(y)
@@ -44,16 +44,14 @@ def reaction_delay(data: Data, k: int) -> Delay:
     if not np.any(du):
         return Delay(None, lags, np.zeros(most), np.nan)
     order = min(ORDER, n // 20)
-    bound = float(-special.ndtri(0.5 * CHANCE / most) / np.sqrt(n))
+    bound = float(-special.ndtri(0.25 * CHANCE / most) / np.sqrt(n))  # two sides, two looks
     own = _whitening(du, order)
     a = _filtered(du, own)
-    first = _correlation(a, _filtered(dy, own), most)
-    value = _reaction(first, bound, data.period)
-    if value is not None or not np.any(dy):
+    first, second = (_correlation(a, _filtered(dy, w), most) for w in (own, _whitening(dy, order)))
+    value, other = (_reaction(c, bound, data.period) for c in (first, second))
+    if other is None or (value is not None and value <= other):
         return Delay(value, lags, first, bound)
-    second = _correlation(a, _filtered(dy, _whitening(dy, order)), most)
-    value = _reaction(second, bound, data.period)
-    return Delay(None, lags, first, bound) if value is None else Delay(value, lags, second, bound, both=True)
+    return Delay(other, lags, second, bound, both=True)
 
 
 def _reaction(correlation: np.ndarray, bound: float, period: float) -> float | None:
@@ -79,4 +77,5 @@ def _correlation(a: np.ndarray, b: np.ndarray, most: int) -> np.ndarray:
     """Of b with a earlier, at lags 0 to most - 1."""
     size = 1 << int(np.ceil(np.log2(2 * len(a))))
     both = np.fft.irfft(np.fft.rfft(b, size) * np.conj(np.fft.rfft(a, size)), size)[:most]
-    return both / np.sqrt(np.sum(a**2) * np.sum(b**2))
+    size = np.sqrt(np.sum(a**2) * np.sum(b**2))
+    return both / size if size > 0 else np.zeros(most)

@@ -135,12 +135,15 @@ def _rests(values: np.ndarray, begin: int, count: int, step: float) -> bool:
     """
     end = begin + count
     before, after = np.diff(values[max(0, begin - 3) : begin + 1]), np.diff(values[end - 1 : end + 3])
-    if len(before) < 2 or len(after) < 3:
+    ends = end == len(values)
+    if len(before) < 2 or (len(after) < 3 and not ends):
         return False
     for moves in (before, after):
         clear = moves[np.abs(moves) > 1.5 * step]
         if len(clear) and np.ptp(np.sign(clear)) > 0:
             return False
+    if ends:  # it slows down before
+        return bool(abs(before[-1]) <= 0.5 * abs(before[0]) + 1.5 * step)
     return bool(abs(after[0]) <= 3.0 * np.max(np.abs(after[1:])) + 1.5 * step)
 
 
