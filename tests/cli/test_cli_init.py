@@ -253,6 +253,19 @@ def test_units_of_names_and_umlauts_reach_the_study(tmp_path, capsys, monkeypatc
     assert call(capsys, monkeypatch, "check", "tank.toml").code == 0
 
 
+def test_columns_with_names_that_equations_use_get_other_ones(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    t, u, x = np.arange(300.0), np.repeat(rng.uniform(0, 10, 15), 20), np.zeros(300)
+    for k in range(299):
+        x[k + 1] = x[k] + (2 * u[k] - x[k]) / 25
+    rows = "\n".join(f"{a},{b:.3f},{c:.3f}" for a, b, c in zip(t, u, x + rng.normal(0, 0.1, 300), strict=True))
+    (tmp_path / "slide.csv").write_text("time [s],step [V],pos [mm]\n" + rows, "utf-8")
+    assert call(capsys, monkeypatch, "init", "slide.csv", "--yes").code == 0
+    assert 'signals = { u = "step [V]", y = "pos [mm]" }' in (tmp_path / "slide.toml").read_text("utf-8")
+    assert call(capsys, monkeypatch, "check", "slide.toml").code == 0
+
+
 @pytest.mark.parametrize(("low", "told"), [(0.0, False), (0.8, True)])
 def test_a_rest_that_no_input_came_near_is_called_an_extrapolation(low, told, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)

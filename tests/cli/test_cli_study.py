@@ -6,8 +6,11 @@ import subprocess
 import sys
 import time
 
+import numpy as np
 import pytest
 from cli_call import SPEC, call, heater
+
+import plantfit as pf
 
 
 @pytest.fixture
@@ -47,6 +50,9 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     assert banded["bands"]["level"] == 0.95
     assert banded["bands"]["held"]["T"] == pytest.approx(0.95, abs=0.035)  # 400 readings
     assert "T_low [degC],T_high [degC],T_read_low [degC],T_read_high [degC]" in (folder / "predicted.csv").read_text()
+    table = pf.read_csv(folder / "predicted.csv")
+    assert np.all(table["T_simulated"] >= table["T_low"] - 1e-6)
+    assert np.all(table["T_simulated"] <= table["T_high"] + 1e-6)
     refused = call(capsys, monkeypatch, "predict", "heater.toml", "--bands", "--set", "K=0.4")
     assert (
         refused.err

@@ -48,6 +48,25 @@ def test_the_rest_is_where_the_model_stays():
     np.testing.assert_allclose(rest.x[:, 0], 6.0, rtol=1e-12)
 
 
+@pytest.mark.parametrize("damping", [0.002, 0.05])
+def test_frequencies_show_the_peaks_of_plants_that_swing(damping):
+    """The largest gain of each plant, of 1/(2 damping sqrt(1 - damping^2)), and Ms of a PI on it."""
+    model = equations(
+        "p' = v\nv' = W*W*(u - p) - 2*Z*W*v\nz = p", inputs=["u"], states=["p", "v"], outputs=["z"],
+        parameters=["W", "Z"], name="swings",
+    )  # fmt: skip
+    rest = rest_of(model, W=[1.9, 2.0, 2.13], Z=3 * [damping])
+    w = frequencies(0.01, 10.0, 200, rest.A)
+    peak = np.max(np.abs(continuous_response(rest, w)), axis=1)
+    np.testing.assert_allclose(peak, 1 / (2 * damping * np.sqrt(1 - damping**2)), rtol=0.03)
+    found, close = (
+        margins(pid_response(Gains(0.0, 0.5 * damping), 0.01, w) * sampled_response(rest, 0.01, w), w, 1).ms
+        for w in (w, np.linspace(1e-3, 3.0, 60_000))
+    )
+    np.testing.assert_allclose(found, close, rtol=0.03)
+    assert len(frequencies(0.01, 10.0, 200, rest_of(model, W=2.0, Z=0.5).A)) == 200
+
+
 def test_dead_time_is_exact_in_the_continuous_response():
     rest, w = rest_of(LAG, K=2.0, tau=5.0, L=1.7), np.geomspace(1e-3, 30, 50)
     truth = 2.0 * np.exp(-1.7j * w) / (1 + 5.0j * w)

@@ -54,6 +54,7 @@ MISFITS = [
     ("a + 1", "m", 8, ("The number 1 has no unit", "in constants, as in offset = '1 m'")),
     ("2.5 - a", "m", 4, ("The number 2.5",)),
     ("1 - share", "%", 4, ("'1 %'",)),
+    ("1 - a/c", "", 4, ("1 m/cm is 100", "Declare what is divided there in one unit")),
     ("sin(turned)", "", 8, ("an angle in rad", "deg")),
     ("exp(2*a)", "", 8, ("without unit", "in m")),
     ("log(a/c)", "", 8, ("without unit",)),

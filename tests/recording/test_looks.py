@@ -79,6 +79,26 @@ def test_a_sensor_that_is_stuck():
     assert not any(look.kind == "stuck" for look in signal_looks(cleaned, "y", measured=True))
 
 
+def resting_drive():
+    """The angle of a drive with dry friction, mrad, between moves at rest."""
+    u, w, angle, found = np.repeat([0.0, 5.0, 0.0, -3.0, 0.0, 0.0], 100), 0.0, 0.0, []
+    for k in range(2400):
+        push = u[k // 4] - 0.3 * np.sign(w if w else u[k // 4])
+        moved = w + 0.0125 * (push - w) / 0.2 if w or abs(u[k // 4]) > 0.3 else 0.0
+        w = 0.0 if w * moved < 0 else moved
+        angle += 12.5 * w
+        found.append(angle)
+    return np.round(found[::4])
+
+
+def test_a_drive_at_rest_is_no_sensor_that_is_stuck():
+    y = resting_drive()
+    assert not any(look.kind == "stuck" for look in signal_looks(recorded(y), "y", measured=True))
+    y[130:180] = y[130]  # while it moves
+    (look,) = (k for k in signal_looks(recorded(y), "y", measured=True) if k.kind == "stuck")
+    assert (look.begin, look.figures["samples"]) == (pytest.approx(6.5), 50)
+
+
 def test_a_coarse_sensor_is_quantised_and_neither_stuck_nor_clipped():
     y = np.round(plant(steps(), noise=0.05) / 0.2) * 0.2
     found = list(signal_looks(recorded(y), "y", measured=True))

@@ -84,6 +84,21 @@ def test_the_tight_solver_follows_closed_forms(name):
     np.testing.assert_allclose(found.outputs["y"], exact(t), atol=2e-8)
 
 
+def test_play_that_rests_at_a_flank_that_stands_still_is_pushed_again():
+    """A drive that came to rest, from where its speed is a rounding error of either sign."""
+    t = 0.01 * np.arange(1400)
+    u = np.repeat([-1.0, 0.0, 1.0, 0.0, 1.0, 0.0, -1.0], 200)
+    p = {"tau": 0.03, "gap": 0.1}
+    text = "v' = (u - v)/tau\nx' = v\nz = play(x, gap)\ny = z"
+    made = simulated(text, p, t, inputs={"u": u}, states=("v", "x", "z"), substeps=1)
+    found = follow(*_with(made, p))
+    z, moved = 0.0, []
+    for x in found.states[made[0].vector.states.index("x")]:  # it turns back between no two samples
+        z = min(max(z, x - p["gap"]), x + p["gap"])
+        moved.append(z)
+    np.testing.assert_allclose(found.outputs["y"], moved, atol=1e-8)
+
+
 def _with(made, p):
     return made[0], p, made[1]
 

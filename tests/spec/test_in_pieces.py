@@ -87,6 +87,16 @@ def test_all_else_stays(write):
     assert found["parameters"]["start_v"] == {"per_recording": True}
 
 
+@pytest.mark.parametrize("given", ["split = 0.7", "fit = [0, 42]\nvalidate = [42, 60]"])
+def test_the_unseen_part_is_left_out(write, given):
+    """`plantfit init` writes `split = 0.7`, and the verdict gives the command for such a file."""
+    study = write(more=given)
+    found = spec.parse(spec.in_pieces(study, 10.0), study.path)
+    table = tomllib.loads(found.text)["recording"]
+    assert table["run"] == {"file": "run.csv", "pieces": 10, "fit": [0.0, 41.9]}
+    assert list(found.problem.experiments) == ["run-1", "run-2", "run-3", "run-4"]
+
+
 CUT = """pieces = 10
 [model.extensions]
 start = { x = [-1, 1] }
@@ -114,7 +124,7 @@ bounds = [0.1, 10]
         ({}, float("nan"), "--pieces nan cannot be used"),
         ({}, 0.1, "cannot be cut into pieces of 0.1 s"),
         ({"more": CUT}, 5.0, "is in pieces or has starts already"),
-        ({"more": "split = 0.7"}, 10.0, "cannot be cut into pieces of 10 s"),
+        ({"more": "initial_time = -1.0"}, 10.0, "cannot be cut into pieces of 10 s"),
         ({"text": STATIC}, 10.0, "no states that could begin anew"),
     ],
 )

@@ -70,6 +70,30 @@ def test_a_delay_where_none_reacts_is_none():
     assert sum(v is not None for v in none) <= 2  # 1 % by design
 
 
+@pytest.mark.parametrize("late", [0, 4])
+def test_the_delay_of_an_integrating_plant_is_found(late):
+    found = []
+    for seed in range(20):
+        recording = recorded("first order", seed, y=lambda u: np.cumsum(np.r_[np.zeros(1 + late), u])[: len(u)] * H)
+        found.append(reaction_delay(halves(recording), 0))
+    assert all(f.both and f.value == pytest.approx(late * H, abs=H + 1e-9) for f in found)
+
+
+def test_of_an_output_that_wanders_by_itself_no_reaction_is_told():
+    walks = [
+        reaction_delay(
+            halves(
+                recorded(
+                    "first order", s, y=lambda u, s=s: np.cumsum(np.random.default_rng(99 + s).normal(size=len(u)))
+                )
+            ),
+            0,
+        ).value
+        for s in range(30)
+    ]
+    assert walks.count(None) >= 28
+
+
 def test_a_linear_model_cannot_follow_a_plant_that_is_not():
     found = baseline([halves(recorded("first order", 1, y=lambda u: np.abs(lfilter([1 - LAG], [1, -LAG], u))))])
     assert found.rmse["unseen"] > 2 * NOISE

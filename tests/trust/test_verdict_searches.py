@@ -40,6 +40,13 @@ def told(costs, cut=(), dependent=()):
             "warning",
             "about 75 % of the box is expected",
         ),
+        (
+            [1.0] * 6 + [2.0] * 6,
+            [3.0] * 9,
+            [],
+            "warning",
+            "no search has seen, as 9 more searches were cut off before their end; give a larger budget.",
+        ),
         ([1.0] + [2.0] * 9, [], [], "warning", "1 of 10 local searches"),
         ([1.0, 1.0], [], [], "warning", "a better one may exist"),
         # the answer was cut off, or found by a step away from another answer: no independent search ended there

@@ -4,7 +4,7 @@ is."""
 import numpy as np
 import pytest
 
-from plantfit.trust.verdict.residuals import WHITE, by_chance, residual_sentences
+from plantfit.trust.verdict.residuals import WHITE, by_chance, lacking, residual_sentences
 
 
 def findings(p_values):
@@ -63,3 +63,10 @@ def test_the_sentence_names_the_recording_and_no_problem():
     assert "in all 20 recordings: no dynamics" in white["sentence"]
     assert not by_chance([0.004], 1)
     assert not by_chance([0.009] * 4, 20)
+
+
+@pytest.mark.parametrize(("p", "lacks"), [(0.004, []), (1e-6, ["y"])])
+def test_what_fails_by_chance_puts_no_parameter_in_doubt(p, lacks, monkeypatch):
+    rows = [{"recording": f"run-{k}", "output": "y", "ratio": 1.5} for k in range(20)]
+    monkeypatch.setattr("plantfit.trust.verdict.residuals.noise_rows", lambda _: rows)
+    assert lacking(findings(np.r_[0.5 * np.ones(19), p])) == lacks

@@ -83,7 +83,7 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
         when = f"after {delay.value:.3g} s" if delay.value > 0 else "within a sample"
         text = (
             f"{data.output} reacts to {name} {when} (first lag of the "
-            f"cross-correlation beyond chance, {name} made white)."
+            f"cross-correlation beyond chance, {'both' if delay.both else name} made white)."
         )
         said.append(_said("info", text, delay=delay.value))
     try:

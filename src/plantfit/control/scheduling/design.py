@@ -93,7 +93,7 @@ def scheduled_loops(
     for k, design in enumerate(designs):
         form = _form(design, schedule)
         judge = Judge.of(design.family, design.judge.start, design.course, wishes.quantum, form)
-        w = frequencies(wishes.period, slowest(design.reduced), FINE)
+        w = frequencies(wishes.period, slowest(design.reduced), FINE, design.rest.A)
         h, (own, outside) = (
             responses_of(design.family, design.rest, form, wishes.period, w),
             open_poles(design.rest, w[0]),

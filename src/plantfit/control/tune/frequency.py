@@ -11,6 +11,9 @@ from plantfit.control.tune.one_loop import Rest
 import jax.numpy as jnp
 
 ROUNDING = 1e-9  # of a sample
+LIGHTLY, NARROW = 0.15, 1e-3  # damping below which a peak may be narrower than the steps of a grid, and least width
+AROUND = 4.0  # half widths of a peak that are looked at on both sides
+PEAKS = (64, 128, 256, 512)  # frequencies there
 NOTHING = 1e-9  # size of an open loop that counts as 0
 
 
@@ -26,9 +29,26 @@ class Margins(NamedTuple):
     stable: np.ndarray
 
 
-def frequencies(period: float, slowest: float, count: int) -> np.ndarray:
-    """Angular frequencies (count,) in rad/s from a thousandth of 1/`slowest` (s) to that of half the sampling."""
-    return np.geomspace(1e-3 / slowest, np.pi / period, count)
+def frequencies(period: float, slowest: float, count: int, *matrices: np.ndarray) -> np.ndarray:
+    """Angular frequencies (F,) in rad/s from a thousandth of 1/`slowest` (s) to that of half the sampling: `count` of
+    them, and more where plants with these `matrices` A (n, s, s) in 1/s swing with little damping."""
+    most = np.pi / period
+    even = np.geomspace(1e-3 / slowest, most, count)
+    poles = np.concatenate([np.linalg.eigvals(A).ravel() for A in matrices] or [np.zeros(0)])
+    poles = poles[(poles.imag > 0.0) & (np.abs(poles.real) < LIGHTLY * np.abs(poles))]
+    at = np.abs((poles.imag + most) % (2.0 * most) - most)  # as the samples show it
+    if not len(at):
+        return even
+    half = np.maximum(np.abs(poles.real), NARROW * at)
+    more, order = [], np.argsort(at - AROUND * half)
+    low, high, half = (at - AROUND * half)[order], (at + AROUND * half)[order], half[order]
+    begins = np.flatnonzero(np.r_[True, low[1:] > np.maximum.accumulate(high)[:-1]])
+    for k, end in zip(begins, [*begins[1:], len(at)], strict=True):
+        begin, stop = max(low[k], even[0]), min(np.max(high[k:end]), most)
+        needed = (stop - begin) / (0.5 * np.min(half[k:end]))
+        if begin < stop:  # few lengths, because a search is compiled for each
+            more.append(np.linspace(begin, stop, min((n for n in PEAKS if n >= needed), default=PEAKS[-1])))
+    return np.unique(np.concatenate([even, *more]))
 
 
 def continuous_response(rest: Rest, w: np.ndarray) -> np.ndarray:

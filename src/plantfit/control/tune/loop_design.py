@@ -136,7 +136,8 @@ def tuned_loop(
     pid = pid_form(small, plants.sign, wishes, rules, plants.tracking)
     forms = [*_ahead_of_pid(plants.family, plants.rest, small, plants.sign, wishes, plants.tracking), pid]
     judges = {form.name: plants.judge(form, wishes) for form in forms}
-    w, fine = (frequencies(wishes.period, slowest(small), number) for number in (COARSE, FINE))
+    swing = [rest.A for rest in plants.rests]
+    w, fine = (frequencies(wishes.period, slowest(small), number, *swing) for number in (COARSE, FINE))
     alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
     begins(progress, "judging a classical rule")
     simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))

@@ -221,7 +221,7 @@ def curves(design: LoopDesign, seed: int = 0) -> dict[str, Any]:
     on the best fit alone."""
     wishes, found = design.wishes, {}
     slow = slowest(design.reduced)
-    w = frequencies(wishes.period, slow, FINE)
+    w = frequencies(wishes.period, slow, FINE, design.rest.A)
     w = w[w >= 1e-2 / slow]
     late = np.min(np.where(np.any(design.rest.B != 0, axis=2), design.rest.late, np.inf), axis=1)
     some = np.unique(np.r_[0, np.linspace(0, design.family.count - 1, FEW).round().astype(int)])

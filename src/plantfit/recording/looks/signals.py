@@ -14,7 +14,7 @@ from plantfit.recording.record import Recording
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
 PLATEAU = 5  # samples at one end of the range, and times the runs that the signal has elsewhere
 TURN = 10  # steps that a quantised signal falls on the way round, see `_turns`
-STUCK = 20  # equal samples
+STUCK = 20  # equal samples, where the plant does not rest, see `_rests`
 STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
 LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
@@ -88,7 +88,10 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
     stuck = [
         (n, b)
         for n, b in zip(runs, begins, strict=True)
-        if n >= max(STUCK, 2 * PLATEAU * usual) and values[b] not in clipped and b > 0
+        if n >= max(STUCK, 2 * PLATEAU * usual)
+        and values[b] not in clipped
+        and b > 0
+        and not _rests(values, int(b), int(n), step)
     ]
     if stuck:
         longest, begin = max(stuck)
@@ -122,6 +125,26 @@ def _turns(values: np.ndarray, runs: np.ndarray, begins: np.ndarray, step: float
     inside = [before >= 0, after < len(values)]
     most = np.max([np.where(there, f, 0.0) for there, f in zip(inside, fallen, strict=True)], axis=0)
     return (inside[0] | inside[1]) & (most <= TURN * step)
+
+
+def _rests(values: np.ndarray, begin: int, count: int, step: float) -> bool:
+    """Whether a plant without noise rests there: it comes in one direction and leaves in one, no faster than it goes
+    on.
+
+    A sensor that was stuck leaps to where the plant is by then. One with noise turns round from sample to sample.
+    """
+    end = begin + count
+    before, after = np.diff(values[max(0, begin - 3) : begin + 1]), np.diff(values[end - 1 : end + 3])
+    ends = end == len(values)
+    if len(before) < 2 or (len(after) < 3 and not ends):
+        return False
+    for moves in (before, after):
+        clear = moves[np.abs(moves) > 1.5 * step]
+        if len(clear) and np.ptp(np.sign(clear)) > 0:
+            return False
+    if ends:  # it slows down before
+        return bool(abs(before[-1]) <= 0.5 * abs(before[0]) + 1.5 * step)
+    return bool(abs(after[0]) <= 3.0 * np.max(np.abs(after[1:])) + 1.5 * step)
 
 
 def _without(name: str, times: np.ndarray, stuck: Sequence[tuple[int, int]]) -> str:

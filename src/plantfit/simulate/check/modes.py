@@ -20,6 +20,7 @@ LOOKS = 8  # at the surfaces in every step of the solver
 HALVINGS = 60
 NEAR = 1e-9  # of a span's travel: a start as near to a surface is on it
 AHEAD = 1e-6  # of a span: where the way off a surface is looked at
+TOUCH = 1e-13  # of where a flank stands
 CHANGES = 200  # of the mode in one span
 
 
@@ -115,8 +116,12 @@ class Modes:
             run.evaluations += 1
             return self.motion(x, inputs(t), du, mode)[0]
 
+        resting, slack = self._resting(x, inputs(t), mode)
+
         def surfaces(t, x):
-            return self.motion(x, inputs(t), du, mode)[2]
+            found = np.array(self.motion(x, inputs(t), du, mode)[2])
+            found[resting] += slack
+            return found
 
         if stop - t <= 1e-14 * (abs(stop) + length):
             return stop, x, None
@@ -125,6 +130,7 @@ class Modes:
         travel = (surfaces(t + ahead, x + ahead * f) - first) / ahead * length
         at = np.abs(first) <= NEAR * np.abs(travel)
         side = np.where(at, np.sign(travel), np.sign(first))
+        side[resting] = 1.0
         # what is at its surface and on its way through has passed it
         solver = scipy.integrate.DOP853(rate, t, x, stop, rtol=run.rtol, atol=run.atol)
         for _ in range(20_000):
@@ -154,6 +160,19 @@ class Modes:
             if solver.status == "finished":
                 return stop, self.motion(solver.y, inputs(stop), du, mode)[1], None
         raise run.failed(solver.t, solver.y)
+
+    def _resting(self, x: np.ndarray, u: np.ndarray, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Which surfaces are flanks that touch what rests, and by how much they pass it before they push.
+
+        What begins at a flank that stands still is on neither side of it, but whatever moves next may push.
+        """
+        first, resting, slack = len(self.signs) + len(self.velocities), [], []
+        if self.plays:
+            for k, (low, high) in enumerate(self.flanks(x, u)):
+                if mode[len(self.velocities) + k] == 0.0:
+                    resting += [first + 2 * k, first + 2 * k + 1]
+                    slack += 2 * [TOUCH * (abs(low) + abs(high))]
+        return np.array(resting, dtype=int), np.array(slack)
 
     def _passed(self, side: np.ndarray, value: np.ndarray) -> np.ndarray:
         """Which surfaces were passed, those of events in their direction and others from above."""

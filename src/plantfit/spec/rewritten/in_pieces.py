@@ -9,6 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, SpecError
 from plantfit.models.extensions import parameter_name
 from plantfit.models.model import Model
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.shooting.piece_starts import half_waves, piece_starts
 from plantfit.spec.error_place import errors_at
 from plantfit.spec.reading import parse
@@ -23,9 +24,10 @@ def in_pieces(study: Study, seconds: float) -> str:
     """The text of the study file with `pieces` of so many seconds, a `start` of each state in each of them, and
     `shooting`.
 
-    Recordings that are no longer than a piece stay whole; bounds of the starts are those in which the states were found
-    by loosely joined segments of the records. Raises SpecError for models that have no such starts and where the new
-    file could not be read, SearchError and SimulationError where no segments can be simulated.
+    Recordings that are no longer than a piece stay whole. Of those that are cut the unseen part is left out: a
+    simulation of it in one go would forget its start, too. Bounds of the starts are those in which the states were
+    found by loosely joined segments of the records. Raises SpecError for models that have no such starts and where the
+    new file could not be read, SearchError and SimulationError where no segments can be simulated.
     """
     path, model, experiments = study.path, study.problem.model, study.problem.experiments
     if not isinstance(model, Model) or not model.states:
@@ -49,6 +51,8 @@ def in_pieces(study: Study, seconds: float) -> str:
         )
     for name in long:
         tables[name]["pieces"] = int(seconds) if seconds == int(seconds) else seconds
+        if experiments[name].fit is not None and experiments[name].validate is not None:
+            _only_fitted(tables[name], experiments[name])
     cut = _read(document, study, seconds).problem.experiments
     shortest = min(len(e.recording) for e in cut.values())
     waves = max(half_waves(e.recording[o]) for e in cut.values() for o in study.problem.outputs)
@@ -67,6 +71,17 @@ def in_pieces(study: Study, seconds: float) -> str:
     search["shooting"] = segments
     document["name"] = f"{study.name} in pieces"
     return _read(document, study, seconds).text
+
+
+def _only_fitted(table: Any, experiment: Experiment) -> None:
+    assert experiment.fit is not None
+    begin, end = experiment.fit
+    t = experiment.recording.t
+    t = t[(t >= begin) & (t < end)]
+    for key in ("split", "validate"):
+        table.pop(key, None)
+    table["fit"] = [float(f"{at:.9g}") for at in (t[0], t[-1])]
+    table["fit"].comment("of the unseen part no simulation in one go tells anything")
 
 
 def _read(document: tomlkit.TOMLDocument, study: Study, seconds: float) -> Study:

@@ -45,15 +45,21 @@ def noise_sentences(findings: Findings) -> Iterator[Sentence]:
 
 def lacking(findings: Findings) -> list[str]:
     """Outputs of which more than noise is left by what the model lacks: residuals that are not white, and above
-    their noise or named by the diagnosis; those not whose record is odd in one stretch."""
+    their noise or named by the diagnosis; those not whose record is odd in one stretch, or of many where as few are
+    so by chance."""
     above, named = (
         {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] >= FLOOR},
         diagnosed(findings)["named"],
     )
-    tests = [
-        r for r in findings.get("residual_tests", ()) if not r["white"] and not r.get("shared") and not r.get("stretch")
-    ]
-    return list(dict.fromkeys(r["output"] for r in tests if named or (r["recording"], r["output"]) in above))
+    every = findings.get("residual_tests", ())
+    tests = [r for r in every if not r["white"] and not r.get("shared") and not r.get("stretch")]
+    lack = [r["output"] for r in tests if named or (r["recording"], r["output"]) in above]
+    return [o for o in dict.fromkeys(lack) if not _few_by_chance([r for r in every if r["output"] == o])]
+
+
+def _few_by_chance(rows: Sequence[Row]) -> bool:
+    failed = [r["p_value"] for r in rows if not r["white"]]
+    return len(rows) > 1 and by_chance(failed, len(rows))
 
 
 def _left_by_a_solver(findings: Findings, row: Row) -> float | None:

@@ -109,6 +109,9 @@ def search_sentences(
         )
     elif optima > 1 and unseen > UNSEEN:
         doubt = f"about {100 * unseen:.0f} % of the box is expected to lead to optima that no search has seen"
+        if cut := int(extra.get("cut_searches", 0)):
+            were = "search was cut off before its" if cut == 1 else "searches were cut off before their"
+            doubt += f", as {cut} more {were} end"
         yield say(
             "warning", f"{text}: {doubt}; give a larger budget.", hits=hits, starts=starts, optima=optima, unseen=unseen
         )

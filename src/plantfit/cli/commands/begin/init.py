@@ -5,6 +5,7 @@ import re
 import sys
 import unicodedata
 from collections.abc import Callable, Sequence
+from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -295,10 +296,13 @@ _LETTERS = str.maketrans(
 
 def _symbol(name: str, spare: str) -> str:
     """A name that equations may use and the template does not."""
-    taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*|t|e|pi", name)
+    from plantfit.models.text.declarations import RESERVED
+
+    taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*", name)
     # a bare key of TOML has no accents
     plain = unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()
-    return plain if plain.isidentifier() and not taken and len(plain) > len(name) // 2 else spare
+    usable = plain.isidentifier() and not iskeyword(plain) and plain not in RESERVED
+    return plain if usable and not taken and len(plain) > len(name) // 2 else spare
 
 
 def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet: bool) -> str:

@@ -42,23 +42,25 @@ def predict(
     vector = problem.space.vector(named)
     problem, error = steps_and_error(problem, np.asarray(problem.space.cube(vector)))
     name = recording or next(iter(problem.experiments))
-    predicted = problem.predict(vector, name)
     source = problem.experiments[name].recording
     signals = dict(source.signals)
+    found: dict[str, Band] = {}
+    scatters: list[str] = []
+    if share is None:
+        predicted = problem.predict(vector, name)
+    else:  # from the start that the fit found, as the bands
+        predicted, found, scatters = _bands(loaded.name, study, store, problem.experiments[name], share, json)
     for output, y in predicted.items():
         signals[f"{output}_simulated"] = rec.Signal(y, source.signals[output].unit)
     held: dict[str, float] = {}
-    scatters: list[str] = []
-    if share is not None:
-        found, scatters = _bands(loaded.name, study, store, problem.experiments[name], share, json)
-        for output, band in found.items():
-            unit = source.signals[output].unit
-            signals |= {f"{output}_low": rec.Signal(band.low, unit), f"{output}_high": rec.Signal(band.high, unit)}
-            signals |= {
-                f"{output}_read_low": rec.Signal(band.read_low, unit),
-                f"{output}_read_high": rec.Signal(band.read_high, unit),
-            }
-            held[output] = band.held(source[output])
+    for output, band in found.items():
+        unit = source.signals[output].unit
+        signals |= {f"{output}_low": rec.Signal(band.low, unit), f"{output}_high": rec.Signal(band.high, unit)}
+        signals |= {
+            f"{output}_read_low": rec.Signal(band.read_low, unit),
+            f"{output}_read_high": rec.Signal(band.read_high, unit),
+        }
+        held[output] = band.held(source[output])
     path = rec.to_csv(rec.Recording(source.t, signals, source.name), place) or place
     scores = {}
     for output, y in predicted.items():
@@ -93,9 +95,9 @@ def predict(
 
 def _bands(
     name: str, number: int | None, store: str, experiment: "Experiment", level: float, json: bool
-) -> "tuple[dict[str, Band], list[str]]":
-    """Bands of the newest study of that name, or of study `number`, over an experiment; the parameters that scatter
-    between recordings."""
+) -> "tuple[dict[str, np.ndarray], dict[str, Band], list[str]]":
+    """What the newest study of that name, or study `number`, predicts over an experiment, its bands there, and the
+    parameters that scatter between recordings."""
     from plantfit.reopen import open_study
     from plantfit.study import Store
 
@@ -106,4 +108,4 @@ def _bands(
             say("drawing plants that the data allow")
         answer = open_study(own[-1].id, opened)
         scatters = [p["name"] for p in answer.findings["parameters"] if p["scatter"]]
-        return answer.bands(experiment, level=level), scatters
+        return answer.predict(experiment), answer.bands(experiment, level=level), scatters

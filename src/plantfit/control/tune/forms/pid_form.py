@@ -26,8 +26,10 @@ def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa]
     simc = rule_gains("SIMC", small, derivative)
     assert simc is not None
     slow, dead, size = slowest(small), small.first_order[2], abs(simc.K)
+    # where a plant swings, SIMC of its slow part may be far from what keeps it stable, and the other rules are not
+    low = min(size / 50, *(abs(isa.K) / 5 for isa in rules.values() if isa.K))
     ranges = {
-        "K": Parameter((size / 50, size * 30), scale="log"),
+        "K": Parameter((low, size * 30), scale="log"),
         "Ti": Parameter((0.2 * dead, 30.0 * (slow + dead)), scale="log"),
         "b": Parameter((0.0, 1.0)),
     }

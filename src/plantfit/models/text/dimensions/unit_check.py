@@ -137,9 +137,16 @@ class UnitChecker:
         return known[0][1] if known else ZERO
 
     def _literal(self, number: Node, unit: Unit) -> EquationError:
+        what = f"The number {number.number:g} has no unit, but is combined with a quantity in {shown(unit)}"
+        if _ratio_of_alike(unit):
+            return self._fail(
+                f"{what}: 1 {shown(unit)} is {_factor(unit):.6g}, and equations convert nothing by themselves. Declare "
+                "what is divided there in one unit.",
+                number.place,
+            )
         message = (
-            f"The number {number.number:g} has no unit, but is combined with a quantity in {shown(unit)}; give it a "
-            f"name and a unit in constants, as in offset = '{number.number:g} {shown(unit)}', and use that name here."
+            f"{what}; give it a name and a unit in constants, as in offset = '{number.number:g} {shown(unit)}', and "
+            "use that name here."
         )
         return self._fail(message, number.place)
 
@@ -271,6 +278,11 @@ def _factor(unit: Unit) -> float:
 
 def _plain(unit: Unit) -> bool:
     return all(abs(power) < 1e-9 for power in unit.dimensionality.values())
+
+
+def _ratio_of_alike(unit: Unit) -> bool:
+    """Whether it is a pure number that two units of one kind leave, as Pa/bar: a unit for no number of its own."""
+    return _plain(unit) and len(dict(unit._units)) > 1 and not math.isclose(_factor(unit), 1.0, rel_tol=1e-9)
 
 
 def _pure_number(unit: Unit) -> bool:
