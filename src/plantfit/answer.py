@@ -13,13 +13,14 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError, RecordingError, SpaceError
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.measure.experiment import Experiment
-from plantfit.problem.new_recording import predict_over
+from plantfit.problem.new_recording import begun_off, predict_over
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.recording.told import listed
 from plantfit.report import answer_html, fit_plot, summary_text, write_report
 from plantfit.trust.assess import assess
 from plantfit.trust.intervals.bands import Band, bands
+from plantfit.trust.intervals.first_values import outputs_begun_at
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.intervals.plausible import plausible
 from plantfit.trust.stated_errors.shared_error import SharedError
@@ -223,7 +224,8 @@ class Answer:
         allow.
 
         `draws` plants are drawn from the covariance of the answer or by the likelihood where they leave something open;
-        readings scatter about them as the residuals of the fit do. Where recordings of the plant scatter, the plants
+        readings scatter about them as the residuals of the fit do, and so does the first one, where the model begins at
+        it and it was not fitted. Where recordings of the plant scatter, the plants
         are those of another recording (the parameters with "scatter" in the findings). Same seed, same bands. Raises
         what `predict` raises, SpaceError for a level or a number of draws that cannot be, and SearchError where hardly
         a draw is a plant.
@@ -234,7 +236,19 @@ class Answer:
             recording = next(iter(self.problem.experiments))
         drawn = plausible(self.problem, np.asarray(self.best.x), self.findings["parameters"], draws, seed)
         noise = self.score("fit")
-        return bands(lambda v: predict_over(self.problem, v, recording, None), drawn.values, noise, level)
+        begun = [o for o in outputs_begun_at(self.problem, np.asarray(self.best.x)) if noise.get(o, 0.0) > 0]
+        if not begun or begun_off(self.problem, recording, {}) is None:
+            return bands(lambda v: predict_over(self.problem, v, recording, None), drawn.values, noise, level)
+        # the plant begins beside what is measured first, by the noise of that reading; the answer begins there
+        off = np.random.default_rng(seed).standard_normal((len(drawn.values), len(begun)))
+        off *= np.array([noise[o] for o in begun]) * (np.arange(len(off)) > 0)[:, None]
+
+        def predict(place: int) -> dict[str, np.ndarray]:
+            moved = begun_off(self.problem, recording, dict(zip(begun, off[place].tolist(), strict=True)))
+            assert moved is not None
+            return moved.outputs(drawn.values[place], {})
+
+        return bands(predict, np.arange(len(drawn.values)), noise, level)
 
     def score(self, part: str = "validation") -> dict[str, float]:
         """RMSE of every output, in its unit, on part "fit" or "validation", over all recordings."""

@@ -62,3 +62,24 @@ def test_the_same_seed_gives_the_same_bands_and_wrong_wishes_are_refused():
     assert not np.array_equal(one.read_low, other.read_low)
     with pytest.raises(SpaceError, match=r"give 0\.5 to"):
         answer.bands(level=2.0)
+
+
+def test_the_plant_of_an_unseen_recording_begins_beside_what_is_measured_first():
+    """A tank that empties: bands of a new recording that began at its first reading held 0 of 40 true first levels."""
+    t, k, noise = np.arange(0.0, 20.0, 0.5), 0.1, 0.05
+
+    def record(rng, start, name):
+        y = start * np.exp(-k * t) + noise * rng.standard_normal(len(t))
+        return pf.Recording(t, {"h": pf.Signal(y, "m")}, name)
+
+    model = pf.equations(
+        "x' = -k*x\nh = x",
+        states={"x": {"unit": "m", "initial": "h"}}, outputs={"h": "m"}, parameters={"k": {"unit": "1/s"}},
+    )  # fmt: skip
+    rng = np.random.default_rng(4)
+    answer = pf.fit(pf.Problem(model, {"a": record(rng, 1.0, "a"), "b": record(rng, 2.0, "b")}, {"k": (0.01, 1.0)}))
+    band, true = answer.bands(record(rng, 1.5, "new"), draws=100)["h"], 1.5 * np.exp(-k * t)
+    assert np.all((band.low[[0, 10]] <= true[[0, 10]]) & (true[[0, 10]] <= band.high[[0, 10]]))
+    assert band.high[0] - band.low[0] == pytest.approx(2 * norm.ppf(0.975) * noise, rel=0.4)
+    fitted = answer.bands("a", draws=20)["h"]
+    assert fitted.high[0] - fitted.low[0] < noise  # the fit has estimated where it begins

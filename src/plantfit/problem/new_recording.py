@@ -48,6 +48,18 @@ def predict_over(
     return NewRecording.of(problem, recording).outputs(np.asarray(values, dtype=float), dict(named or {}))
 
 
+def begun_off(
+    problem: Problem, recording: Recording | Experiment | str, moved: Mapping[str, float]
+) -> "NewRecording | None":
+    """A recording that states begin in at first measured values, of which those of outputs `moved` by so much, in their
+    units; None where the fit has estimated how far these are off."""
+    given = problem.experiments[recording] if isinstance(recording, str) else recording
+    new = NewRecording.of(problem, given)
+    if new.known is not None and np.any(problem.experiments[new.known].mask("fit")):
+        return None
+    return NewRecording(problem, replace(new.experiment, start_corrections=dict(moved)), None)
+
+
 @dataclass(frozen=True)
 class NewRecording:
     """A recording in the units of the model; `known` is the recording of the problem that has the same numbers, None

@@ -3,6 +3,7 @@ read it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -31,12 +32,12 @@ class Band:
 
 
 def bands(
-    predict: Callable[[np.ndarray], Mapping[str, np.ndarray]],
+    predict: Callable[[Any], Mapping[str, np.ndarray]],
     values: np.ndarray,
     noise: Mapping[str, float],
     level: float,
 ) -> dict[str, Band]:
-    """Bands by output at `level` from draws of the parameters (K, d), the answer first; `noise` is the standard
+    """Bands by output at `level` from draws (K, ...) of what `predict` takes, the answer first; `noise` is the standard
     deviation of readings."""
     courses = [predict(v) for v in values]
     tails = [0.5 - level / 2, 0.5 + level / 2]
