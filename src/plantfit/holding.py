@@ -291,7 +291,8 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     largest = 2.0 * lean if lean is not None else _largest(unit_x, sizes.get(along, widest))
     seconds = None if chosen.horizon is None else units.in_unit("[control] horizon", chosen.horizon, "s")
     if seconds is None:
-        seconds = _seconds(known, at, input_)
+        middle = 0.5 * (float(given["lower"]) + float(given["upper"]))  # type: ignore[arg-type]
+        seconds = _seconds(known, at, {input_: middle})
         proposed["horizon"] = f"{seconds:.3g} s, {TIMES:g} times the slowest time of the plant there"
     return HoldWishes(
         at, input_, period, float(given["lower"]), float(given["upper"]), along,  # type: ignore[arg-type]
@@ -305,11 +306,12 @@ def _largest(unit: str | None, size: float) -> float:
     return units.in_unit("largest", "0.5 rad", unit, True) if unit in ANGLES else 2.0 * size
 
 
-def _seconds(known: _Plants, at: Mapping[str, float], input_: str) -> float:
+def _seconds(known: _Plants, at: Mapping[str, float], begin: Mapping[str, float]) -> float:
+    """The equilibrium is looked for from the inputs `begin`, as `hold_design` does: one may act by its square."""
     from plantfit.control.linear.linear_plant import equilibrium, linearised
 
     best = {n: float(v[0]) for n, v in known.values.items()}
-    x0, u0 = equilibrium(known.model, best, at, {input_: 0.0}, [*at])
+    x0, u0 = equilibrium(known.model, best, at, begin, [*at])
     speeds = np.abs(np.linalg.eigvals(linearised(known.model, best, x0, u0).A))
     slow = 1.0 / max(float(np.min(speeds[speeds > 1e-6 * np.max(speeds)])), 1e-9)
     return float(rounded(TIMES * slow, TIMES * slow))

@@ -2,6 +2,8 @@
 catch, fresh plants."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +18,7 @@ from plantfit.control.linear.linear_plant import linearised
 from plantfit.control.linear.lqr import lqr
 from plantfit.errors import SimulationError
 from plantfit.findings.results.held_plant import HoldWishes
+from plantfit.holding import _seconds
 from plantfit.models.text.equations import equations
 
 import jax
@@ -151,3 +154,13 @@ def test_what_cannot_be_held_is_said():
     )
     with pytest.raises(SimulationError, match=r"has no equilibrium near x0"):
         hold(falling, {"a": np.ones(3)}, {"a": np.ones(3)}, ASKED)
+
+
+def test_the_horizon_is_found_where_an_input_acts_by_its_square():
+    """A magnet that holds a ball: from an input of 0 nothing shows which way to go. Its poles are +-sqrt(2 g/x)."""
+    model = equations(
+        "x' = v\nv' = 9.81 - q*(i/x)^2\ny = x", inputs=["i"], states=["x", "v"], outputs=["y"], parameters=["q"],
+        name="magnet",
+    )  # fmt: skip
+    known: Any = SimpleNamespace(model=model, values={"q": np.array([9.56e-4])})
+    assert _seconds(known, {"x": 0.009}, {"i": 1.5}) == pytest.approx(10 / np.sqrt(2 * 9.81 / 0.009), rel=0.1)

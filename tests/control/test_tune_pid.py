@@ -8,11 +8,14 @@ import pytest
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.tune import OneLoop, Wishes, tuned_loop
+from plantfit.control.tune.forms.pid_form import pid_form
 from plantfit.control.tune.frequency import frequencies, sampled_response
 from plantfit.control.tune.loop_design import BEST_FIT
 from plantfit.control.tune.loop_scores import Judge
 from plantfit.control.tune.plant_checks import sign_of
 from plantfit.control.tune.proposals import noise_of, quantum_of
+from plantfit.control.tune.reduction import reduced
+from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.judged import judged_on
 from plantfit.control.tune.told import verdict
 from plantfit.errors import SimulationError
@@ -273,3 +276,14 @@ def test_shares_of_each_specification_stand_beside_that_of_all(design):
         assert row.meets["Ms 1.6"] == pytest.approx(np.mean(design.judged.ms[i] <= 1.6))
         assert row.share <= min(row.meets.values()) + 1e-12
     assert alone.meets["Ms 1.6"] < first.meets["Ms 1.6"]
+
+
+def test_every_rule_lies_within_the_bounds_of_the_search():
+    """Of a plant that is slow and hardly late SIMC has 500 times the gain of lambda tuning."""
+    plants = {"K": np.array([2.0]), "tau": np.array([1000.0]), "L": np.array([0.5]), "c": np.ones(1)}
+    small = reduced(OneLoop(LAG, "z", "u", {}, plants).at_rest(5.0, (0.0, 1.0)))
+    rules = {n: isa for n in RULES if (isa := rule_gains(n, small, True)) is not None}
+    form = pid_form(small, 1, WISHES, rules, None)
+    found = {n: float(form.build(z, form.data).Kp) for n, z in zip(rules, form.starts, strict=True)}
+    assert found["lambda"] == pytest.approx(rules["lambda"].K, rel=0.01)
+    assert found["SIMC"] > 100 * found["lambda"]
