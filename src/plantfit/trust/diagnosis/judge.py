@@ -2,9 +2,10 @@
 that.
 
 The statistic is n/c ln(s0^2/s1^2), twice the gain of a normal log-likelihood where n residuals count as n/c independent
-ones; c is that of the residuals which the addition leaves. So what is left of a wrong model does not count as noise,
-and coloured noise that no addition explains does not count as evidence. Compared with chi-squared of one degree of
-freedom, 1 % shared by all that were tried (Bonferroni).
+ones; c is that of the residuals which the addition leaves, more where these are larger at the samples that it moves
+(`louder`). So what is left of a wrong model does not count as noise, and coloured noise that no addition explains does
+not count as evidence. Compared with chi-squared of one degree of freedom, 1 % shared by all that were tried
+(Bonferroni).
 """
 
 from collections.abc import Sequence
@@ -53,7 +54,18 @@ def evidence(base: Fitted, extended: Fitted, rows: Rows, use: np.ndarray) -> flo
     before, after = base.cost(use), extended.cost(use)
     if after <= 0:
         return np.inf if before > 0 else 0.0
-    return float(np.sum(use)) / independent_share(extended.residuals, rows, use) * np.log(before / after)
+    share = independent_share(extended.residuals, rows, use) * louder(base, extended, use)
+    return float(np.sum(use)) / share * np.log(before / after)
+
+
+def louder(base: Fitted, extended: Fitted, use: np.ndarray) -> float:
+    """How many times as large the mean square that is left is where an addition moves the outputs, at least 1.
+
+    Noise that grows with the output has samples that fit what acts there by chance (the ratio of the sandwich to the
+    plain variance of White, Econometrica 48 (1980) 817).
+    """
+    moved, left = (base.residuals - extended.residuals)[use] ** 2, extended.residuals[use] ** 2
+    return max(1.0, float(moved @ left) / max(float(np.sum(moved) * np.mean(left)), 1e-300))
 
 
 def times_noise(carrier: Carrier, one: Fitted, apart: np.ndarray) -> float:

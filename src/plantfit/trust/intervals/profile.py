@@ -60,7 +60,7 @@ def profile(problem: Problem, answer: Any, name: str, level: float = 0.95) -> Pr
 
     `answer` is a cube point (d,) or what `fit` returns. The coordinate is moved to either side and the others are
     fitted anew, by bounded least squares. An end is where the sum of squares has grown by the residual variance times
-    the square of Student's t, with the degrees of freedom of the verdict's ranges, times the ratio of the sandwich to
+    the square of Student's t, with as many degrees of freedom as samples are left, times the ratio of the sandwich to
     the plain variance (Kent, Biometrika 69 (1982) 19, sec. 3: what the likelihood ratio of one parameter is distributed
     as when the residuals are not white). With classical errors residuals are taken as white. Starts that the
     fit has estimated are free as the others are. Raises SpaceError for an unknown name.
@@ -193,7 +193,7 @@ def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | No
     bread, sizes = whole[place_in], output_errors(jacobian, blocks, whole, variance)
     plain = float(bread @ hessian @ bread)
     in_time = robust_errors(problem, residuals, blocks)
-    samples, _, degrees = degrees_left(residuals, blocks, len(whole), in_time)
+    samples, _, degrees = degrees_left(residuals, blocks, len(whole), robust=False)  # the ratio allows for memory
     robust, total, square = 0.0, 0.0, 0.0
     for block in blocks:
         by_residual, left = jacobian[block.rows] @ bread / variance, residuals[block.rows]
