@@ -282,7 +282,9 @@ def test_the_answer_names_the_recording_and_allows_for_it():
 def test_of_a_recording_that_agrees_no_kind_of_interval_says_that_it_disagrees():
     own = {"name": "tau", "unit": "s", "value": 0.6, "standard_error": 0.01, "status": "determined", "scatters": True}
     kinds = [
-        KindOfInterval(kind=k, low=0.6 - w, high=0.6 + w, open_low=False, open_high=False)
+        KindOfInterval.model_validate(
+            {"kind": k, "low": 0.6 - w, "high": 0.6 + w, "open_low": False, "open_high": False}
+        )
         for k, w in (("verdict", 0.04), ("profile", 0.02))
     ]
     said = _disagreement(IntervalsOfParameter(**own, kinds=kinds), kinds[1], kinds[0], None)["sentence"]  # type: ignore[arg-type]
