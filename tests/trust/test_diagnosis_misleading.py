@@ -163,7 +163,7 @@ def test_noise_that_grows_with_the_output_is_no_evidence_of_a_change_at_its_ends
             for a in (np.stack([x], axis=1), np.stack([x, x**2], axis=1)):
                 residuals = y - a @ np.linalg.lstsq(a, y, rcond=None)[0]
                 fits.append(Fitted((), np.zeros(0), np.zeros(0), residuals, np.zeros((n, 0))))
-            found.append(evidence(*fits, rows, use))
+            found.append(evidence(fits[0], fits[1], rows, use))
         return np.array(found)
 
     assert np.sum(evidences(0.0, 400) > needed(1)) <= 10  # 1 % by design; 5 % where noise counts as of one size

@@ -12,7 +12,7 @@ NOISE, START = 0.006, 0.003
 
 
 def epidemic(seed, first=None, bump=0.0):
-    """60 days of an epidemic; `first` in place of the first measured share, `bump` of a second wave that no model has."""
+    """60 days; `first` in place of the first measured share, `bump` of a second wave that no model has."""
     t = np.arange(60.0)
     rate = lambda _, x: [-0.5 * x[0] * x[1], 0.5 * x[0] * x[1] - 0.2 * x[1]]  # noqa: E731
     y = solve_ivp(rate, (0, 59), [1 - START, START], t_eval=t, rtol=1e-8, atol=1e-10).y[1]

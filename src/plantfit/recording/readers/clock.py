@@ -235,7 +235,7 @@ def _from_text(table: Table, column: Column, text: list[str | None], first: str)
             "timestamps with and without a time zone; write all alike."
         ) from None
     told = f"Time from the timestamps {column.header!r}, in seconds from {start}."
-    if start is not None and start.tzinfo is None:
+    if isinstance(start, datetime) and start.tzinfo is None:
         values, said = without_daylight_saving(values, start, table)
         told += said
     return values, told

@@ -194,11 +194,12 @@ def _linear(found: ComparisonOfModels, best: ComparedModel, linear: ComparedMode
     half = pair.half_width
     decimals = places(half, [value, own])
     if not pair.told:
-        known = half is not None and pair.difference is not None
-        gap = f"difference {pair.difference:.{decimals}f} ± {half:.{decimals}f}" if known else "of unknown uncertainty"
+        gap, alike = "of unknown uncertainty", equal(value, own)
+        if half is not None and pair.difference is not None:
+            gap = f"difference {pair.difference:.{decimals}f} ± {half:.{decimals}f}"
+            alike = alike or abs(pair.difference) + half <= CLOSE * own
         both = f"RMSE {_shown(value, decimals)} against {_shown(own, decimals)}{unit} ({gap})"
         # not told apart is no proof that they are alike
-        alike = equal(value, own) or (known and abs(pair.difference) + half <= CLOSE * own)
         said = f"does as well as {best.name}" if alike else f"and {best.name} cannot be told apart"
         text = f"{what} {said}: {both}."
         return _said("info", text)
