@@ -198,7 +198,7 @@ def _linear(found: ComparisonOfModels, best: ComparedModel, linear: ComparedMode
         gap = f"difference {pair.difference:.{decimals}f} ± {half:.{decimals}f}" if known else "of unknown uncertainty"
         both = f"RMSE {_shown(value, decimals)} against {_shown(own, decimals)}{unit} ({gap})"
         # not told apart is no proof that they are alike
-        alike = equal(value, own) or (known and abs(pair.difference) + half <= CLOSE * own)
+        alike = equal(value, own) or (known and abs(_known(pair.difference)) + _known(half) <= CLOSE * own)
         said = f"does as well as {best.name}" if alike else f"and {best.name} cannot be told apart"
         text = f"{what} {said}: {both}."
         return _said("info", text)
