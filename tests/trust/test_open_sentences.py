@@ -107,6 +107,15 @@ def test_the_error_of_a_simulation_is_told_at_its_worst_and_in_the_rms(share, le
     )
 
 
+def test_of_a_refused_answer_nothing_is_exact_behind_where_it_could_be_followed():
+    output = {"max_error": 0.004, "rms_error": 0.0002, "rms_residual": 0.01, "unit": "A"}
+    simulation = {"outputs": {"i": output}, "checked_with": "scipy LSODA", "recording": "run", "refused": "x explodes"}
+    found = {"simulation": {**simulation, "checked_samples": 40, "samples": 90}, "recordings": [{"outputs": {}}]}
+    refused, said = _steps(found)
+    assert (refused["level"], said["level"]) == ("bad", "info")
+    assert "at worst over the first 40 of 90 samples, where it could be followed, (scipy LSODA)" in said["sentence"]
+
+
 def test_an_artefact_of_coarse_steps_is_told_where_one_was_left_out_only(total):
     run = {"failures": 0, "evaluations": 1.0, "extra": {}}
     told = [

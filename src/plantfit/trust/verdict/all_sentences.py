@@ -93,7 +93,9 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
     checked = findings["simulation"].get("recording")
     where = f" in {checked}, the least exact recording," if checked and len(findings["recordings"]) > 1 else ""
     reached, samples = findings["simulation"].get("checked_samples"), findings["simulation"].get("samples")
-    part = "" if refused or reached is None or reached >= samples else f" over the first {reached} of {samples} samples"
+    part = "" if reached is None or reached >= samples else f" over the first {reached} of {samples} samples"
+    if refused:  # what was compared before it ended speaks for nothing behind
+        part = f"{part}, where it could be followed," if part else " where it could be followed"
     for name, o in findings["simulation"].get("outputs", {}).items():
         spread = _spread(findings, name)
         if not (o["rms_residual"] or spread):
@@ -112,7 +114,7 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
             )
         else:
             share, most, of = o["rms_error"] / o["rms_residual"], ENOUGH, "residual"
-        level = "good" if share < most else "warning"
+        level = "warning" if share >= most else "info" if refused else "good"
         end = "negligible" if share < most else "not negligible: ask for more substeps"
         yield say(level, f"{text}{100 * share:.2g} % of the {of}: {end}.", max_error=o["max_error"], share=share)
 
