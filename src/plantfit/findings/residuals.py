@@ -40,6 +40,18 @@ class Turned(Record):
     elsewhere: float
 
 
+class ShortRecordings(Record):
+    """Test of the residuals of one output in recordings that are too short for tests of their own, taken together."""
+
+    output: str
+    recordings: list[str]
+    correlation: float
+    """From one sample to the next."""
+    white: bool
+    """Whether white noise has such a correlation, or a larger one, in 1 % of such recordings or more."""
+    p_value: float
+
+
 class ResidualTest(Record):
     """Tests of the residual of one output on the fitted samples of one recording."""
 

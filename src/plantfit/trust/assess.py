@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Combination, Parameter, StandardErrors
 from plantfit.findings.record import Values
 from plantfit.findings.recordings import Input, Output, Recording, Score
-from plantfit.findings.residuals import Cross, ResidualTest
+from plantfit.findings.residuals import Cross, ResidualTest, ShortRecordings
 from plantfit.findings.runs import Basin, History, Run
 from plantfit.findings.simulation import Forgets, Reproduction, SimulatedOutput, Simulation
 from plantfit.findings.whole import VERSION, Findings
@@ -44,6 +44,7 @@ from plantfit.trust.validate.residual_tests import (
     explained_by_past,
     independent,
     measured_rows,
+    short_recordings,
     whiteness,
 )
 from plantfit.trust.validate.spare_samples import with_spare
@@ -99,6 +100,7 @@ def assess(
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
         scores=scores,
         residual_tests=tests,
+        short_recordings=list(_short_recordings(problem, predictions, tests)),
         data=[*not_followed(problem_looks(problem), problem, best.x), *stepped],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
@@ -234,6 +236,31 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 cross=cross,
                 stretch=stretch,
                 turned=against,
+            )
+
+
+def _short_recordings(
+    problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]], tests: Sequence[ResidualTest]
+) -> Iterator[ShortRecordings]:
+    """What recordings without a test of their own say together."""
+    tested = {(t.recording, t.output) for t in tests}
+    for output in problem.outputs if problem.in_time else ():
+        own: dict[str, np.ndarray] = {}
+        for name, e in problem.experiments.items():
+            y = e.recording[output]
+            error = np.where(e.mask("fit"), y - predictions[name][output], np.nan)
+            error = error[np.isfinite(error)]
+            solved = np.max(np.abs(error), initial=0.0) <= ROUNDING * np.nanmax(np.abs(y), initial=0.0)
+            other = e.steady or output in e.shared_errors
+            if len(error) and not solved and not other and (name, output) not in tested:
+                own[name] = error
+        if found := short_recordings(list(own.values())):
+            yield ShortRecordings(
+                output=output,
+                recordings=list(own),
+                correlation=found[0],
+                white=bool(found[1] > WHITE),
+                p_value=found[1],
             )
 
 

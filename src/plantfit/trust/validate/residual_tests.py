@@ -1,6 +1,7 @@
 """Is anything left in the residuals: autocorrelation, and correlation with the inputs."""
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +18,7 @@ class Correlation:
 
 
 MOST_LAGS, POINTS, FEWEST = 100, 500, 150  # of `explained_by_past`
+SHORTEST, PAIRS = 4, 10  # samples of a short recording, and neighbours of all, that a test needs
 RIDGES = (1e-3, 1e-2, 0.1, 1.0)  # times the mean power of a lag
 
 
@@ -38,6 +40,21 @@ def whiteness(residuals: np.ndarray, lags: int | None = None, order: int = 0) ->
     r = autocorrelation(residuals, lags)
     statistic = n * (n + 2) * float(np.sum(r[1:] ** 2 / (n - np.arange(1, lags + 1))))
     return Correlation(np.arange(lags + 1), r, 1.96 / np.sqrt(n)), float(scipy.special.chdtrc(lags - order, statistic))
+
+
+def short_recordings(series: Sequence[np.ndarray]) -> tuple[float, float] | None:
+    """Correlation from one sample to the next of residuals of several short recordings, (n,) each, and the p-value of
+    white noise having it or a larger one; None where they have too few samples.
+
+    Each is divided by its RMS. Under white noise the sum of so many products of neighbours has about a normal
+    distribution with their number as variance. What a fit takes from the residuals makes it smaller, never larger.
+    """
+    long = [r for r in series if len(r) >= SHORTEST and np.any(r)]
+    pairs = sum(len(r) - 1 for r in long)
+    if pairs < PAIRS:
+        return None
+    total = sum(float(np.sum(r[1:] * r[:-1]) / np.mean(r**2)) for r in long)
+    return total / pairs, float(scipy.special.ndtr(-total / np.sqrt(pairs)))
 
 
 def cross_correlation(residuals: np.ndarray, signal: np.ndarray, lags: int | None = None) -> Correlation:

@@ -32,6 +32,19 @@ def residual_sentences(findings: Findings) -> Iterator[Sentence]:
     """Whether anything is left to explain."""
     rows = [r for r in findings["residual_tests"] if r["recording"] not in forgotten(findings)]
     yield from each_output(findings, rows, _residual, _residuals)
+    for row in findings.get("short_recordings", ()):
+        if not row["white"] and not set(row["recordings"]) & set(forgotten(findings)):
+            yield _short(findings, row)
+
+
+def _short(findings: Findings, row: Row) -> Sentence:
+    few = len(row["recordings"])
+    together = f"; {few} recordings of few samples taken together" if few > 1 else ""
+    text = (
+        f"The residuals of {row['output']} are not white (correlation {row['correlation']:.2f} from one sample to the "
+        f"next{together}); standard errors {_allow(findings)}, and something systematic is missing."
+    )
+    return say("warning", text, correlation=row["correlation"])
 
 
 def noise_sentences(findings: Findings) -> Iterator[Sentence]:
@@ -54,7 +67,9 @@ def lacking(findings: Findings) -> list[str]:
     every = findings.get("residual_tests", ())
     tests = [r for r in every if not r["white"] and not r.get("shared") and not r.get("stretch")]
     lack = [r["output"] for r in tests if named or (r["recording"], r["output"]) in above]
-    return [o for o in dict.fromkeys(lack) if not _few_by_chance([r for r in every if r["output"] == o])]
+    found = [o for o in dict.fromkeys(lack) if not _few_by_chance([r for r in every if r["output"] == o])]
+    short = [r["output"] for r in findings.get("short_recordings", ()) if not r["white"]]
+    return list(dict.fromkeys([*found, *short]))
 
 
 def _few_by_chance(rows: Sequence[Row]) -> bool:
