@@ -1,8 +1,12 @@
 """What is said of several filters: once where it is the same, of each by itself where it is not."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
-from plantfit.estimate.methods.told import verdict_of
+from plantfit.estimate.methods.estimates_record import innovation_memory, memory_by_chance
+from plantfit.estimate.methods.told import _memory, verdict_of
 from plantfit.findings.results.estimated import (
     EstimatedParameter,
     EstimateOfMethod,
@@ -17,7 +21,7 @@ def record(memories, held, sentences=("The innovations are as large as the filte
     of their size."""
     filters = [
         FilterOfEstimate(
-            method=m, memory={"y": r}, log_likelihood=0.0,
+            method=m, memory={"y": r}, chance={"y": 0.26}, log_likelihood=0.0,
             nis=InnovationSize(mean=1.0, low=0.9, high=1.1, p=0.5, consistent="expects" in told, sentence=told),
         )
         for m, r, told in zip(("EKF", "UKF"), memories, sentences, strict=True)
@@ -64,6 +68,25 @@ def test_what_differs_is_said_of_each():
     assert ("info", "Of UKF, 0 of 1 intervals hold the truth, not K.") in told
 
 
-@pytest.mark.parametrize("memory", [0.0, 0.09, -0.09, None])
+@pytest.mark.parametrize("memory", [0.0, 0.09, -0.09, -0.2, None])
 def test_nothing_is_said_of_correlations_that_are_small(memory):
     assert not any("correlated" in s for _, s in said((memory, memory), (True, True)))
+
+
+def test_white_innovations_of_few_samples_are_not_called_correlated():
+    """Of 36 samples half have a correlation of neighbours above 0.1, of 1000 samples hardly one has."""
+    rng = np.random.default_rng(1)
+    for n, most in ((36, 0.02), (1000, 0.02)):
+        found = []
+        for _ in range(1000):
+            e = rng.standard_normal(n)
+            run = SimpleNamespace(
+                plant=SimpleNamespace(model=SimpleNamespace(outputs=["y"])),
+                y=e[:, None], rank=np.arange(n), told={"white": e[:, None]},
+            )  # fmt: skip
+            memory, chance = innovation_memory([run]), memory_by_chance([run])  # type: ignore[list-item]
+            found.append(bool(_memory(memory, chance)))
+        assert np.mean(found) <= most
+    slow = np.convolve(rng.standard_normal(40), [1.0, 0.9])
+    run.y, run.rank, run.told = slow[:, None], np.arange(41), {"white": slow[:, None]}
+    assert _memory(innovation_memory([run]), memory_by_chance([run]))  # type: ignore[list-item]

@@ -22,6 +22,7 @@ from plantfit.findings.results.estimated import (
 )
 from plantfit.problem.problem import Problem
 
+RARE = 2.576  # standard deviations that a normal variable exceeds, either way, in 1 % of draws
 LEAST_SQUARES, LIKELIHOOD = "least squares", "maximum likelihood"
 
 
@@ -88,8 +89,18 @@ def filter_findings(method: str, runs: Runs) -> FilterOfEstimate:
     )  # fmt: skip
     likelihood = float(sum(r.log_likelihood for r in every))
     return FilterOfEstimate(
-        method=FILTERS[method], nis=size, memory=innovation_memory(every), log_likelihood=likelihood
-    )
+        method=FILTERS[method], nis=size, memory=innovation_memory(every), chance=memory_by_chance(every),
+        log_likelihood=likelihood,
+    )  # fmt: skip
+
+
+def memory_by_chance(runs: Sequence[FilterRun]) -> dict[str, float | None]:
+    """How large `innovation_memory` is by chance in 1 % of the recordings with white innovations, by output."""
+    found: dict[str, float | None] = {}
+    for i, name in enumerate(runs[0].plant.model.outputs):
+        count = sum(int(np.isfinite(r.y[:, i]).sum()) for r in runs)
+        found[name] = RARE / np.sqrt(count) if count else None
+    return found
 
 
 def innovation_memory(runs: Sequence[FilterRun]) -> dict[str, float | None]:

@@ -44,7 +44,7 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
         {f.method: (f.nis.consistent, f.nis.sentence) for f in record.filters}
     ):
         say("good" if consistent else "warning", f"{listed(methods)}: {sentence}")
-    for methods, told_of in _alike({f.method: _memory(f.memory) for f in record.filters}):
+    for methods, told_of in _alike({f.method: _memory(f.memory, f.chance) for f in record.filters}):
         if told_of:
             say("warning", f"{listed(methods)}: {told_of}")
     if at_bound:
@@ -67,9 +67,10 @@ def _alike(told: Mapping[str, Any]) -> list[tuple[list[str], Any]]:
     return [(names, what) for what, names in found.items()]
 
 
-def _memory(memory: Mapping[str, float | None]) -> str:
-    """What correlated innovations do to the intervals of a filter; nothing where they are not correlated."""
-    strong = {n: r for n, r in memory.items() if r is not None and abs(r) > MEMORY}
+def _memory(memory: Mapping[str, float | None], chance: Mapping[str, float | None]) -> str:
+    """What correlated innovations do to the intervals of a filter; nothing where they are not correlated, or no more
+    than by chance."""
+    strong = {n: r for n, r in memory.items() if r is not None and abs(r) > max(MEMORY, chance.get(n) or 0.0)}
     if not strong:
         return ""
     shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())

@@ -58,6 +58,8 @@ class FilterOfEstimate(Record):
     nis: InnovationSize
     memory: dict[str, Number]
     """Correlation of neighbouring innovations, by output."""
+    chance: dict[str, Number] = {}
+    """How large it is by chance in 1 % of the recordings whose innovations are white, by output."""
     log_likelihood: Number
 
 
