@@ -37,19 +37,19 @@ def test_what_drifts_does_not_pass_and_too_few_samples_are_not_tested():
     assert short_recordings([np.zeros(30)]) is None
 
 
-def batch(seed, order, start, name):
+def batch(seed, order, start, name, noise=0.02):
     """A reaction of first or second order, sampled 10 times."""
     t = np.linspace(0.0, 20.0, 10)
     y = solve_ivp(lambda _, c: -0.25 * c**order, (0, 20), [start], t_eval=t, rtol=1e-9, atol=1e-12).y[0]
-    return pf.Recording(t, {"y": pf.Signal(y + 0.02 * np.random.default_rng(seed).standard_normal(10), "1")}, name)
+    return pf.Recording(t, {"y": pf.Signal(y + noise * np.random.default_rng(seed).standard_normal(10), "1")}, name)
 
 
-def answer(order, seed):
+def answer(order, seed, noise=0.02):
     model = pf.equations(
         "c' = -k*c\ny = c", states={"c": {"unit": "1", "initial": "c0"}}, outputs={"y": "1"},
         parameters={"k": "1/s", "c0": "1"},
     )  # fmt: skip
-    records = {f"b{i}": batch(10 * seed + i, order, s, f"b{i}") for i, s in enumerate((1.0, 2.0, 3.0))}
+    records = {f"b{i}": batch(10 * seed + i, order, s, f"b{i}", noise) for i, s in enumerate((1.0, 2.0, 3.0))}
     own = {"k": (0.01, 2.0), "c0": pf.Parameter((0.1, 5.0), per_recording=True)}
     return pf.fit(pf.Problem(model, records, own), budget=600, seed=1)
 
@@ -63,3 +63,7 @@ def test_a_wrong_order_of_three_batches_is_told_and_a_right_one_is_not():
         right = answer(1, seed)
         assert right.findings["short_recordings"][0]["white"]
         assert "not white" not in str(right.verdict)
+
+
+def test_what_a_solver_leaves_is_nothing_that_the_model_lacks():
+    assert "not white" not in str(answer(1, 1, noise=0.0).verdict)

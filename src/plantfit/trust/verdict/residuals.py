@@ -32,9 +32,19 @@ def residual_sentences(findings: Findings) -> Iterator[Sentence]:
     """Whether anything is left to explain."""
     rows = [r for r in findings["residual_tests"] if r["recording"] not in forgotten(findings)]
     yield from each_output(findings, rows, _residual, _residuals)
+    for row in _coloured_together(findings):
+        yield _short(findings, row)
+
+
+def _coloured_together(findings: Findings) -> list[Row]:
+    """Short recordings that are not white together, but where what made them may leave as much."""
+    found = []
     for row in findings.get("short_recordings", ()):
-        if not row["white"] and not set(row["recordings"]) & set(forgotten(findings)):
-            yield _short(findings, row)
+        kept = [n for n in row["recordings"] if n not in forgotten(findings)]
+        own = ({"recording": n, "output": row["output"]} for n in kept)
+        if not row["white"] and any(_left_by_a_solver(findings, r) is None for r in own):
+            found.append(row)
+    return found
 
 
 def _short(findings: Findings, row: Row) -> Sentence:
@@ -68,8 +78,7 @@ def lacking(findings: Findings) -> list[str]:
     tests = [r for r in every if not r["white"] and not r.get("shared") and not r.get("stretch")]
     lack = [r["output"] for r in tests if named or (r["recording"], r["output"]) in above]
     found = [o for o in dict.fromkeys(lack) if not _few_by_chance([r for r in every if r["output"] == o])]
-    short = [r["output"] for r in findings.get("short_recordings", ()) if not r["white"]]
-    return list(dict.fromkeys([*found, *short]))
+    return list(dict.fromkeys([*found, *(r["output"] for r in _coloured_together(findings))]))
 
 
 def _few_by_chance(rows: Sequence[Row]) -> bool:
