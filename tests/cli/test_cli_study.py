@@ -46,11 +46,13 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "predict", "heater.toml", "--json")
     assert json.loads(said.out)["rmse"]["T"] < 0.06
     assert (folder / "predicted.csv").read_text().startswith("t [s],")
+    plain = pf.read_csv(folder / "predicted.csv")["T_simulated"]
     banded = json.loads(call(capsys, monkeypatch, "predict", "heater.toml", "--bands", "--json").out)
     assert banded["bands"]["level"] == 0.95
     assert banded["bands"]["held"]["T"] == pytest.approx(0.95, abs=0.035)  # 400 readings
     assert "T_low [degC],T_high [degC],T_read_low [degC],T_read_high [degC]" in (folder / "predicted.csv").read_text()
     table = pf.read_csv(folder / "predicted.csv")
+    np.testing.assert_allclose(plain, table["T_simulated"], atol=1e-5)  # both from the start that the fit found
     assert np.all(table["T_simulated"] >= table["T_low"] - 1e-6)
     assert np.all(table["T_simulated"] <= table["T_high"] + 1e-6)
     refused = call(capsys, monkeypatch, "predict", "heater.toml", "--bands", "--set", "K=0.4")

@@ -10,6 +10,7 @@ from plantfit.cli.terminal.out import out, print_json, said_line
 from plantfit.errors import SpecError
 
 if TYPE_CHECKING:
+    from plantfit.answer import Answer
     from plantfit.problem import Experiment
     from plantfit.trust.intervals.bands import Band
 
@@ -29,6 +30,7 @@ def predict(
     from plantfit import spec as specs
     from plantfit.cli.commands.begin.check import say_inexact
     from plantfit.problem.accuracy.steps import choose_substeps, steps_and_error
+    from plantfit.trust.intervals.first_values import outputs_begun_at
 
     loaded = specs.load(spec)
     share = None if level is None else fraction("--level", level)
@@ -46,10 +48,13 @@ def predict(
     signals = dict(source.signals)
     found: dict[str, Band] = {}
     scatters: list[str] = []
-    if share is None:
+    experiment = problem.experiments[name]
+    if share is not None:
+        predicted, found, scatters = _bands(loaded.name, study, store, experiment, share, json)
+    elif not values and outputs_begun_at(problem, np.asarray(problem.space.cube(vector))):
+        predicted = _answer(loaded.name, study, store).predict(experiment)  # from the start that the fit found
+    else:
         predicted = problem.predict(vector, name)
-    else:  # from the start that the fit found, as the bands
-        predicted, found, scatters = _bands(loaded.name, study, store, problem.experiments[name], share, json)
     for output, y in predicted.items():
         signals[f"{output}_simulated"] = rec.Signal(y, source.signals[output].unit)
     held: dict[str, float] = {}
@@ -98,14 +103,19 @@ def _bands(
 ) -> "tuple[dict[str, np.ndarray], dict[str, Band], list[str]]":
     """What the newest study of that name, or study `number`, predicts over an experiment, its bands there, and the
     parameters that scatter between recordings."""
+    with said_line(quiet=json) as say:
+        if say:
+            say("drawing plants that the data allow")
+        answer = _answer(name, number, store)
+        scatters = [p["name"] for p in answer.findings["parameters"] if p["scatter"]]
+        return answer.predict(experiment), answer.bands(experiment, level=level), scatters
+
+
+def _answer(name: str, number: int | None, store: str) -> "Answer":
+    """The answer of the newest study of that name, or of study `number`."""
     from plantfit.reopen import open_study
     from plantfit.study import Store
 
     opened = Store.open(store, create=False)
     own = [r for r in opened.studies() if (r.id == number if number is not None else r.name == name)]
-    with said_line(quiet=json) as say:
-        if say:
-            say("drawing plants that the data allow")
-        answer = open_study(own[-1].id, opened)
-        scatters = [p["name"] for p in answer.findings["parameters"] if p["scatter"]]
-        return answer.predict(experiment), answer.bands(experiment, level=level), scatters
+    return open_study(own[-1].id, opened)
