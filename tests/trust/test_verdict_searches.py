@@ -73,7 +73,7 @@ def test_an_affine_problem_needs_no_agreement():
     [
         (200, "", False),
         (120, "", True),
-        (120, "at t = 3 s state x (1e9) grows without bound", False),
+        (120, "at t = 3 s state x (1e9) grows without bound", True),
         (None, "", False),
     ],
 )
@@ -89,6 +89,7 @@ def test_a_check_of_a_part_of_a_record_says_which_part(reached, refused, part):
     ]
     assert any("over the first 120 of 200 samples" in s for s in said) == part
     assert any("is refused: in recording r, at t = 3 s" in s for s in said) == bool(refused)
+    assert any("where it could be followed" in s for s in said) == bool(refused)
 
 
 def test_in_a_flat_valley_no_larger_budget_is_advised():
