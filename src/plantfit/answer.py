@@ -225,10 +225,9 @@ class Answer:
 
         `draws` plants are drawn from the covariance of the answer or by the likelihood where they leave something open;
         readings scatter about them as the residuals of the fit do, and so does the first one, where the model begins at
-        it and it was not fitted. Where recordings of the plant scatter, the plants
-        are those of another recording (the parameters with "scatter" in the findings). Same seed, same bands. Raises
-        what `predict` raises, SpaceError for a level or a number of draws that cannot be, and SearchError where hardly
-        a draw is a plant.
+        it and it was not fitted. Where recordings of the plant scatter, the plants are those of another recording (the
+        parameters with "scatter" in the findings). Same seed, same bands. Raises what `predict` raises, SpaceError for
+        a level or a number of draws that cannot be, and SearchError where hardly a draw is a plant.
         """
         if not 0.5 <= level <= 0.999 or not 20 <= draws <= 20_000:
             raise SpaceError(f"level {level:g} and {draws} draws cannot be; give 0.5 to 0.999, and 20 to 20000.")

@@ -51,10 +51,8 @@ from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.turned import turned
 from plantfit.trust.validate.unseen_starts import with_started
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.outputs import ROUNDING, TESTED
+from plantfit.trust.verdict.outputs import GOOD, ROUNDING, TESTED
 from plantfit.trust.verdict.residuals import WHITE
-
-FOLLOWED = 80.0  # percent of fit, below which a record may be one that no simulation follows
 
 
 def assess(
@@ -93,14 +91,16 @@ def assess(
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
     tests = list(_residual_tests(problem, predictions))
     scores = with_spare(problem, best.x, local, list(_scores(problem, predictions)))
-    scores = with_foretold(problem, local, with_started(problem, local.values, scores, tests), tests)
+    short = list(_short_recordings(problem, predictions, tests))
+    scores = with_started(problem, local.values, scores, [*tests, *short])
+    scores = with_foretold(problem, local, scores, [*tests, *short])
     found = Findings(
         schema_version=VERSION,
         name=problem.name,
         recordings=[_recording(problem, n, predictions[n]) for n in problem.experiments],
         scores=scores,
         residual_tests=tests,
-        short_recordings=list(_short_recordings(problem, predictions, tests)),
+        short_recordings=short,
         data=[*not_followed(problem_looks(problem), problem, best.x), *stepped],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
@@ -337,7 +337,7 @@ def _simulation(
             rms_error=error.rms_error[output],
             rms_residual=float(np.sqrt(np.mean(residual**2))),
         )
-    bad = {s.recording for s in scores if s.part == "fit" and s.fit_percent is not None and s.fit_percent < FOLLOWED}
+    bad = {s.recording for s in scores if s.part == "fit" and s.fit_percent is not None and s.fit_percent < GOOD}
     forgets = [f for f in forgetting_of_lost(problem, z) if f.recording in bad] if bad else []
     return Simulation(
         stepper=simulator.stepper,

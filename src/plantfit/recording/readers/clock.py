@@ -1,13 +1,14 @@
 """Time columns to seconds: numbers with a unit, ISO timestamps, or clock readings."""
 
 import re
-from datetime import datetime, timedelta
+from datetime import datetime
 
 import numpy as np
 import polars as pl
 
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import Column, Table
+from plantfit.recording.readers.daylight_saving import without_daylight_saving
 from plantfit.recording.readers.numbers import casted, clean_text, is_missing, is_number, numbers
 from plantfit.recording.readers.timestamps import is_date, is_timestamp, timestamps
 from plantfit.units import compatible, factor_offset
@@ -26,7 +27,6 @@ _NAMES = re.compile(
 FAR = 1e11  # s since 1970, in the year 5138
 _DAYS = (20_000.0, 80_000.0)  # as spreadsheets count them since 1900: 1954 to 2119
 _DATED = re.compile(r"^(date|datum)|date$|stamp|stempel|horodatage", re.IGNORECASE)
-_HOUR = 3600.0
 _AS_TIME = re.compile(r"\d{1,4}[:./-]\d{1,2}.*")
 _BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us"}
 
@@ -239,39 +239,6 @@ def _from_text(table: Table, column: Column, text: list[str | None], first: str)
         values, said = without_daylight_saving(values, start, table)
         told += said
     return values, told
-
-
-def without_daylight_saving(t: np.ndarray, start: datetime, table: Table) -> tuple[np.ndarray, str]:
-    """Times (n,) in s from `start`, a local time, as if nobody had put the clock forward or back, and what is told.
-
-    A clock was put where, in a night to Sunday of spring or autumn, a step of else usual length is an hour longer or
-    shorter. No other step may go back then: those are rows out of order.
-    """
-    rows = np.arange(len(t)) if len(t) < 2 or np.median(np.diff(t)) > 0 else np.arange(len(t))[::-1]
-    steps, told = np.diff(t[rows]), ""
-    if len(steps) < 10 or np.count_nonzero(steps < 0) > 1:
-        return t, ""
-    usual = float(np.median(steps))
-    if not 0 < usual < _HOUR:
-        return t, ""
-    amount = np.zeros(len(t))
-    for k in np.flatnonzero(np.abs(np.abs(steps - usual) - _HOUR) <= 0.5 * usual) + 1:
-        put = _HOUR if steps[k - 1] > 0 else -_HOUR
-        if _clocks_change(start + timedelta(seconds=float(t[rows[k - 1]]))):
-            amount[rows[k:]] -= put
-            told += (
-                f" An hour was {'taken off' if put > 0 else 'added'} from {table.where(int(rows[k]))} on, because the "
-                f"clock was put {'forward' if put > 0 else 'back'} there for daylight saving."
-            )
-    return (t + amount - amount[0], told) if told else (t, "")
-
-
-def _clocks_change(local: datetime) -> bool:
-    """Whether clocks are put at about this local time somewhere: on Sundays of March, April and September to November,
-    from 0:00 to 3:00."""
-    hour = local.hour + local.minute / 60
-    night = (local.weekday() == 6 and hour <= 3) or (local.weekday() == 5 and hour >= 23.5)
-    return night and local.month in (3, 4, 9, 10, 11)
 
 
 def _clock_seconds(cell: str) -> float | None:

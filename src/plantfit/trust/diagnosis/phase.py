@@ -25,7 +25,7 @@ from plantfit.trust.finish.other_starts import OtherStarts, other_starts
 from plantfit.trust.intervals.first_values import outputs_begun_at
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
-from plantfit.trust.verdict.outputs import forgotten, noise_rows
+from plantfit.trust.verdict.outputs import GOOD, forgotten, noise_rows
 from plantfit.trust.verdict.words import Sentence, number, say, some, study_file, with_unit
 
 Findings = dict[str, Any]
@@ -33,7 +33,6 @@ Findings = dict[str, Any]
 TIMES = 2.0  # the evaluations of the search
 FLOOR_SAMPLES = 2e6  # simulated samples that are allowed after the shortest search, a second or two
 MOST, LONGEST = 60, 100_000  # coordinates and residuals beyond which one evaluation is not what it costs
-FOLLOWED = 80.0  # percent of fit, below which a start may be to blame
 DRAWN = 0.05  # of the mean square: what explains less is not drawn
 
 
@@ -110,7 +109,7 @@ def with_diagnosis(
 def _lost(findings: Mapping[str, Any]) -> bool:
     """Whether some record is not followed."""
     fits = [s["fit_percent"] for s in findings["scores"] if s["part"] == "fit"]
-    return any(f is not None and f < FOLLOWED for f in fits)
+    return any(f is not None and f < GOOD for f in fits)
 
 
 def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:

@@ -1,7 +1,6 @@
 """First measured values that states cannot begin at, of a record that is not followed: an epidemic of which nobody is
 infected at first, or fewer than nobody."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.sobol import Sobol
 from plantfit.trust.finish.descent import Descent, descent
-from plantfit.trust.finish.start_corrections import estimated
+from plantfit.trust.finish.start_corrections import Key, by_recording, with_starts_from_afar
 from plantfit.trust.intervals.first_values import outputs_begun_at
 from plantfit.trust.intervals.linearised import named_blocks
 
@@ -22,8 +21,6 @@ STEPS = 60
 LEFT = 0.1  # of the cost, at most, that other starts leave
 NOISES = 2.0  # times the sample-to-sample noise, at most, that they leave
 LONG, MANY = 20_000, 60  # samples of all records, and coordinates, beyond which that takes too long
-
-Key = tuple[str, str]  # recording and output
 
 
 @dataclass(frozen=True)
@@ -60,7 +57,7 @@ def other_starts(problem: Problem, z: np.ndarray) -> OtherStarts | None:
     starts = [z, *Sobol(problem.space.dimension, np.random.default_rng(1)).random(SEARCHES - 1)]
     for place in PLACES:
         moved = {key: float(np.quantile(y[1 : FIRST + 1], place)) - y[0] for key, y in seen.items() if len(y) > FIRST}
-        made = problem.with_starts(_table(moved))
+        made = problem.with_starts(by_recording(moved))
         costs = np.asarray(made.costs(np.array(starts)))
         for k in np.argsort(costs)[: SEARCHES // 2]:
             if not np.isfinite(costs[k]):
@@ -70,7 +67,7 @@ def other_starts(problem: Problem, z: np.ndarray) -> OtherStarts | None:
                 found = made, end
     if found is None or not found[1].cost < before:
         return None
-    made, end = estimated(*found)
+    made, end = with_starts_from_afar(*found)
     if end.cost > LEFT * before:
         return None
     after, noise = _rmse(made, end.z)
@@ -81,13 +78,6 @@ def other_starts(problem: Problem, z: np.ndarray) -> OtherStarts | None:
     return OtherStarts(measured, instead, _rmse(problem, z)[0], after, noise)
 
 
-def _table(moved: Mapping[Key, float]) -> dict[str, dict[str, float]]:
-    rows: dict[str, dict[str, float]] = {}
-    for (name, output), value in moved.items():
-        rows.setdefault(name, {})[output] = value
-    return rows
-
-
 def _rmse(problem: Problem, z: np.ndarray) -> tuple[dict[str, float], dict[str, float]]:
     """RMSE and sample-to-sample noise of each output over all recordings, in its unit."""
     residuals = np.asarray(problem.residuals(z))
@@ -96,6 +86,3 @@ def _rmse(problem: Problem, z: np.ndarray) -> tuple[dict[str, float], dict[str, 
         rms[output].append(residuals[block.rows] * problem.scales[output])
     size = {o: float(np.sqrt(np.mean(np.concatenate(r) ** 2))) for o, r in rms.items()}
     return size, {o: float(np.sqrt(np.mean([white_part(one) ** 2 for one in r]))) for o, r in rms.items()}
-
-
-__all__ = ["OtherStarts", "other_starts"]

@@ -39,7 +39,7 @@ def with_start_corrections(problem: Problem, last: Descent) -> tuple[Problem, De
     noises = _noises(problem, last.z)
     if not noises:
         return problem, last
-    effects = _open(problem.with_starts(_table(dict.fromkeys(noises, 0.0))), last.z)
+    effects = _open(problem.with_starts(by_recording(dict.fromkeys(noises, 0.0))), last.z)
     while effects:
         made, end, far = _estimated(problem, last, effects, noises)
         if not far:
@@ -54,14 +54,14 @@ def _estimated(
     """The problem with the starts that the `effects` are of estimated, the search gone on there, and those starts
     that are too far off."""
     starts = {(e.recording, e.output): 0.0 for e in effects}
-    made, end = problem.with_starts(_table(starts)), last
+    made, end = problem.with_starts(by_recording(starts)), last
     for _ in range(ROUNDS):
         times, moved = _step(made, end.z, effects, noises)
         for effect, share in zip(effects, times, strict=True):
             starts[effect.recording, effect.output] += float(share) * effect.noise
         if far := [k for k, v in starts.items() if not abs(v) <= LARGEST * noises[k]]:
             return made, end, far
-        made = made.with_starts(_table(starts))
+        made = made.with_starts(by_recording(starts))
         end = descent(made, np.clip(end.z + moved, 0.0, 1.0))
         if np.max(np.abs(times)) <= ENDED:
             break
@@ -69,7 +69,7 @@ def _estimated(
     return made, end, []
 
 
-def estimated(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
+def with_starts_from_afar(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
     """The problem with all its `start_corrections` estimated anew from where they are, however far off they end, and
     the search gone on there from where it stood (`last`); as they were where the cost is not lower."""
     effects, made, end = _effects(problem, last.z), problem, last
@@ -84,7 +84,7 @@ def estimated(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
             tried = dict(starts)
             for effect, share in zip(scored, times, strict=True):
                 tried[effect.recording, effect.output] += part * float(share) * effect.noise
-            other = made.with_starts(_table(tried))
+            other = made.with_starts(by_recording(tried))
             gone = descent(other, np.clip(end.z + part * moved, 0.0, 1.0))
             if gone.cost < end.cost:
                 better = other, gone, tried
@@ -97,7 +97,7 @@ def estimated(problem: Problem, last: Descent) -> tuple[Problem, Descent]:
     return made, end
 
 
-def _table(found: Mapping[Key, float]) -> dict[str, dict[str, float]]:
+def by_recording(found: Mapping[Key, float]) -> dict[str, dict[str, float]]:
     """The same by recording and then by output."""
     rows: dict[str, dict[str, float]] = {}
     for (name, output), value in found.items():

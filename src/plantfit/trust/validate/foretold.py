@@ -8,7 +8,7 @@ from scipy.special import fdtri
 
 import plantfit.runtime  # noqa: F401
 from plantfit.findings.recordings import Score
-from plantfit.findings.residuals import ResidualTest
+from plantfit.findings.residuals import ResidualTest, ShortRecordings
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.linearised import Local, natural_sizes
 from plantfit.trust.validate.spare_samples import telling
@@ -20,7 +20,7 @@ FAR = 0.5  # of the size of a parameter: no step of a derivative is longer
 
 
 def with_foretold(
-    problem: Problem, local: Local, scores: Sequence[Score], tests: Sequence[ResidualTest]
+    problem: Problem, local: Local, scores: Sequence[Score], tests: Sequence[ResidualTest | ShortRecordings]
 ) -> list[Score]:
     """The scores, with `foretold` where an unseen output is followed worse than the fitted samples and its residuals
     do not speak against the model: they are white in all recordings, as far as they were tested."""
@@ -53,7 +53,7 @@ def with_foretold(
     return found
 
 
-def coloured(tests: Sequence[ResidualTest]) -> set[str]:
+def coloured(tests: Sequence[ResidualTest | ShortRecordings]) -> set[str]:
     """Outputs whose residuals speak against the model, in any recording and by more than chance."""
     return {t.output for t in tests if (t.p_value or 0.0) <= CHANCE / sum(o.output == t.output for o in tests)}
 

@@ -6,7 +6,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.findings.recordings import Score
-from plantfit.findings.residuals import ResidualTest
+from plantfit.findings.residuals import ResidualTest, ShortRecordings
 from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.start_corrections import ENDED, LARGEST, ROUNDS
@@ -19,7 +19,7 @@ LESS = 0.9  # of the RMSE, from which on noise of the start counts as a part of 
 
 
 def with_started(
-    problem: Problem, values: np.ndarray, scores: Sequence[Score], tests: Sequence[ResidualTest]
+    problem: Problem, values: np.ndarray, scores: Sequence[Score], tests: Sequence[ResidualTest | ShortRecordings]
 ) -> list[Score]:
     """The scores, with `started` where an unseen output is followed worse than the fitted samples, the noise of first
     measured values is a part of it and no residual speaks against the model, at values (d,) in their units.

@@ -41,18 +41,22 @@ def predict(
         )
     problem = choose_substeps(loaded.problem)
     named = values_at(problem.space.names, values, loaded.name, study, store)
-    vector = problem.space.vector(named)
+    vector, answer = problem.space.vector(named), None
+    if not values and (share is not None or outputs_begun_at(problem, np.asarray(problem.space.cube(vector)))):
+        answer = _answer(loaded.name, study, store)
+        named = {n: float(answer.values[n]) for n in named}  # with starts that were estimated beside them
+        vector = problem.space.vector(named)
     problem, error = steps_and_error(problem, np.asarray(problem.space.cube(vector)))
     name = recording or next(iter(problem.experiments))
-    source = problem.experiments[name].recording
+    experiment = problem.experiments[name]
+    source = experiment.recording
     signals = dict(source.signals)
     found: dict[str, Band] = {}
     scatters: list[str] = []
-    experiment = problem.experiments[name]
-    if share is not None:
-        predicted, found, scatters = _bands(loaded.name, study, store, experiment, share, json)
-    elif not values and outputs_begun_at(problem, np.asarray(problem.space.cube(vector))):
-        predicted = _answer(loaded.name, study, store).predict(experiment)  # from the start that the fit found
+    if answer is not None and share is not None:
+        predicted, found, scatters = _bands(answer, experiment, share, json)
+    elif answer is not None:  # the model of the file, which may have changed
+        predicted = problem.with_starts({name: _starts(answer, name, experiment)}).predict(vector, name)
     else:
         predicted = problem.predict(vector, name)
     for output, y in predicted.items():
@@ -99,16 +103,27 @@ def predict(
 
 
 def _bands(
-    name: str, number: int | None, store: str, experiment: "Experiment", level: float, json: bool
+    answer: "Answer", experiment: "Experiment", level: float, json: bool
 ) -> "tuple[dict[str, np.ndarray], dict[str, Band], list[str]]":
-    """What the newest study of that name, or study `number`, predicts over an experiment, its bands there, and the
-    parameters that scatter between recordings."""
+    """What an answer predicts over an experiment, its bands there, and the parameters that scatter between
+    recordings."""
     with said_line(quiet=json) as say:
         if say:
             say("drawing plants that the data allow")
-        answer = _answer(name, number, store)
         scatters = [p["name"] for p in answer.findings["parameters"] if p["scatter"]]
         return answer.predict(experiment), answer.bands(experiment, level=level), scatters
+
+
+def _starts(answer: "Answer", name: str, experiment: "Experiment") -> dict[str, float]:
+    """By output how far off the answer's states begin in a recording; nothing of one that has changed since."""
+    own = answer.problem.experiments.get(name)
+    return {
+        output: off
+        for output, off in (own.start_corrections if own else {}).items()
+        if own
+        and output in experiment.recording.signals
+        and np.array_equal(own.recording[output], experiment.recording[output], equal_nan=True)
+    }
 
 
 def _answer(name: str, number: int | None, store: str) -> "Answer":
