@@ -276,15 +276,15 @@ def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
     def kind(name, low, high, *, open_=False):
         return {"kind": name, "low": low, "high": high, "open_low": open_, "open_high": open_}
 
-    def told(*parameters, block=1):
+    def told(*parameters, block=1, status="determined", scatters=False):
         rows = [
             {
                 "name": n,
                 "unit": "1",
                 "value": 1.0,
                 "standard_error": 0.1,
-                "status": "determined",
-                "scatters": False,
+                "status": status,
+                "scatters": scatters,
                 "kinds": kinds,
             }
             for n, kinds in parameters
@@ -309,3 +309,9 @@ def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
     assert "slow part" in told(narrow, block=30)[0]
     assert "slow part" not in told(narrow)[0]
     assert "another parameter meets a bound of the search" in told(narrow, open_)[0]
+    # what makes the interval of the verdict longer is named where it is
+    long, short = (("k", [kind("verdict", 1 - w, 1 + w), kind("profile", 0.0, 2.0)]) for w in (3.0, 0.4))
+    assert "leave the bounds of the search" in told(long, status="weak")[0]
+    assert "the profile follows and the verdict does not" in told(short, status="weak")[0]
+    assert "allows for a scatter" in told(long, scatters=True)[0]
+    assert "allows for a scatter" not in told(short, scatters=True)[0]

@@ -97,7 +97,7 @@ def _series(problem: Problem, r: np.ndarray) -> tuple[dict[str, int], list[tuple
     for output, found in memory.items():
         shortest = min(len(rows) for o, rows in series if o == output)
         rho = float(np.clip(np.mean(found), 0.0, 0.999))
-        chance = rho < 2.0 / np.sqrt(shortest)  # what white noise shows too
+        chance = rho < 2.0 / np.sqrt(sum(len(rows) for o, rows in series if o == output))  # what white noise shows too
         lengths[output] = 1 if chance else int(np.clip(np.ceil(-TIMES / np.log(rho)), 1, max(1, SHARE * shortest)))
     return lengths, series
 

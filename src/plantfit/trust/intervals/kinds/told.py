@@ -72,14 +72,16 @@ def _reason(
     p: IntervalsOfParameter, one: KindOfInterval, other: KindOfInterval, width: float, found: ComparisonOfIntervals
 ) -> str:
     kind = other.kind
-    if "verdict" in (kind, one.kind) and p.scatters:
+    # what makes the verdict's interval longer is no reason for a shorter one
+    longer = width > 1 if kind == "verdict" else width < 1
+    if "verdict" in (kind, one.kind) and longer and p.scatters:
         return "the verdict allows for a scatter between recordings, the other kinds for the noise alone."
-    if kind == "verdict" and not all(p.status == "determined" for p in found.parameters):
+    if kind == "verdict" and longer and not all(p.status == "determined" for p in found.parameters):
         return (
             "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
         )
     if kind in ("covariance", "verdict"):
-        return "the cost is no parabola here, which the profile follows and the covariance does not. Take the profile."
+        return f"the cost is no parabola here, which the profile follows and {NAMES[kind]} does not. Take the profile."
     if kind == "bootstrap":
         if other.open_low or other.open_high:
             return "refits end on a bound of the search."
