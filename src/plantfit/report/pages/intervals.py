@@ -54,7 +54,8 @@ def intervals_page(found: ComparisonOfIntervals) -> dict[str, Any]:
                 "figures": [{"figure": profile_figure(p), "label": f"Profile and draws of {p.name}"} for p in profiles],
             }
         )
-    level = f"{100 * found.level:g} % intervals of {len(found.parameters)} parameters"
+    count = len(found.parameters)
+    level = f"{100 * found.level:g} % intervals of {count} parameter{'s' if count != 1 else ''}"
     return {"title": f"Intervals: {found.name}", "subtitle": level, "sections": sections}
 
 
