@@ -41,9 +41,9 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 MOST_FILES = 10_000
 # Around a native loop little is left to XLA: without the emitters of fused arithmetic it compiles in half to nine
 # tenths of the time, and the program is as fast (`python -m benchmarks.compile_time`). The arithmetic of an optimizer
-# is worth them.
+# is worth them, and costs have the same bits in its blocks and apart.
 NO_FUSION_EMITTERS = {"xla_cpu_use_fusion_emitters": False}
-FUSED = {"generations"}
+FUSED = {"generations", "evaluated"}
 AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {
@@ -213,6 +213,11 @@ class Kept:
             return self._plain if fused else compiled(lowered, fused=False)
         key = hashlib.sha256(repr((self.name, shapes)).encode() + self.description).hexdigest()
         return _read(folder, key, args) or _made(folder, key, self.name, self._plain, args)
+
+
+def kept(function: Callable, name: str, thing: Any) -> Kept:
+    """A pure function of arrays, compiled; found again by the next process where `thing` describes it."""
+    return Kept(function, name, described(thing))
 
 
 def _brief(z: Any) -> Any:

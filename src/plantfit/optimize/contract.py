@@ -184,11 +184,12 @@ class KeptCosts:
     """Costs as `Objective` takes them, with programs around them that outlive the process.
 
     `keep(g, name, thing)` compiles a pure function g of arrays that calls `function`, and is described by `thing` apart
-    from that.
+    from that; `keep_alone` one that does not call it.
     """
 
     function: Callable[[Array], Array]
     keep: Callable[[Callable, str, Any], Callable]
+    keep_alone: Callable[[Callable, str, Any], Callable]
 
     def __call__(self, x: Array) -> Array:
         return self.function(x)

@@ -3,6 +3,7 @@
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.native.kept_programs import kept
 from plantfit.optimize.contract import KeptCosts, Objective
 from plantfit.problem.evaluate.points import several
 from plantfit.problem.evaluate.projection import Projection
@@ -48,7 +49,7 @@ def objective_of(problem: Problem, start: np.ndarray | None = None) -> Objective
     small = samples * problem.space.dimension <= SIDE_BY_SIDE
     return Objective(
         dimension=problem.space.dimension,
-        costs=KeptCosts(problem.costs, problem.kept),
+        costs=KeptCosts(problem.costs, problem.kept, kept),
         value_and_gradient=problem.value_and_gradient,
         residuals_and_jacobian=problem.residuals_and_jacobian,
         compressed=problem.compressed,

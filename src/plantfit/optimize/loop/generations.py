@@ -5,7 +5,7 @@ alone.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -56,6 +56,14 @@ class Given(NamedTuple):
     data: Any
 
 
+class Asked(NamedTuple):
+    """A generation that awaits its costs: states, candidates x (runs, rows, d), and how many of each run count."""
+
+    state: Any
+    x: Array
+    counts: Array
+
+
 class Program(NamedTuple):
     """Compiled functions of one method on one cost."""
 
@@ -86,12 +94,26 @@ def first_carry(method: Population, facts: Facts, key: Array) -> Carry:
 
 def program(objective: Objective, method: Population, facts: Facts) -> Program:
     """The compiled functions, reused by every search with the same cost, settings and shapes."""
-    rows = method.rows(facts)
+    return Program(begin(method, facts), _compiled(generations_of(objective, method, facts)))
+
+
+def generations_of(objective: Objective, method: Population, facts: Facts) -> "Generations":
+    """Those of a method on a cost."""
     period = getattr(method, "refresh_period", None)
     costs, of_data = objective.costs, isinstance(objective.costs, CostOfData)
-    function = costs.function if isinstance(costs, CostOfData) else costs
-    made = Generations(function, of_data, method, rows, facts.dimension, None if period is None else period(facts))
-    return Program(_begin(method, _Known(facts)), _compiled(made))
+    return Generations(
+        costs.function if isinstance(costs, CostOfData) else costs,
+        of_data,
+        method,
+        method.rows(facts),
+        facts.dimension,
+        None if period is None else period(facts),
+    )
+
+
+def begin(method: Population, facts: Facts) -> Callable:
+    """The compiled function that makes the first carry from the keys of the runs."""
+    return _begin(method, _Known(facts))
 
 
 class _Known:
@@ -137,6 +159,10 @@ def _compiled(generations: "Generations") -> Callable:
     return jax.jit(generations.advance)
 
 
+def _no_costs(x: Array) -> Array:
+    raise NotImplementedError
+
+
 @dataclass(frozen=True)
 class Generations:
     """Generations of one method on one cost; with `of_data` the costs take data beside the candidates."""
@@ -147,6 +173,10 @@ class Generations:
     rows: int  # candidates of a generation
     dimension: int
     period: int | None  # generations between two calls of the method's `refresh`
+
+    def of_method(self) -> "Generations":
+        """The same without its cost, which only `evaluated` needs."""
+        return replace(self, costs=_no_costs, of_data=False)
 
     def advance(
         self,
@@ -181,16 +211,25 @@ class Generations:
 
     def _generation(self, carry: Carry, g: Array, given: Given) -> Carry:
         """The carry after generation g."""
-        state, active = carry.state, carry.ending == RUNNING
+        asked = self.asked(carry, given.keys, given.start, g)
+        return self.told(carry, asked, self.evaluated(asked.x, asked.counts, given.data), given.limits)
+
+    def asked(self, carry: Carry, keys: Array, start: Array, g: Array) -> Asked:
+        """What generation g asks for."""
+        state = carry.state
         if self.period is not None:
             state = lax.cond(g % self.period == 0, partial(lax.map, self.method.refresh), lambda s: s, state)  # type: ignore[attr-defined]
-        counts = jnp.where(active, self._due(state, len(given.keys)), 0)
-        x, state = lax.map(lambda ks: self.method.ask(jax.random.fold_in(ks[0], g), ks[1]), (given.keys, state))
-        if given.start.shape[0]:
-            x = jnp.where(g == 0, x.at[:, : given.start.shape[0]].set(given.start), x)
-        f = self._evaluated(x, counts, given.data)
-        state, info = lax.map(lambda told: self.method.tell(*told), (state, x, f))
-        new = self._counted(carry._replace(state=state), x, f, counts, info, given.limits)
+        counts = jnp.where(carry.ending == RUNNING, self._due(state, len(keys)), 0)
+        x, state = lax.map(lambda ks: self.method.ask(jax.random.fold_in(ks[0], g), ks[1]), (keys, state))
+        if start.shape[0]:
+            x = jnp.where(g == 0, x.at[:, : start.shape[0]].set(start), x)
+        return Asked(state, x, counts)
+
+    def told(self, carry: Carry, asked: Asked, f: Array, limits: Limits) -> Carry:
+        """The carry after the generation that was asked for and has the costs f (runs, rows)."""
+        active = carry.ending == RUNNING
+        state, info = lax.map(lambda told: self.method.tell(*told), (asked.state, asked.x, f))
+        new = self._counted(carry._replace(state=state), asked.x, f, asked.counts, info, limits)
         return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), new, carry)
 
     def _due(self, state: Any, runs: int) -> Array:
@@ -198,7 +237,7 @@ class Generations:
         live = getattr(self.method, "live", None)
         return jnp.full(runs, self.rows) if live is None else jnp.clip(jax.vmap(live)(state), 1, self.rows)
 
-    def _evaluated(self, x: Array, counts: Array, data: Any) -> Array:
+    def evaluated(self, x: Array, counts: Array, data: Any) -> Array:
         """Costs (runs, rows) of the first `counts` candidates of each run, +inf for the others."""
         flat, size = x.reshape(-1, self.dimension), chunk_of(self.rows)
         live = (jnp.arange(self.rows) < counts[:, None]).reshape(-1)

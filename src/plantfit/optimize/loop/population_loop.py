@@ -13,6 +13,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, Status
 from plantfit.optimize.contract import CostOfData, Facts, Population, RunResult
+from plantfit.optimize.loop.apart import program_apart, worth_it
 from plantfit.optimize.loop.checkpoint import NO_HISTORY, Checkpoint
 from plantfit.optimize.loop.generations import BLOCK, PADDING, RUNNING, Carry, Program, program, state_bytes
 from plantfit.optimize.loop.progress import estimate
@@ -44,10 +45,11 @@ def run_population(plan: Plan, method: Population, extra: dict[str, Any]) -> lis
             f"A budget of {plan.budget} does not cover one generation of method {plan.name!r}; "
             f"give at least {rows} evaluations or a smaller population."
         )
-    compiled = program(objective, method, facts)
     most = max(1, min(SIDE_BY_SIDE // rows, STATES // state_bytes(method, facts)))
     groups = -(-plan.runs // most)
     width = max(2, -(-plan.runs // groups))  # of one, XLA makes another program with other last bits
+    apart = worth_it(method, facts, width, groups)
+    compiled = (program_apart if apart else program)(objective, method, facts)
     saved = plan.resume or Checkpoint(plan.identity)
     finished = list(saved.finished)
     arrays, history = saved.arrays, saved.history

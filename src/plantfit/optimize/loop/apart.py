@@ -1,0 +1,101 @@
+"""Generations of a population method compiled apart from the cost, for searches of few generations.
+
+A program of whole blocks (`generations.py`) spends no time between two generations, but is compiled anew, in some
+seconds, for every cost. Here asking and telling serve all costs of as many coordinates, and only the costs of a
+generation are compiled for a problem. The arithmetic is the same, and so are its bits.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.optimize.contract import Facts, KeptCosts, Objective, Population
+from plantfit.optimize.loop.generations import (
+    BLOCK,
+    RUNNING,
+    Asked,
+    Carry,
+    Generations,
+    Limits,
+    Program,
+    begin,
+    generations_of,
+    state_bytes,
+)
+
+import jax
+from jax import Array
+
+# a generation costs some 0.3 ms more apart, a program of blocks up to 4 s of compilation
+FEW = 1000  # generations
+SHORT = 20_000  # evaluations of a search
+SMALL = 1 << 20  # bytes of all runs' states, which are copied between the parts
+
+
+class Parts(NamedTuple):
+    """A generation: candidates, their costs, and what the method makes of them."""
+
+    ask: Callable[..., Asked]
+    evaluate: Callable[..., Array]
+    tell: Callable[..., Carry]
+
+
+def worth_it(method: Population, facts: Facts, width: int, groups: int) -> bool:
+    """Whether a search of so many groups of `width` runs is quicker so, compilation included."""
+    generations, evaluations = groups * (facts.budget // method.rows(facts)), groups * width * facts.budget
+    return generations <= FEW and evaluations <= SHORT and width * state_bytes(method, facts) <= SMALL
+
+
+def program_apart(objective: Objective, method: Population, facts: Facts) -> Program:
+    """The same functions as those of `generations.program`."""
+    made = generations_of(objective, method, facts)
+    costs = made.costs
+    kept = isinstance(costs, KeptCosts)
+    ask, tell = _of_method(made.of_method(), costs.keep_alone if isinstance(costs, KeptCosts) else None)
+    evaluate = costs.keep(made.evaluated, "evaluated", (made.rows, made.dimension)) if kept else _evaluated(made)
+    return Program(begin(method, facts), partial(_advance, Parts(ask, evaluate, tell)))
+
+
+@lru_cache(maxsize=32)
+def _of_method(made: Generations, keep: Callable | None) -> tuple[Callable, Callable]:
+    if keep is None:
+        return jax.jit(made.asked), jax.jit(made.told)
+    thing = made.method, made.rows, made.dimension, made.period
+    return keep(made.asked, "asked", thing), keep(made.told, "told", thing)
+
+
+@lru_cache(maxsize=32)
+def _evaluated(made: Generations) -> Callable:
+    return jax.jit(made.evaluated)
+
+
+def _advance(
+    parts: Parts,
+    carry: Carry,
+    keys: Array,
+    start: Array,
+    first: int,
+    last: int,
+    budget: int,
+    target: float,
+    patience: int,
+    data: Any,
+) -> tuple[Carry, np.ndarray, int]:
+    """As `Generations.advance`; of no generation at all it compiles."""
+    limits = Limits(budget, target, patience)
+
+    def following(carry: Carry, g: int) -> Carry:
+        asked = parts.ask(carry, keys, start, np.asarray(g))
+        return parts.tell(carry, asked, parts.evaluate(asked.x, asked.counts, data), limits)
+
+    history, g = np.zeros((BLOCK, len(keys), 2)), first
+    if first == last:
+        following(carry, g)
+    while g < last and np.any(np.asarray(carry.ending) == RUNNING):
+        carry = following(carry, g)
+        history[g - first] = np.stack([np.asarray(carry.evaluations, dtype=float), carry.best_f], axis=-1)
+        g += 1
+    return carry, history, g
