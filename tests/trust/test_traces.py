@@ -133,10 +133,10 @@ def test_another_problem_of_the_same_shape_is_what_the_counter_counts(compiled):
         check(compiled, ONCE)
 
 
-def test_points_are_as_wide_as_a_search():
-    from plantfit.optimize.local.side_by_side import WIDTH
+def test_points_are_as_many_as_a_search_hands_over():
+    from plantfit.optimize.loop.counter import TOGETHER
 
-    assert points.WIDTH == WIDTH
+    assert points.WIDTH == TOGETHER
 
 
 @pytest.mark.parametrize("make", [few_samples, two_outputs])

@@ -114,6 +114,7 @@ class Problem:
         self.model, self.name, self.standard_errors = model, name, standard_errors
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
+        self.holds_stated = frozenset(hold or {})
         self.begins = dict(before or {}), initial_time  # of every recording that does not say its own
         self.experiments = experiments_of(
             recordings, split, skip, validate, *self.begins, self.predictor.needs,

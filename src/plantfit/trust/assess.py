@@ -34,7 +34,7 @@ from plantfit.trust.intervals.input_steps import allowing_for_steps, claimed
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
-from plantfit.trust.looks import not_followed, problem_looks
+from plantfit.trust.looks import hold_looks, not_followed, problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
@@ -101,7 +101,7 @@ def assess(
         scores=scores,
         residual_tests=tests,
         short_recordings=short,
-        data=[*not_followed(problem_looks(problem), problem, best.x), *stepped],
+        data=[*not_followed(problem_looks(problem), problem, best.x), *stepped, *hold_looks(problem, best.x, rows)],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
         uncertainty=uncertainty,

@@ -18,7 +18,7 @@ from plantfit.simulate.simulator import Drive
 
 import jax
 
-WIDTH = 8  # points evaluated together, as many as `plantfit.optimize` searches side by side
+WIDTH = 4  # points evaluated together, as many as `plantfit.optimize` hands over at once (`TOGETHER`)
 DIFFERENCE = 1e-5  # of the box, to either side
 # entries of a Jacobian, or steps times coordinates, up to which the points beside the one wanted cost little
 SMALL = 50_000

@@ -22,6 +22,7 @@ from plantfit.simulate.steps.grid import Held
 SURE = 2.6  # standard errors from which on a hold is said to fit better: 1 % by chance
 POWER = 3.0  # standard errors that the difference must be expected to have, or nothing is said
 REFITS = 12  # Jacobians
+CHORDS = 12  # steps with the Jacobian of the other hold
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,34 @@ def check_holds(problem: Problem, z: np.ndarray, inputs: Sequence[str] | None = 
     return found
 
 
+def beside_other(problem: Problem, z: np.ndarray, jacobian: np.ndarray, name: str) -> tuple[HoldFit, np.ndarray]:
+    """Both holds of an input where its own was fitted to z (d,): what they tell, and the answer (d,) with the other.
+
+    `jacobian` (m, d) is that of the fit. It serves the other hold too, so that only residuals are compiled.
+    """
+    simulator = problem.predictor.stepping()
+    own = {n: Held.LINEAR if n in simulator.interpolated else Held.PREVIOUS for n in simulator.vector.model.inputs}
+    kind = Held.PREVIOUS if own[name] == Held.LINEAR else Held.LINEAR
+    other = _held(problem, {**own, name: kind})
+    residuals, (best, at) = np.asarray(problem.unsmoothed.residuals(z)), _followed(other, z, jacobian)
+    pair = (residuals, best) if own[name] == Held.PREVIOUS else (best, residuals)
+    return _compared(name, *pair), at
+
+
+def _followed(problem: Problem, z: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The lowest residuals (m,) and their point (d,) on Gauss-Newton's way with these derivatives."""
+    norms = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
+    inverse = np.linalg.pinv(jacobian / norms, rcond=1e-8) / norms[:, None]
+    best, at = np.asarray(problem.residuals(z)), np.asarray(z, dtype=float)
+    for _ in range(CHORDS):
+        trial = np.clip(at - inverse @ best, 0.0, 1.0)
+        r = np.asarray(problem.residuals(trial))
+        if not float(r @ r) < (1.0 - 1e-6) * float(best @ best):
+            break
+        best, at = r, trial
+    return best, at
+
+
 def _held(problem: Problem, hold: dict[str, str]) -> Problem:
     """The problem with other holds."""
     own = problem.predictor.stepping()
@@ -133,4 +162,4 @@ def _standard_error(values: np.ndarray) -> float:
     return float(np.sqrt(max(total, 0.0))) / n
 
 
-__all__ = ["HoldFit", "check_holds"]
+__all__ = ["HoldFit", "beside_other", "check_holds"]

@@ -2,5 +2,6 @@
 them."""
 
 from plantfit.trust.looks.against_model import not_followed, problem_looks
+from plantfit.trust.looks.unstated_hold import hold_looks
 
-__all__ = ["not_followed", "problem_looks"]
+__all__ = ["hold_looks", "not_followed", "problem_looks"]

@@ -1,10 +1,10 @@
-"""What the verdict says about the steps in which inputs were read: what they do to the intervals."""
+"""What the verdict says about inputs: of the steps in which they were read, and of how they go on between samples."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from plantfit.trust.looks.input_steps import as_commanded
-from plantfit.trust.verdict.words import Sentence, number, say, some, span
+from plantfit.trust.verdict.words import Sentence, number, say, some, span, with_unit
 
 SHOWN = 0.2  # share of the residuals' mean square from which on they are said to show the steps
 
@@ -38,6 +38,29 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
             f"[recording.{guessed[0]['recording']}]."
         )
     yield say("warning" if decided else "info", text, widening=_times(worst), outweighed=len(decided))
+
+
+def hold_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """One sentence for every input whose hold nobody stated and a dead time rests on."""
+    units = {p["name"]: p["unit"] for p in findings["parameters"]}
+    for look in findings["data"]:
+        if look["kind"] != "hold":
+            continue
+        u, name, figures = look["signal"], look["other"], look["figures"]
+        held, straight = (with_unit(figures[kind], units[name]) for kind in ("previous", "linear"))
+        if look["write"]:
+            text = (
+                f"How {u} goes on between its samples is not said, and the other way fits better "
+                f"({number(abs(figures['standard_errors']))} standard errors): {name} is {held} if {u} is held until "
+                f"the next sample, {straight} if it goes straight to it. Write {look['write']} under [model]."
+            )
+        else:
+            text = (
+                f"{name} rests on how {u} goes on between its samples, which the study does not say and the record "
+                f"does not tell: {held} if {u} is held until the next sample, {straight} if it goes straight to it. "
+                f'Write hold = {{ {u} = "previous" }} or hold = {{ {u} = "linear" }} under [model], whichever is right.'
+            )
+        yield say("warning", text, held=figures["previous"], straight=figures["linear"])
 
 
 def _seen(looks: list[Mapping[str, Any]]) -> str:

@@ -1,0 +1,75 @@
+"""A dead time that rests on how an input goes on between samples, on plants whose dead time and hold are known."""
+
+import numpy as np
+import pytest
+
+import plantfit as pf
+from plantfit.recording.record import Recording, Signal
+
+DEAD, K, T, DT, FINE = 27.0, 2.0, 60.0, 10.0, 100
+
+
+def recorded(seed: int, hold: str, noise: float = 0.02, n: int = 120, fine: int = FINE) -> Recording:
+    """Samples of a first-order plant under a wandering input, by exact steps of a hundredth of a sample."""
+    rng = np.random.default_rng(seed)
+    t, u = np.arange(n) * DT, np.cumsum(rng.normal(size=n)) * 0.3
+    middle = (np.arange((n - 1) * fine) + 0.5) * DT / fine - DEAD
+    at = np.interp(middle, t, u) if hold == "linear" else u[np.clip(np.floor(middle / DT).astype(int), 0, n - 1)]
+    x, kept = K * u[0], [K * u[0]]
+    for k, v in enumerate(at):
+        x += (K * v - x) * -np.expm1(-DT / fine / T)
+        if (k + 1) % fine == 0:
+            kept.append(x)
+    y = np.array(kept) + noise * rng.normal(size=n)
+    return Recording(t, {"u": Signal(u, "V"), "y": Signal(y, "K")}, "bench", ())
+
+
+def problem(recording: Recording, hold: dict[str, str] | None = None, late: bool = True) -> pf.Problem:
+    model = pf.equations(
+        f"x' = (K*{'delay(u, Td)' if late else 'u'} - x)/T; y = x", states={"x": "K"}, inputs={"u": "V"},
+        outputs={"y": "K"}, parameters={"K": "K/V", "T": "s"} | ({"Td": "s"} if late else {}),
+    )  # fmt: skip
+    own = {"K": pf.Parameter((0.1, 10.0)), "T": pf.Parameter((5.0, 500.0))}
+    return pf.Problem(model, {"bench": recording}, own | ({"Td": pf.Parameter((0.0, 80.0))} if late else {}), hold=hold)
+
+
+def told(answer: pf.Answer) -> list[str]:
+    return [s["sentence"] for s in answer.findings["verdict"] if "between its samples" in s["sentence"]]
+
+
+@pytest.mark.parametrize("seed", [0, 2, 7, 12])
+@pytest.mark.parametrize("true", ["previous", "linear"])
+def test_both_dead_times_are_told_where_the_record_cannot_tell(seed, true):
+    answer = pf.fit(problem(recorded(seed, true)), seed=1)
+    [look] = [look for look in answer.findings["data"] if look["kind"] == "hold"]
+    assert look["figures"][true] == pytest.approx(DEAD, abs=0.6)
+    assert look["figures"]["linear"] - look["figures"]["previous"] == pytest.approx(DT / 2, abs=0.5)
+    [sentence] = told(answer)
+    assert sentence.startswith("Td rests on how u goes on between its samples")
+    assert 'hold = { u = "previous" } or hold = { u = "linear" }' in sentence
+
+
+@pytest.mark.parametrize("true", ["previous", "linear"])
+def test_a_long_record_with_little_noise_tells_a_wrong_hold_and_says_nothing_of_a_right_one(true):
+    exact = recorded(1, true, noise=1e-3, n=600, fine=40)
+    wrong = problem(exact, {"u": "linear" if true == "previous" else "previous"})
+    wrong.holds_stated = frozenset()
+    right = problem(exact, {"u": true})
+    right.holds_stated = frozenset()
+    [sentence] = told(pf.fit(wrong, seed=1))
+    assert "the other way fits better" in sentence
+    assert f'Write hold = {{ u = "{true}" }} under [model]' in sentence
+    assert told(pf.fit(right, seed=1)) == []
+
+
+def test_what_is_stated_is_believed():
+    record = recorded(0, "linear")
+    assert problem(record).holds_stated == frozenset()
+    for hold in ("previous", "linear"):
+        assert told(pf.fit(problem(record, {"u": hold}), seed=1)) == []
+
+
+def test_nothing_is_said_without_a_dead_time_or_where_its_interval_holds_both():
+    assert told(pf.fit(problem(recorded(0, "previous"), late=False), seed=1)) == []
+    noisy = pf.fit(problem(recorded(0, "previous", noise=1.0)), seed=1)
+    assert told(noisy) == []
