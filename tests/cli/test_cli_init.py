@@ -355,3 +355,18 @@ def test_newest_row_first_and_a_gauge_pressure_give_a_study_that_parses(tmp_path
     assert "300 rows, 60 s apart" in said.out
     assert spec.load(tmp_path / "vessel.toml").problem.outputs
     assert '= "bar" }    # ' in (tmp_path / "vessel.toml").read_text("utf-8")
+
+
+@pytest.mark.parametrize("model", [(), ("--model", "dc_motor")])
+def test_words_in_place_of_numbers_are_written_as_missing(model, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    t, u = np.arange(300) * 0.01, prbs(np.random.default_rng(1), 300, 20, -3.0, 3.0)
+    cells = [f"{w:.3f}" for w in 20.0 * lag(u, 0.01, 0.1)]
+    cells[40:42] = ["Bad", "Bad"]
+    rows = [f"{a:.2f},{b:.1f},{c}" for a, b, c in zip(t, u, cells, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["time [s],u [V],w [rad/s]", *rows]) + "\n", "utf-8")
+    said = call(capsys, monkeypatch, "init", "log.csv", *model)
+    assert said.code == 0, said.err
+    assert "2 cells with 'Bad' in place of a number: the study file counts them as missing." in said.out
+    [experiment] = spec.load(tmp_path / "log.toml").problem.experiments.values()
+    assert np.flatnonzero(np.isnan(experiment.recording["w"])).tolist() == [40, 41]

@@ -72,6 +72,7 @@ class RecordingTable(_Table):
     signals: dict[str, str | int] | None = None
     units: dict[str, str] = {}
     sheet: str | int | None = None
+    missing: list[str | float] = []
     fit: Pair | Literal[False] | None = None
     validate_: Pair | Literal[True] | None = Field(None, alias="validate")
     split: float | None = Field(None, gt=0, lt=1)

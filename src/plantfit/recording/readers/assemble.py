@@ -1,6 +1,7 @@
 """The one way from columns to a recording, shared by all readers."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Literal, TypedDict, Unpack
 
 import numpy as np
@@ -22,6 +23,7 @@ class Options(TypedDict, total=False):
     `time_unit`: unit of a time column of numbers whose header has none.
     `signals`: own names to columns, or a list of columns; left out, every column of numbers.
     `units`: units by own name, for columns whose header has none.
+    `missing`: words and numbers in cells that stand for no value, such as "Bad" and -999.
     `sort`: allow rows out of order. `duplicates`: what to do with rows of equal time.
     `name`: of the recording.
     """
@@ -31,6 +33,7 @@ class Options(TypedDict, total=False):
     time_unit: str | None
     signals: Mapping[str, str | int] | Sequence[str | int] | None
     units: Mapping[str, str] | None
+    missing: Sequence[str | float] | None
     sort: bool
     duplicates: Literal["mean", "first"] | None
     name: str | None
@@ -39,6 +42,8 @@ class Options(TypedDict, total=False):
 def assemble(table: Table, **options: Unpack[Options]) -> Recording:
     """A recording from the columns of a table; raises RecordingError or UnitError with file and line."""
     _check_options(table, options)
+    if options.get("missing"):
+        table = replace(table, missing=_words(table, options["missing"]))
     table = widened(table)
     t, time_column, log = _time(table, options)
     chosen, chosen_log = _chosen(table, options.get("signals"), time_column)
@@ -59,6 +64,15 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
     name = options.get("name") or table.source
     told = (*log, *said, f"{count} samples of {list(signals)} from {t[0]:g} s to {t[-1]:g} s.")
     return Recording(t, signals, name, told, time_column is not None)
+
+
+def _words(table: Table, given: Sequence[str | float] | None) -> tuple[str, ...]:
+    words = [given] if isinstance(given, str | int | float) else list(given or ())
+    if wrong := [w for w in words if isinstance(w, bool) or not isinstance(w, str | int | float)]:
+        raise RecordingError(
+            f"{table.source}: missing holds {wrong[0]!r}; give words and numbers, as in missing=['Bad', -999]."
+        )
+    return tuple(str(word) for word in words)
 
 
 def brackets_told(header: str, unknown: str) -> str:

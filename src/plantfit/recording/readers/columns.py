@@ -32,7 +32,7 @@ class Table:
 
     `decimal` is "auto", "." or ",". `left_out` says why other things of the file are not columns.
     `header` tells whether the columns were named by the file. `period` is what the file calls the seconds between rows,
-    and how many.
+    and how many. `missing` are words that stand for no value, besides those that always do.
     """
 
     source: str
@@ -44,6 +44,7 @@ class Table:
     log: tuple[str, ...] = ()
     left_out: dict[str, str] = field(default_factory=dict)
     period: tuple[str, float] | None = None
+    missing: tuple[str, ...] = ()
 
     def where(self, row: int) -> str:
         """The file and the line of a row, for messages."""

@@ -1,6 +1,7 @@
 """Cells to float64 with NaN for what is missing."""
 
 import re
+from collections.abc import Sequence
 
 import numpy as np
 import polars as pl
@@ -10,6 +11,8 @@ from plantfit.recording.readers.columns import Column, Table
 
 MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "?")
 _COMMA = re.compile(r"[+-]?(\d+,\d*|,\d+)([eE][+-]?\d+)?")
+# between thousands, with the decimal marks that may follow
+_GROUPS = {",": ".", ".": ",", " ": ".,", "\u00a0": ".,", "\u202f": ".,", "'": ".,", "\u2019": ".,"}
 
 
 def is_missing(cell: str | None) -> bool:
@@ -25,23 +28,60 @@ def is_number(cell: str) -> bool:
     )
 
 
-def clean_text(cells: pl.Series) -> pl.Series:
-    """Trimmed text, null where missing."""
+def clean_text(cells: pl.Series, also: Sequence[str] = ()) -> pl.Series:
+    """Trimmed text, null where missing; `also` are other words for that."""
     text = cells.str.strip_chars(' \t"')
+    words = [*MISSING, *(word.strip().lower() for word in also)]
     return pl.select(
-        pl.when(text.str.to_lowercase().is_in(list(MISSING))).then(None).otherwise(text).alias(cells.name)
+        pl.when(text.str.to_lowercase().is_in(words)).then(None).otherwise(text).alias(cells.name)
     ).to_series()
+
+
+def words_in(table: Table, column: Column) -> dict[str, int]:
+    """Texts of a column of numbers that are none, and how often each stands there."""
+    _, rows, _ = casted(table, column.cells)
+    found: dict[str, int] = {}
+    for row in rows.tolist():
+        word = str(column.cells[row]).strip()
+        found[word] = found.get(word, 0) + 1
+    return found
+
+
+def thousands(text: pl.Series, decimal: str = "auto") -> tuple[str, str] | None:
+    """What stands between thousands in the numbers of a column of trimmed text, and the decimal mark; None where no
+    number has such a mark, or where it may be the decimal mark itself.
+
+    A comma or a point parts thousands for sure where the other mark follows it, or where it comes twice in a number.
+    """
+    text = text.drop_nulls()
+    for mark, ends in _GROUPS.items():
+        if not text.str.contains(mark, literal=True).any():
+            continue
+        for end in ends if decimal == "auto" else (decimal if decimal in ends else ""):
+            m, e = re.escape(mark), re.escape(end)
+            group, rest = rf"{m}\d{{3}}", rf"({e}\d*)?"
+            whole = rf"^[+-]?(\d{{1,3}}({group})+|\d+){rest}([eE][+-]?\d+)?$"
+            sure = rf"^[+-]?\d{{1,3}}({group}){{2,}}|{group}{e}\d" if mark in ",." else group
+            if text.str.contains(whole).all() and text.str.contains(sure).any():
+                return mark, end
+    return None
 
 
 def casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool]:
     """(values (n,), which may be those of the cells, rows that hold text, whether a decimal comma was read) for text
     or number cells."""
+    values, text, comma = _casted(table, cells)
+    codes = [float(word) for word in table.missing if is_number(word)]
+    return (np.where(np.isin(values, codes), np.nan, values) if codes else values), text, comma
+
+
+def _casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool]:
     if cells.dtype != pl.String:
         if not (cells.dtype.is_numeric() or cells.dtype == pl.Boolean or cells.dtype == pl.Null):
             return np.full(len(cells), np.nan), np.flatnonzero(cells.is_not_null().to_numpy()), False
         values = cells.cast(pl.Float64)
         return (values.fill_null(np.nan) if values.null_count() else values).to_numpy(), np.zeros(0, dtype=int), False
-    text = clean_text(cells)
+    text = clean_text(cells, table.missing)
     point = (
         text.cast(pl.Float64, strict=False) if table.decimal != "," else pl.Series([None] * len(text), dtype=pl.Float64)
     )
@@ -54,6 +94,10 @@ def casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool
         point = pl.select(pl.when(pointed).then(None).otherwise(comma)).to_series()
         bad = (point.is_null() & text.is_not_null()).to_numpy()
         comma_read = bool(text.str.contains(",", literal=True).any())
+    if bad.any() and (marks := thousands(text, table.decimal)) is not None:
+        mark, end = marks
+        plain = text.str.replace_all(mark, "", literal=True).str.replace(end, ".", literal=True)
+        return plain.cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy(), np.zeros(0, dtype=int), False
     return point.fill_null(np.nan).to_numpy(), np.flatnonzero(bad), comma_read
 
 
@@ -73,12 +117,17 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
         row = int(text[0])
         raise RecordingError(
             f"{table.where(row)}, column {column.header!r}: {str(column.cells[row])!r} is not a number; "
-            f"correct that cell, empty it, or choose another column for {purpose}."
+            f"correct that cell, empty it, choose another column for {purpose}, or say that it means a missing "
+            f"value: missing = [{str(column.cells[row]).strip()!r}]."
         )
     if comma and table.decimal == "auto":
         refuse_both_marks(table, column)
         _refuse_thousands(table, column, values)
     log = [f"Column {column.header!r} was read with a decimal comma."] if comma else []
+    if column.cells.dtype == pl.String and not comma:
+        marks = thousands(clean_text(column.cells, table.missing), table.decimal)
+        if marks is not None:
+            log.append(f"Column {column.header!r} was read with {marks[0]!r} between thousands.")
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(values.sum()):  # nothing is missing
             return values, log

@@ -9,15 +9,18 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
+from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, quoted, study_text
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import ClockError, PlantfitError, RecordingError, SpecError
 
 if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
+    from plantfit.recording.readers.columns import Table
     from plantfit.recording.roles import Role, Roles
 
 _TREATED = {"sort": "times go back", "duplicates": 'times appear twice; "first" keeps the first row of each'}
+_WORDS = 8  # different ones among the numbers of a recording: more are no signs of missing values
+_SHARE = 0.2  # of the cells of a column, up to which words are such signs
 _TOLD = {
     "set point": "left out",
     "copy": "left out",
@@ -73,7 +76,7 @@ def init(
         raise RecordingError(found.problem)
     known = {c.header: c for c in found.columns}
     if model is not None:
-        return _motor(source, target, found, (*inputs, *outputs), name, json)
+        return _motor(source, target, found, content, (*inputs, *outputs), name, json)
     ask = not (yes or json) and sys.stdin.isatty() and sys.stdout.isatty()
     if not json:
         _tell(source.name, found, roles)
@@ -83,7 +86,7 @@ def init(
     told = [
         f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
     ]
-    clock = clock_line(found)
+    clock = clock_line(found) + _words_line(content, [s.header for k in links for s in (*k.inputs, k.output)], json)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
 
@@ -119,13 +122,41 @@ def init(
     out.print(f"Next: plantfit check {target}", markup=False)
 
 
-def _motor(source: Path, target: Path, found: "Description", wanted: Sequence[str], name: str, json: bool) -> None:
+def _words_line(content: "Table", headers: Sequence[str], quiet: bool) -> str:
+    """A line of the study file, after a line break, by which words among the numbers of columns count as missing; ""
+    without such."""
+    from plantfit.recording.readers.long_tables import widened
+    from plantfit.recording.readers.numbers import words_in
+
+    content = widened(content)
+    found: dict[str, int] = {}
+    for header in dict.fromkeys(headers):
+        column = content.column(header, "a signal")
+        own = words_in(content, column)
+        if sum(own.values()) > _SHARE * len(column.cells):
+            return ""
+        for word, count in own.items():
+            found[word] = found.get(word, 0) + count
+    if not found or len(found) > _WORDS:
+        return ""
+    cells = f"{sum(found.values())} cell{'s' if sum(found.values()) > 1 else ''}"
+    if not quiet:
+        words = " or ".join(repr(word) for word in found)
+        out.print(f"{cells} with {words} in place of a number: the study file counts them as missing.", markup=False)
+    return f"\nmissing = [{', '.join(quoted(word) for word in found)}]  # words in place of a number: {cells}"
+
+
+def _motor(
+    source: Path, target: Path, found: "Description", content: "Table", wanted: Sequence[str], name: str, json: bool
+) -> None:
     """The study of a DC motor."""
     from plantfit.cli.commands.begin.motor_study import motor_study
 
     period = found.period or 1.0
     made = motor_study(
-        source.name, os.path.relpath(source, target.parent), target.name, name, clock_line(found), found.columns,
+        source.name, os.path.relpath(source, target.parent), target.name, name,
+        clock_line(found) + _words_line(content, [c.header for c in found.columns if c.kind == "number"], json),
+        found.columns,
         wanted, period,
         period * max(found.rows - 1, 1),
     )  # fmt: skip
