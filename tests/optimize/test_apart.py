@@ -12,6 +12,9 @@ from plantfit.optimize.loop.generations import generations_of
 from plantfit.optimize.registry import REGISTRY, make
 from plantfit.testing.objectives import bowl, corner
 
+import jax
+import jax.numpy as jnp
+
 PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost", "failures")
 OFTEN = ("cmaes", "dd_cmaes", "jso", "pso", "cga")
 POPULATIONS = [n for n in REGISTRY if hasattr(make(n), "ask")]
@@ -72,6 +75,21 @@ def test_a_search_goes_on_either_way(monkeypatch, first, then):
 def test_many_generations_many_evaluations_and_large_states_take_blocks(dimension, budget, width, groups, apart_is):
     facts = Facts(dimension, budget, None, None, None)
     assert apart.worth_it(make("cmaes"), facts, width, groups) is apart_is
+
+
+def test_compiling_first_simulates_nothing():
+    calls = []
+
+    def costs(x):
+        jax.debug.callback(lambda c: calls.append(c), x[0, 0], ordered=True)
+        return jnp.sum((x - 0.3) ** 2, axis=1)
+
+    goal = replace(bowl(3), costs=costs)
+    rows = make("pso").rows(Facts(3, 60, goal.lower, goal.upper, goal.start))
+    assert rows <= 16  # one evaluation a generation
+    [found] = minimise(goal, "pso", budget=60, seed=1)
+    jax.effects_barrier()
+    assert len(calls) * rows == found.evaluations > 0
 
 
 def test_a_cost_that_gives_another_number_of_costs_is_told():

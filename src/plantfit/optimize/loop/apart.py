@@ -85,15 +85,14 @@ def _advance(
     data: Any,
 ) -> tuple[Carry, np.ndarray, int]:
     """As `Generations.advance`; of no generation at all it compiles."""
-    limits = Limits(budget, target, patience)
+    limits, history, g = Limits(budget, target, patience), np.zeros((BLOCK, len(keys), 2)), first
 
-    def following(carry: Carry, g: int) -> Carry:
+    def following(carry: Carry, g: int, counted: int = 1) -> Carry:
         asked = parts.ask(carry, keys, start, np.asarray(g))
-        return parts.tell(carry, asked, parts.evaluate(asked.x, asked.counts, data), limits)
+        return parts.tell(carry, asked, parts.evaluate(asked.x, counted * asked.counts, data), limits)
 
-    history, g = np.zeros((BLOCK, len(keys), 2)), first
     if first == last:
-        following(carry, g)
+        following(carry, g, counted=0)  # no candidate is simulated
     while g < last and np.any(np.asarray(carry.ending) == RUNNING):
         carry = following(carry, g)
         history[g - first] = np.stack([np.asarray(carry.evaluations, dtype=float), carry.best_f], axis=-1)
