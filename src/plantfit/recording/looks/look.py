@@ -6,6 +6,9 @@ from typing import Any, Literal
 MARKED = 200
 
 
+IN_VERDICT = frozenset({"hold"})  # kinds that the verdict tells, so that nobody else does
+
+
 @dataclass(frozen=True)
 class Look:
     """`sentence` with its `figures`, of a `signal` (None: the clock) of a recording between `begin` and `end` (s);

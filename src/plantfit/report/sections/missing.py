@@ -3,7 +3,7 @@
 from typing import Any
 
 from plantfit.findings import Findings, Round, Tried
-from plantfit.recording.looks.look import Look
+from plantfit.recording.looks.look import IN_VERDICT, Look
 from plantfit.report import figures
 from plantfit.report.drawings import Drawings
 from plantfit.report.figures.looks import TIMES
@@ -50,7 +50,7 @@ def looks(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
     """What is odd about the data, each with where it is, the line that treats it, and a picture of the place."""
     recordings = {r.name: r for r in record.recordings}
     found = []
-    for k, look in enumerate(record.data):
+    for k, look in enumerate(look for look in record.data if look.kind not in IN_VERDICT):
         own = recordings.get(look.recording)
         figure = None if own is None or k >= MOST_LOOKS else figures.look_figure(look, own)
         label = f"{_shown(look)} in {look.recording}."

@@ -11,6 +11,7 @@ from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import doing, out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
+from plantfit.recording.looks.look import IN_VERDICT
 from plantfit.study.store.addresses import shown, store_option
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bo
         if several:
             out.print(f"\n{name}", markup=False, style="bold")
         verdict(answer.findings)
-        say_looks(answer.findings["data"])
+        say_looks([look for look in answer.findings["data"] if look["kind"] not in IN_VERDICT])
         if answer.errors:
             out.print(f"\n{uncertainty_text(answer.findings)}", markup=False)
         if (answer.findings["diagnosis"] or {}).get("next"):
