@@ -140,21 +140,26 @@ class Followed:
         if self._reach(i, beyond) > max(wide, min(BEYOND * wide, OPENS * known)):
             found.low, found.high = beyond.low, beyond.high
 
-    def elsewhere(self, end: np.ndarray) -> np.ndarray | None:
-        """The point (d,) where a search from another one's `end` (d,) stops, if it costs little more than the
-        answer; both of `room`."""
-        block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0))
+    def elsewhere(self, end: np.ndarray, stay: bool = False) -> np.ndarray | None:
+        """The point (d,) where a search from another one's `end` (d,) stops, or with `stay` that end itself, if it
+        costs little more than the answer; both of `room`."""
+        block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0), 0 if stay else STEPS)
         top = max(float(np.max(self.linear.threshold)), self.linear.quantile**2) * self.linear.variance
         if not np.isfinite(block.cost) or block.cost - self.least > top:
             return None
         self.growths[block.x.tobytes()] = float(block.cost - self.least) / self.linear.variance
         return block.x
 
-    def _settled(self, point: np.ndarray) -> Block:
-        """A search of all coordinates from a point (d,)."""
+    def within_bounds(self, point: np.ndarray) -> bool:
+        """Whether a point (d,) of `room` lies within the bounds of the search."""
+        outer = self.room.outer(point)
+        return bool(np.all((outer >= -EDGE) & (outer <= 1.0 + EDGE)))
+
+    def _settled(self, point: np.ndarray, steps: int) -> Block:
+        """A search of all coordinates from a point (d,), of so many steps at most."""
         self.left = max(self.left, 2 * STEPS)
         block = Block(np.arange(len(point)), point, *self._rows(point), tolerance=1e-9, damping=SMALL**2)
-        for _ in range(STEPS if usable(block.residuals, block.jacobian) else 0):
+        for _ in range(steps if usable(block.residuals, block.jacobian) else 0):
             step, promised = block.step()
             if block.done or promised <= 1e-3 * self.linear.variance:
                 break
