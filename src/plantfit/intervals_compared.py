@@ -241,7 +241,7 @@ def _row(
             )
         elif kind == "profile" and c.name in profiles:
             p = profiles[c.name]
-            more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold}
+            more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold, "inflation": p.inflation}
             all_of.append(_kind(kind, p.low, p.high, None, open_low=p.at_lower, open_high=p.at_upper, **more))
         elif kind == "bootstrap" and own["status"] == "flat" and c.name in silent:
             names = ", ".join(unknown_noise(problem))

@@ -78,6 +78,27 @@ def test_covariance_and_profile_of_few_samples_are_those_of_student_at_any_level
             assert (own["low"], own["high"]) == pytest.approx(student.interval(0.9, 6, value, error), abs=0.01 * error)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_profile_allows_for_what_the_covariance_allows_for(seed):
+    """Of a straight line, whose cost is a parabola, both are the same, whatever its few errors look like."""
+    rng = np.random.default_rng(seed)
+    records = {}
+    for name, level in (("a", 0.3), ("b", 1.0), ("c", 4.0)):
+        u = level * np.exp(-np.arange(10) / 4.0)
+        e = slow_noise(rng, 10, 0.5, 0.1)
+        records[name] = pf.from_arrays({"u": u, "y": 1 + 2 * u * (1 + e) + 0.05 * e}, period=1.0, units=ONE)
+    model = pf.equations(
+        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False
+    )
+    answer = pf.fit(
+        pf.Problem(model, records, {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}, standard_errors="robust"), seed=1
+    )
+    found = pf.compare_intervals(answer, kinds=("covariance", "profile"))
+    for p in found.typed.parameters:
+        _, one, other = p.kinds
+        assert other.ends == pytest.approx(one.ends, abs=0.03 * one.width), p.name
+
+
 def test_the_posterior_under_coloured_noise_is_that_of_quadrature():
     rng = np.random.default_rng(1)
     u = np.repeat(rng.uniform(-1, 1, 12), 10)
@@ -309,6 +330,9 @@ def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
     assert "slow part" in told(narrow, block=30)[0]
     assert "slow part" not in told(narrow)[0]
     assert "another parameter meets a bound of the search" in told(narrow, open_)[0]
+    wide = ("k", [kind("profile", 0.0, 2.0) | {"inflation": 2.0}, kind("bootstrap", 0.5, 1.5)])
+    assert "larger ones where the value is told" in told(wide)[0]
+    assert "larger ones where the value is told" not in told(narrow)[0]
     # what makes the interval of the verdict longer is named where it is
     long, short = (("k", [kind("verdict", 1 - w, 1 + w), kind("profile", 0.0, 2.0)]) for w in (3.0, 0.4))
     assert "leave the bounds of the search" in told(long, status="weak")[0]

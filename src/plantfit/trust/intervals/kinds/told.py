@@ -8,6 +8,7 @@ WIDER = 1.25  # times
 MOST_R_HAT, LEAST_EFFECTIVE = 1.01, 400.0  # (Vehtari and others, Bayesian Analysis 16 (2021) 667)
 FEW_BLOCKS = 12
 CONFLICT = 3.0  # standard deviations
+UNEVEN = 1.25  # times the variance of errors of one size: what the profile allows for beside them
 NAMES = {"verdict": "the verdict", "covariance": "the covariance", "profile": "the profile",
          "bootstrap": "the bootstrap",
          "posterior": "the posterior"}  # fmt: skip
@@ -98,6 +99,11 @@ def _reason(
             return (
                 "blocks of residuals hold less of their slow part than the record does; the wider one is the safer one."
             )
+        if (one.inflation or 1.0) > UNEVEN:
+            return (
+                "refits put any residual at any sample, and the profile allows for larger ones where the value is "
+                "told; the wider one is the safer one."
+            )
         return "refits tell where estimates fall, the profile what values cost; the wider one is the safer one."
     posterior = found.posterior
     assert posterior is not None  # it is of the kind "posterior"
@@ -115,6 +121,11 @@ def _reason(
         )
     if one.open_low or one.open_high or other.open_low or other.open_high:
         return "what the data leave open it averages over the bounds of the search."
+    if width < 1 and (one.inflation or 1.0) > UNEVEN:
+        return (
+            "it takes errors as independent and of one size, and the profile allows for larger ones where the value is "
+            "told; the wider one is the safer one."
+        )
     return "it averages over all values of the others, the profile takes their best."
 
 
