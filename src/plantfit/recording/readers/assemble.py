@@ -105,7 +105,8 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
     if column is None:
         raise RecordingError(
             f"{table.source}: no column looks like time; give time= one of "
-            f"{[c.header for c in table.columns]} or period= in seconds."
+            f"{[c.header for c in table.columns]} or period= in seconds; rows that have no times, as those of a static "
+            "curve, take period = 1."
         )
     t, sentence = seconds(table, column, options.get("time_unit"))
     return t, column, [sentence]
