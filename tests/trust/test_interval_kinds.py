@@ -245,6 +245,25 @@ def test_an_interval_at_a_bound_is_open_there_and_ends_as_half_a_bell_does():
     assert b["high"] == pytest.approx(norm.ppf(0.975) * error, rel=0.08)
 
 
+@pytest.mark.parametrize("low", [1e-13, 3e-10])
+def test_an_end_is_at_a_bound_on_the_scale_of_the_search(low):
+    """A diode's current of 2e-9 A, searched over decades up to 1e-5 A: a thousandth of that box is 1e-8 A."""
+    v = np.linspace(0.3, 0.6, 30)
+    current = np.log(1.0 + np.exp(v / 0.03) * 2e-9) + 0.05 * np.random.default_rng(1).normal(size=30)
+    model = pf.equations(
+        "y = log(1 + exp(v/0.03)*I0)", inputs={"v": "1"}, outputs={"y": "1"}, parameters=["I0"], check=False
+    )
+    bounds = {"I0": pf.Parameter((low, 1e-5), scale="log")}
+    answer = pf.fit(
+        pf.Problem(model, pf.from_arrays({"v": v, "y": current}, period=1.0, units={"v": "1", "y": "1"}), bounds)
+    )
+    found = pf.compare_intervals(answer, kinds=("profile", "bootstrap"), replicates=200).typed
+    (p,) = found.parameters
+    assert not found.refused
+    assert not any(k.open_low or k.open_high for k in p.kinds)
+    assert all(1.5e-9 < k.low < 2e-9 < k.high < 2.6e-9 for k in p.kinds)
+
+
 def test_corrected_percentiles_of_a_normal_sample_are_its_quantiles():
     sample = np.random.default_rng(0).normal(2.0, 0.5, 200_000)
     assert percentiles(sample, 2.0, 0.9, (-100.0, 100.0)) == pytest.approx(norm.interval(0.9, 2.0, 0.5), abs=0.01)
