@@ -121,6 +121,17 @@ def test_without_such_bounds_ranges_hold_both():
     assert rows["V"]["status"] == "weak"
 
 
+def test_ranges_hold_the_truth_whichever_answer_was_reported():
+    """Noise reports one of two answers; the interval around the other one belongs to the range, and not its value
+    alone, beyond which the truth lies in half of the records."""
+    held = dict.fromkeys(("V", "ka", "ke"), 0)
+    for seed in range(20):
+        rows = {p["name"]: p for p in pf.fit(absorbed(1.0, seed), seed=1).findings["parameters"]}
+        for name, true in (("V", 20.0), ("ka", 1.0), ("ke", 0.2)):
+            held[name] += rows[name]["low"] <= true <= rows[name]["high"]
+    assert min(held.values()) >= 17, held  # binomial(20, 0.95): 17 to 20 in 98 % of cases
+
+
 def test_an_end_on_a_bound_that_noise_may_have_chosen_counts():
     """The other optimum lies hardly beyond the bound: what is within the bounds costs as little."""
     problem = bowl(1e-3)

@@ -73,6 +73,7 @@ def _hold(walk: Followed, found: Mapping[int, Range], end: np.ndarray) -> None:
         if growth <= max(walk.linear.threshold[i], walk.linear.quantile**2):
             own.points.append(place)
             own.low, own.high = min(own.low, float(values[i])), max(own.high, float(values[i]))
+            walk.around(i, own, place)
     _joined(walk, found)
     for i, own in found.items():  # a value may be the same there, and go elsewhere from there
         walk.go_on(i, own, [place])
