@@ -233,6 +233,26 @@ def test_the_same_seed_draws_the_same_and_few_draws_are_told(white):
     assert any("give more --draws" in v["sentence"] for v in one.record["verdict"])
 
 
+def test_a_verdict_that_holds_another_answer_is_told_as_that():
+    """Two terms whose rates may be exchanged with their shares f and 1 - f: nothing leaves the bounds of the search."""
+    x = np.linspace(0.0, 12.0, 40)
+    y = 0.3 * np.exp(-0.2 * x) + 0.7 * np.exp(-1.5 * x) + 0.005 * np.random.default_rng(2).normal(size=40)
+    model = pf.equations(
+        "y = f*exp(-p*x) + (1 - f)*exp(-q*x)", inputs={"x": "1"}, outputs={"y": "1"}, parameters=["f", "p", "q"],
+        check=False,
+    )  # fmt: skip
+    bounds = {"f": (0.0, 1.0), "p": (0.01, 5.0), "q": (0.01, 5.0)}
+    answer = pf.fit(pf.Problem(model, pf.from_arrays({"x": x, "y": y}, period=1.0, units={"x": "1", "y": "1"}), bounds))
+    found = pf.compare_intervals(answer, kinds=("profile",))
+    assert "different answers fit equally well" in " ".join(v["sentence"] for v in answer.findings["verdict"])
+    (f, *_) = found.typed.parameters
+    verdict, one = f.kinds
+    assert verdict.low < 0.3 < 0.7 < verdict.high
+    assert one.width < 0.2
+    said = [s["sentence"] for s in found.record["verdict"] if s["sentence"].startswith("f:")]
+    assert "the verdict holds other answers of as little cost" in said[0]
+
+
 def test_an_interval_at_a_bound_is_open_there_and_ends_as_half_a_bell_does():
     rng = np.random.default_rng(3)
     u = rng.uniform(-1, 1, 60)
@@ -354,7 +374,9 @@ def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
     assert "larger ones where the value is told" not in told(narrow)[0]
     # what makes the interval of the verdict longer is named where it is
     long, short = (("k", [kind("verdict", 1 - w, 1 + w), kind("profile", 0.0, 2.0)]) for w in (3.0, 0.4))
-    assert "leave the bounds of the search" in told(long, status="weak")[0]
+    beyond = ("k", [kind("verdict", -2.0, 4.0, open_=True), kind("profile", 0.0, 2.0)])
+    assert "leave the bounds of the search" in told(beyond, status="weak")[0]
+    assert "other answers of as little cost" in told(long, status="weak")[0]  # no bound is met
     assert "the profile follows and the verdict does not" in told(short, status="weak")[0]
     assert "allows for a scatter" in told(long, scatters=True)[0]
     assert "allows for a scatter" not in told(short, scatters=True)[0]

@@ -78,8 +78,14 @@ def _reason(
     if "verdict" in (kind, one.kind) and longer and p.scatters:
         return "the verdict allows for a scatter between recordings, the other kinds for the noise alone."
     if kind == "verdict" and longer and not all(p.status == "determined" for p in found.parameters):
+        if any(k.open_low or k.open_high for p in found.parameters for k in p.kinds if k.kind == "verdict"):
+            return (
+                "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within "
+                "them."
+            )
         return (
-            "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
+            "the verdict holds other answers of as little cost, and valleys that lead to them; the other kinds stay "
+            "around the reported one."
         )
     if kind in ("covariance", "verdict"):
         return f"the cost is no parabola here, which the profile follows and {NAMES[kind]} does not. Take the profile."
