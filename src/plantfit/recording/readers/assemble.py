@@ -220,7 +220,8 @@ def _in_order(
         row = int(order[same[0] + 1])
         raise ClockError(
             f"{table.where(row)}: time {t[same[0]]:.9g} s appears twice; "
-            "give duplicates = 'mean', or 'first' to keep the first row.",
+            "give duplicates = 'mean', or 'first' to keep the first row; replicates count as samples of their own in "
+            "recordings of their own.",
             'duplicates = "mean"',
         )
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])
