@@ -252,8 +252,10 @@ def _times(problem: Problem, duration: float | str | None, rate: float | str | N
     )
     n = round(seconds / period)
     if not 16 <= n <= MOST_SAMPLES:
+        fit = seconds / (60 if n < 16 else 0.5 * MOST_SAMPLES)
         raise SpecError(
-            f"{seconds:g} s at {1 / period:g} Hz are {n} samples; an input is designed for 16 to {MOST_SAMPLES:,}."
+            f"{seconds:g} s at {1 / period:g} Hz are {n} samples; an input is designed for 16 to {MOST_SAMPLES:,}. "
+            f"Give another rate, such as --rate {1 / fit:.1g}Hz, or another --duration."
         )
     return np.arange(n) * period, period
 

@@ -241,7 +241,7 @@ def _row(
             )
         elif kind == "profile" and c.name in profiles:
             p = profiles[c.name]
-            more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold}
+            more = {"points": p.points.tolist(), "excess": p.excess, "threshold": p.threshold, "inflation": p.inflation}
             all_of.append(_kind(kind, p.low, p.high, None, open_low=p.at_lower, open_high=p.at_upper, **more))
         elif kind == "bootstrap" and own["status"] == "flat" and c.name in silent:
             names = ", ".join(unknown_noise(problem))
@@ -251,9 +251,11 @@ def _row(
             all_of.append(_kind(kind, None, None, None))
         elif kind == "bootstrap" and found is not None and len(found.values) > 1:
             refits = found.values[:, i]
-            ends = percentiles(refits, value, level, (c.lower, c.upper))
-            if ends[1] - ends[0] <= STILL * (c.upper - c.lower):
-                bound = min(value - c.lower, c.upper - value) <= STILL * (c.upper - c.lower)
+            # on the scale of the search: of a parameter over decades a thousandth of the box is most of it
+            drawn_at, at = _along(c, refits), float(_along(c, value))
+            ends = tuple(float(v) for v in _back(c, percentiles(drawn_at, at, level, (0.0, 1.0))))
+            if float(_along(c, ends[1]) - _along(c, ends[0])) <= STILL:
+                bound = min(at, 1.0 - at) <= STILL
                 why = (
                     f"Refits leave {c.name} on its bound"
                     if bound
@@ -285,10 +287,23 @@ def _kind(kind: str, low: float | None, high: float | None, c: Coordinate | None
     if low is None or high is None or not (np.isfinite(low) and np.isfinite(high)):
         ends: dict[str, Any] = {"low": None, "high": None, "open_low": False, "open_high": False}
     else:
-        edge = EDGE * (c.upper - c.lower) if c is not None else 0.0
-        ends = {"low": float(low), "high": float(high), "open_low": c is not None and bool(low <= c.lower + edge),
-                "open_high": c is not None and bool(high >= c.upper - edge)}  # fmt: skip
+        ends = {"low": float(low), "high": float(high), "open_low": c is not None and bool(_along(c, low) <= EDGE),
+                "open_high": c is not None and bool(_along(c, high) >= 1.0 - EDGE)}  # fmt: skip
     return KindOfInterval.model_validate({"kind": kind, **ends, **more})
+
+
+def _along(c: Coordinate, value: Any) -> np.ndarray:
+    """Where values are on the axis of the search, 0 at its lower bound and 1 at its upper one."""
+    value = np.asarray(value, dtype=float)
+    if not c.log:
+        return (value - c.lower) / (c.upper - c.lower)
+    return np.log(np.maximum(value, 1e-300) / c.lower) / np.log(c.upper / c.lower)
+
+
+def _back(c: Coordinate, along: Any) -> np.ndarray:
+    """The values at such places."""
+    along = np.asarray(along, dtype=float)
+    return c.lower * (c.upper / c.lower) ** along if c.log else c.lower + along * (c.upper - c.lower)
 
 
 def _thinned(sample: np.ndarray) -> list[float]:

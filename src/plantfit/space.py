@@ -31,7 +31,8 @@ class Parameter:
 
     `bounds` say where to look, `limits` (low, high), infinite where there is none, what is physically possible:
     intervals reach beyond bounds but never beyond limits. Without `limits` a value whose bounds have one sign keeps
-    that sign (a mass, a dead time), and one whose bounds hold both signs has no limit. `typical` is a size that
+    that sign (a mass, a dead time), and one whose bounds hold both signs has no limit; a temperature in degC ends at
+    absolute zero. `typical` is a size that
     matters, in `unit`: a value is called determined when its interval is small against that or against the value,
     whichever is larger.
 
@@ -365,6 +366,8 @@ def _checked_bounds(name: str, p: Parameter) -> tuple[np.ndarray, np.ndarray]:
 
 def _checked_limits(name: str, p: Parameter, low: float, high: float) -> tuple[float, float]:
     """What is physically possible of a parameter whose entries are searched from `low` to `high`."""
+    if p.limits is None and p.unit and units.known(p.unit) and units.is_point(p.unit):  # 0 degC is no end of anything
+        return units.factor_offset("K", p.unit)[1], np.inf
     if p.limits is None:
         return (0.0 if low >= 0 else -np.inf), (0.0 if high <= 0 else np.inf)
     if isinstance(p.limits, str) or len(p.limits) != 2 or not all(_is_number(v) and not np.isnan(v) for v in p.limits):

@@ -47,6 +47,33 @@ def test_python_simulates_the_plant_without_plantfit(answer, tmp_path):
     same(module.simulate(t, u, other), answer, factor=1.1)
 
 
+@pytest.mark.parametrize("stepper", ["exponential", "adaptive"])
+def test_a_plant_that_began_before_its_record_goes_on_from_its_first_sample(stepper, tmp_path):
+    """A dose an hour ago, and an input that was 2 until the first sample."""
+    model = pf.equations(
+        "x' = -Vm*x/(K + x) + 0.1*delay(u, L); y = x",
+        inputs=["u"],
+        states={"x": {"initial": "dose"}},
+        outputs=["y"],
+        parameters={
+            n: {"bounds": b}
+            for n, b in {"Vm": (0.5, 4.0), "K": (0.5, 9.0), "dose": (5.0, 50.0), "L": (0.1, 3.0)}.items()
+        },
+    )  # fmt: skip
+    t = np.arange(0.0, 20.0, 0.5)
+    u, begin = np.where(t > 8, 4.0, 1.0), {"initial_time": -3.0, "before": {"u": 2.0}}
+    blank = pf.Problem(model, pf.Recording(t, {"u": pf.Signal(u), "y": pf.Signal(0 * t)}), stepper=stepper, **begin)
+    true = blank.predict(blank.space.vector({"Vm": 2.0, "K": 3.0, "dose": 20.0, "L": 1.1}))["y"]
+    record = pf.Recording(
+        t, {"u": pf.Signal(u), "y": pf.Signal(true + 0.01 * np.random.default_rng(1).normal(size=40))}
+    )
+    answer = pf.fit(pf.Problem(model, record, stepper=stepper, **begin), budget=500)
+    (file,) = export_plant(answer, "python", tmp_path)
+    found = loaded(file).simulate(t, {"u": u})["y"]
+    np.testing.assert_allclose(found, answer.predict()["y"], atol=2e-3)
+    assert abs(found[0] - 20.0) > 3.0
+
+
 def test_c_simulates_the_plant(answer, tmp_path):
     if shutil.which("gcc") is None:
         pytest.skip("gcc is not on this machine: the exported C is not compiled")

@@ -70,6 +70,28 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     assert json.loads(half.out)["rmse"]["T"] > 5
 
 
+def test_a_recording_that_measures_nothing_is_predicted(folder, capsys, monkeypatch, recwarn):
+    spec = SPEC.replace('initial = "T"', "initial = 24.0")
+    (folder / "heater.toml").write_text(spec)
+    assert call(capsys, monkeypatch, "run", "heater.toml", "--no-diagnose").code == 0
+    plan = "t [s],u [%]\n" + "".join(f"{t},{60 if t > 20 else 30}\n" for t in range(0, 200, 4))
+    (folder / "plan.csv").write_text(plan)
+    planned = '[recording.plan]\nfile = "plan.csv"\ntime = "t [s]"\nsignals = { u = "u [%]" }\nunmeasured = ["T"]\n'
+    (folder / "plan.toml").write_text(spec.replace("[model]", planned + "[model]", 1))
+    said = call(capsys, monkeypatch, "predict", "plan.toml", "--recording", "plan", "--bands")
+    assert said.out.startswith("T: not measured in plan\nWritten"), said.out
+    found = json.loads(
+        call(capsys, monkeypatch, "predict", "plan.toml", "--recording", "plan", "--bands", "--json").out
+    )
+    assert found["rmse"] == {"T": None}
+    assert found["bands"]["held"] == {"T": None}
+    table = pf.read_csv(folder / "predicted.csv")
+    assert 65.0 < table["T_low"][-1] < table["T_simulated"][-1] < table["T_high"][-1] < 71.0
+    said = call(capsys, monkeypatch, "predict", "plan.toml", "--bands")
+    assert "degC over 400 samples of bench" in said.out
+    assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
+
+
 def test_check_verifies_at_values_and_refines_to_a_tolerance(folder, capsys, monkeypatch):
     at = ("--at", "tau=12", "--at", "L=2.7")
     said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at, "--json")

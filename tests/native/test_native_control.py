@@ -193,3 +193,16 @@ def test_what_searches_in_a_branch_has_the_same_bits_in_any_batch():
     whole = np.asarray(run(start))
     for some in (slice(0, 1), slice(3, 12), slice(20, 53)):
         np.testing.assert_array_equal(run(start[some]), whole[some])
+
+
+@pytest.mark.parametrize("kind", ["scan", "while"])
+def test_a_loop_that_indexes_nothing_begins_at_a_carried_array(kind):
+    # the array is in memory, for the body has a loop, and the inner loop takes it as numbers
+    def body(c, x):
+        if kind == "scan":
+            end = lax.scan(lambda b, _: (0.5 * b + x, None), c, None, length=5)[0]
+        else:
+            end = lax.while_loop(lambda b: b[0] < 3.0, lambda b: 1.5 * b + x, c)
+        return 0.1 * end, jnp.sum(end)
+
+    compare(body, jnp.array([0.1, 0.2]))

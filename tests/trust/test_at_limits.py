@@ -6,7 +6,7 @@ import pytest
 from scipy.optimize import brentq, lsq_linear
 from scipy.stats import chi2, norm
 
-from plantfit import Parameter, Problem, Recording, Signal, equations
+from plantfit import Parameter, Problem, Recording, Signal, equations, fit
 from plantfit.trust.finish.descent import descent
 from plantfit.trust.intervals.at_limits import limit_factors
 from plantfit.trust.intervals.linearised import linearise
@@ -79,3 +79,41 @@ def test_intervals_beside_a_partner_at_zero_hold():
         held, on = held + (found.low <= 2.0 <= found.high), on + (local.values[1] < 1e-6)
     assert 50 < on < 100
     assert held >= 150 * 0.95 - 3 * norm.isf(0.16) * np.sqrt(150 * 0.95 * 0.05)
+
+
+def warmed(first: float, seed: int, unit: str, zero: float = 0.0):
+    """A body that warms up from `first` (degC), told in `unit`, searched from 0 degC on."""
+    t = np.arange(30.0)
+    degrees = 12.0 + (first - 12.0) * np.exp(-t / 3.0) + 0.6 * np.random.default_rng(seed).normal(size=30)
+    model = equations(
+        "x' = (Ta - x)/tau; T = x",
+        states={"x": {"unit": unit, "initial": "T0"}}, outputs={"T": unit},
+        parameters={
+            "T0": {"unit": unit, "bounds": (zero, zero + 30)}, "Ta": {"unit": unit, "bounds": (zero, zero + 40)},
+            "tau": {"unit": "s", "bounds": (0.1, 30)},
+        },
+    )  # fmt: skip
+    answer = fit(Problem(model, Recording(t, {"T": Signal(degrees + zero, unit)})), seed=1)
+    row = next(p for p in answer.findings["parameters"] if p["name"] == "T0")
+    return row, " ".join(s["sentence"] for s in answer.findings["verdict"] if "T0" in s["sentence"])
+
+
+@pytest.mark.parametrize("first", [-1.0, 0.3])
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_special_about_zero_degrees(first, seed):
+    row, said = warmed(first, seed, "degC")
+    assert row["low"] < first < row["high"]
+    assert row["low"] < 0.0
+    assert "told from zero" not in said
+    assert row["limits"] == [pytest.approx(-273.15), None]
+
+
+def test_the_same_in_kelvin_and_a_rise_of_temperature():
+    found, told = warmed(0.3, 0, "K", 273.15)
+    row, _ = warmed(0.3, 0, "degC")
+    assert found["low"] - 273.15 == pytest.approx(row["low"], abs=0.05)
+    assert found["limits"] == [0.0, None]
+    assert "told from zero" not in told
+    rise, said = warmed(0.3, 0, "delta_degC")  # nothing is less than no rise, unless the user says so
+    assert rise["low"] == 0.0
+    assert "told from zero" in said

@@ -1,5 +1,7 @@
 """Inputs designed for a study's plant, against closed forms and against what fits of simulated recordings reach."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -10,6 +12,7 @@ from scipy.stats import multivariate_normal
 
 import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
+from plantfit.experiment_design import _times
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.trust.experiment.criteria import Precision
 from plantfit.trust.experiment.shapes import kind_of, shapes
@@ -302,3 +305,18 @@ def test_no_shape_changes_before_a_level_has_lasted():
                 ends = np.flatnonzero(np.diff(column)) + 1
                 lasted = np.diff(np.r_[0, ends])
                 assert np.min(lasted, initial=hold) >= hold, name
+
+
+@pytest.mark.parametrize("period", [7200.0, 1e-3])
+def test_a_rate_that_gives_too_few_or_too_many_samples_comes_with_one_that_does(period):
+    t = np.arange(0.0, 90_000.0, 7200.0)
+    model = pf.equations(
+        "x' = (u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"],
+        parameters={"tau": {"unit": "s", "bounds": (1.0, 9e4)}},
+    )  # fmt: skip
+    problem = pf.Problem(model, pf.Recording(t, {"u": pf.Signal(t), "y": pf.Signal(t)}))
+    with pytest.raises(SpecError, match="is designed for 16 to 200,000") as refused:
+        _times(problem, "25 h", 1.0 / period)
+    rate = re.search(r"--rate (\S+)Hz", str(refused.value))
+    assert rate is not None
+    assert 16 <= len(_times(problem, "25 h", f"{rate[1]} Hz")[0]) <= 200_000

@@ -78,6 +78,27 @@ def test_covariance_and_profile_of_few_samples_are_those_of_student_at_any_level
             assert (own["low"], own["high"]) == pytest.approx(student.interval(0.9, 6, value, error), abs=0.01 * error)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_a_profile_allows_for_what_the_covariance_allows_for(seed):
+    """Of a straight line, whose cost is a parabola, both are the same, whatever its few errors look like."""
+    rng = np.random.default_rng(seed)
+    records = {}
+    for name, level in (("a", 0.3), ("b", 1.0), ("c", 4.0)):
+        u = level * np.exp(-np.arange(10) / 4.0)
+        e = slow_noise(rng, 10, 0.5, 0.1)
+        records[name] = pf.from_arrays({"u": u, "y": 1 + 2 * u * (1 + e) + 0.05 * e}, period=1.0, units=ONE)
+    model = pf.equations(
+        "y = a + b*u", inputs={"u": "1"}, outputs={"y": "1"}, parameters=["a", "b"], name="line", check=False
+    )
+    answer = pf.fit(
+        pf.Problem(model, records, {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}, standard_errors="robust"), seed=1
+    )
+    found = pf.compare_intervals(answer, kinds=("covariance", "profile"))
+    for p in found.typed.parameters:
+        _, one, other = p.kinds
+        assert other.ends == pytest.approx(one.ends, abs=0.03 * one.width), p.name
+
+
 def test_the_posterior_under_coloured_noise_is_that_of_quadrature():
     rng = np.random.default_rng(1)
     u = np.repeat(rng.uniform(-1, 1, 12), 10)
@@ -212,6 +233,26 @@ def test_the_same_seed_draws_the_same_and_few_draws_are_told(white):
     assert any("give more --draws" in v["sentence"] for v in one.record["verdict"])
 
 
+def test_a_verdict_that_holds_another_answer_is_told_as_that():
+    """Two terms whose rates may be exchanged with their shares f and 1 - f: nothing leaves the bounds of the search."""
+    x = np.linspace(0.0, 12.0, 40)
+    y = 0.3 * np.exp(-0.2 * x) + 0.7 * np.exp(-1.5 * x) + 0.005 * np.random.default_rng(2).normal(size=40)
+    model = pf.equations(
+        "y = f*exp(-p*x) + (1 - f)*exp(-q*x)", inputs={"x": "1"}, outputs={"y": "1"}, parameters=["f", "p", "q"],
+        check=False,
+    )  # fmt: skip
+    bounds = {"f": (0.0, 1.0), "p": (0.01, 5.0), "q": (0.01, 5.0)}
+    answer = pf.fit(pf.Problem(model, pf.from_arrays({"x": x, "y": y}, period=1.0, units={"x": "1", "y": "1"}), bounds))
+    found = pf.compare_intervals(answer, kinds=("profile",))
+    assert "different answers fit equally well" in " ".join(v["sentence"] for v in answer.findings["verdict"])
+    (f, *_) = found.typed.parameters
+    verdict, one = f.kinds
+    assert verdict.low < 0.3 < 0.7 < verdict.high
+    assert one.width < 0.2
+    said = [s["sentence"] for s in found.record["verdict"] if s["sentence"].startswith("f:")]
+    assert "the verdict holds other answers of as little cost" in said[0]
+
+
 def test_an_interval_at_a_bound_is_open_there_and_ends_as_half_a_bell_does():
     rng = np.random.default_rng(3)
     u = rng.uniform(-1, 1, 60)
@@ -222,6 +263,25 @@ def test_an_interval_at_a_bound_is_open_there_and_ends_as_half_a_bell_does():
     error = np.std(r, ddof=2) / np.sqrt(np.sum((u - u.mean()) ** 2))
     assert b["open_low"]
     assert b["high"] == pytest.approx(norm.ppf(0.975) * error, rel=0.08)
+
+
+@pytest.mark.parametrize("low", [1e-13, 3e-10])
+def test_an_end_is_at_a_bound_on_the_scale_of_the_search(low):
+    """A diode's current of 2e-9 A, searched over decades up to 1e-5 A: a thousandth of that box is 1e-8 A."""
+    v = np.linspace(0.3, 0.6, 30)
+    current = np.log(1.0 + np.exp(v / 0.03) * 2e-9) + 0.05 * np.random.default_rng(1).normal(size=30)
+    model = pf.equations(
+        "y = log(1 + exp(v/0.03)*I0)", inputs={"v": "1"}, outputs={"y": "1"}, parameters=["I0"], check=False
+    )
+    bounds = {"I0": pf.Parameter((low, 1e-5), scale="log")}
+    answer = pf.fit(
+        pf.Problem(model, pf.from_arrays({"v": v, "y": current}, period=1.0, units={"v": "1", "y": "1"}), bounds)
+    )
+    found = pf.compare_intervals(answer, kinds=("profile", "bootstrap"), replicates=200).typed
+    (p,) = found.parameters
+    assert not found.refused
+    assert not any(k.open_low or k.open_high for k in p.kinds)
+    assert all(1.5e-9 < k.low < 2e-9 < k.high < 2.6e-9 for k in p.kinds)
 
 
 def test_corrected_percentiles_of_a_normal_sample_are_its_quantiles():
@@ -309,9 +369,14 @@ def test_what_no_kind_bounds_is_not_called_agreed_and_reasons_fit():
     assert "slow part" in told(narrow, block=30)[0]
     assert "slow part" not in told(narrow)[0]
     assert "another parameter meets a bound of the search" in told(narrow, open_)[0]
+    wide = ("k", [kind("profile", 0.0, 2.0) | {"inflation": 2.0}, kind("bootstrap", 0.5, 1.5)])
+    assert "larger ones where the value is told" in told(wide)[0]
+    assert "larger ones where the value is told" not in told(narrow)[0]
     # what makes the interval of the verdict longer is named where it is
     long, short = (("k", [kind("verdict", 1 - w, 1 + w), kind("profile", 0.0, 2.0)]) for w in (3.0, 0.4))
-    assert "leave the bounds of the search" in told(long, status="weak")[0]
+    beyond = ("k", [kind("verdict", -2.0, 4.0, open_=True), kind("profile", 0.0, 2.0)])
+    assert "leave the bounds of the search" in told(beyond, status="weak")[0]
+    assert "other answers of as little cost" in told(long, status="weak")[0]  # no bound is met
     assert "the profile follows and the verdict does not" in told(short, status="weak")[0]
     assert "allows for a scatter" in told(long, scatters=True)[0]
     assert "allows for a scatter" not in told(short, scatters=True)[0]

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from plantfit.fitting import fit
 from plantfit.models import equations
 from plantfit.problem import Experiment, Problem
 from plantfit.recording.record import Recording, Signal
@@ -46,6 +47,48 @@ def test_times_that_the_record_cannot_show(tau, kind):
     (look,) = looks(record(), tau=tau)
     assert look.kind == kind
     assert "tau" in look.sentence
+
+
+def decays(clocks, doses, tau=(0.02, 1.0), truth=0.5):
+    """A decay from a dose, recorded on each of the clocks."""
+    model = equations(
+        "x' = -x/tau; y = x", inputs=["u"], states={"x": {"initial": "u"}}, outputs=["y"],
+        parameters={"tau": {"unit": "s", "bounds": tau}},
+    )  # fmt: skip
+    rng, made = np.random.default_rng(2), {}
+    for name, t, u in zip("abc", clocks, doses, strict=False):
+        y = u * np.exp(-t / truth) + 0.01 * rng.normal(size=len(t))
+        made[name] = Recording(t, {"u": Signal(np.full(len(t), u)), "y": Signal(y)}, name)
+    return Problem(model, made)
+
+
+SLOW = np.arange(12.0)
+DENSE_FIRST = np.r_[np.arange(0, 1, 0.25), np.arange(1.0, 12.0)]
+
+
+@pytest.mark.parametrize(
+    ("clocks", "told"), [([SLOW], 1), ([DENSE_FIRST], 0), ([SLOW, SLOW], 2), ([SLOW, DENSE_FIRST], 0)]
+)
+def test_a_time_is_between_two_samples_only_where_no_record_is_faster(clocks, told):
+    found = [look for look in problem_looks(decays(clocks, [1.0] * len(clocks))) if look.kind == "sampled slowly"]
+    assert len(found) == told
+    assert all("1 s apart" in look.sentence and "tau" in look.sentence for look in found)
+
+
+def test_a_time_that_the_fit_has_determined_is_not_said_to_be_beyond_the_samples():
+    problem = decays([SLOW], [1.0], tau=(0.02, 0.9))
+    assert [look.kind for look in problem_looks(problem)].count("sampled slowly") == 1
+    answer = fit(problem, budget=300)
+    (tau,) = answer.findings["parameters"]
+    assert tau["status"] == "determined"
+    assert not [look for look in answer.findings["data"] if look["kind"] == "sampled slowly"]
+
+
+@pytest.mark.parametrize(("doses", "told"), [((1.0, 2.0), 0), ((1.0, 1.0), 2), ((1.0,), 1), ((1.0, 1.0, 3.0), 0)])
+def test_an_input_that_recordings_differ_in_is_their_condition(doses, told):
+    clock = np.arange(0.0, 3.0, 0.1)
+    found = [look for look in problem_looks(decays([clock] * len(doses), doses)) if look.kind == "constant"]
+    assert len(found) == told
 
 
 def test_a_plant_that_was_not_at_rest():

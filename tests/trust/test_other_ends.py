@@ -1,6 +1,7 @@
 """Optima that noise cannot tell apart: ranges hold all of them, however high the cost is between."""
 
 import numpy as np
+import pytest
 
 import plantfit as pf
 from plantfit import Problem, Recording, Signal, equations
@@ -87,3 +88,61 @@ def test_one_model_written_twice_opens_nothing():
             own = ranges[names.index(name)]
             assert 0.7 * true < own.low < true * 1.05
             assert true * 0.95 < own.high < 1.4 * true
+
+
+def absorbed(low: float, seed: int) -> Problem:
+    """A dose that is absorbed and eliminated, in 20 L with rates of 1 and 0.2: the same with the rates exchanged in
+    4 L, which bounds from `low` on may leave out."""
+    model = equations(
+        "y = 100/V*ka/(ka - ke)*(exp(-ke*x) - exp(-ka*x))",
+        inputs=["x"],
+        outputs=["y"],
+        parameters={
+            n: {"bounds": b, "scale": "log"} for n, b in (("V", (low, 100)), ("ka", (0.03, 9)), ("ke", (0.03, 9)))
+        },
+    )
+    x = np.linspace(0.2, 12.0, 30)
+    y = 100 / 20 * 1.0 / 0.8 * (np.exp(-0.2 * x) - np.exp(-x)) + 0.1 * np.random.default_rng(seed).normal(size=len(x))
+    return Problem(model, Recording(np.arange(30.0), {"x": Signal(x), "y": Signal(y)}))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_bounds_leave_one_of_two_answers(seed):
+    """A search ends on the bound beside the other answer, at whose cost noise could have chosen it."""
+    rows = {p["name"]: p for p in pf.fit(absorbed(5.5, seed), seed=1).findings["parameters"]}
+    assert {p["status"] for p in rows.values()} == {"determined"}
+    assert rows["V"]["low"] > 15.0
+
+
+def test_without_such_bounds_ranges_hold_both():
+    rows = {p["name"]: p for p in pf.fit(absorbed(1.0, 0), seed=1).findings["parameters"]}
+    assert rows["V"]["low"] < 4.5
+    assert rows["V"]["high"] > 19.0
+    assert rows["V"]["status"] == "weak"
+
+
+def test_ranges_hold_the_truth_whichever_answer_was_reported():
+    """Noise reports one of two answers; the interval around the other one belongs to the range, and not its value
+    alone, beyond which the truth lies in half of the records."""
+    held = dict.fromkeys(("V", "ka", "ke"), 0)
+    for seed in range(20):
+        rows = {p["name"]: p for p in pf.fit(absorbed(1.0, seed), seed=1).findings["parameters"]}
+        for name, true in (("V", 20.0), ("ka", 1.0), ("ke", 0.2)):
+            held[name] += rows[name]["low"] <= true <= rows[name]["high"]
+    assert min(held.values()) >= 17, held  # binomial(20, 0.95): 17 to 20 in 98 % of cases
+
+
+def test_an_end_on_a_bound_that_noise_may_have_chosen_counts():
+    """The other optimum lies hardly beyond the bound: what is within the bounds costs as little."""
+    problem = bowl(1e-3)
+    problem = Problem(
+        equations(
+            "y = a^2*x + 0.001*a*x^2 + c",
+            inputs=["x"],
+            outputs=["y"],
+            parameters={"a": {"bounds": (-1.199, 4.0)}, "c": {"bounds": (-2.0, 2.0)}},
+        ),
+        next(iter(problem.experiments.values())).recording,
+    )
+    rows = {p["name"]: p for p in pf.fit(problem, seed=1).findings["parameters"]}
+    assert rows["a"]["low"] < -1.15

@@ -87,10 +87,6 @@ def plant_of(answer: Answer, name: str | None = None, recording: str | None = No
     experiment = problem.experiments[recording]
     if experiment.steady:
         raise ModelError(f"Recording {recording!r} is steady; name another one, which moves in time, with --recording.")
-    if experiment.initial_time is not None:
-        raise ModelError(
-            f"Recording {recording!r} begins before its first sample (initial_time); name another with --recording."
-        )
     own = experiment.recording
     tree = problem.space.tree(answer.problem.space.physical(np.asarray(answer.best.x)), recording)
     declared = {d.name: d.value for d in model.parameters}
@@ -103,6 +99,9 @@ def plant_of(answer: Answer, name: str | None = None, recording: str | None = No
     x0 = {n: 0.0 for n in model.states}
     if model.initial_state is not None:
         x0 = {n: float(v) for n, v in model.initial_state(p, first, seen).items()}
+    if experiment.initial_time is not None:  # where the states have come by the first sample
+        there = problem.predictor.trajectories(tree, problem.data["drive"][recording])
+        x0 = {n: float(there[n][0]) for n in model.states}
     before = {**first, **before_in_units(own, experiment.before, {**model.inputs})}
     simulator = problem.predictor.simulator
     straight = simulator.interpolated if simulator is not None else ()

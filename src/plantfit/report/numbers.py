@@ -50,7 +50,7 @@ def plus_minus(value: float | None, error: float | None, ascii_only: bool = Fals
 
 def interval(low: float | None, high: float | None, ascii_only: bool = False) -> str:
     """`low to high`, both to the decimal place of 2 significant digits of half their distance, in at most
-    MOST_DIGITS digits."""
+    MOST_DIGITS digits; an end that is not zero is not written as one."""
     if low is None or high is None or not (isfinite(low) and isfinite(high)):
         return UNKNOWN
     if high <= low:
@@ -59,11 +59,11 @@ def interval(low: float | None, high: float | None, ascii_only: bool = False) ->
     last = max(exponent((high - low) / 2, 2) - 1, exponent(largest, 15) - MOST_DIGITS + 1)
     power = max(_leading(largest, last), last + 1)
     if power in _PLAIN_EXPONENTS and last >= -6:
-        return f"{_place(low, last, ascii_only)} to {_place(high, last, ascii_only)}"
+        return f"{_end(low, last, ascii_only)} to {_end(high, last, ascii_only)}"
     scale = 10.0**power
     return (
-        f"({_place(low / scale, last - power, ascii_only)} to "
-        f"{_place(high / scale, last - power, ascii_only)}){_power(power, ascii_only)}"
+        f"({_end(low / scale, last - power, ascii_only)} to "
+        f"{_end(high / scale, last - power, ascii_only)}){_power(power, ascii_only)}"
     )
 
 
@@ -110,6 +110,12 @@ def _leading(value: float, last: int) -> int:
     """Decimal exponent of a number rounded at the place 10^last; `last` for one that rounds to zero."""
     rounded = round(value, -last)
     return exponent(rounded, 15) if rounded else last
+
+
+def _end(value: float, last: int, ascii_only: bool) -> str:
+    """An end of an interval at the decimal place 10^last, or with 2 digits of its own where it would be zero there."""
+    small = value != 0.0 and round(value, -last) == 0.0
+    return significant(value, 2, ascii_only) if small else _place(value, last, ascii_only)
 
 
 def _place(value: float, last: int, ascii_only: bool) -> str:

@@ -94,6 +94,7 @@ def assess(
     short = list(_short_recordings(problem, predictions, tests))
     scores = with_started(problem, local.values, scores, [*tests, *short])
     scores = with_foretold(problem, local, scores, [*tests, *short])
+    fixed = [row["name"] for row in rows if row["status"] == "determined"]
     found = Findings(
         schema_version=VERSION,
         name=problem.name,
@@ -101,7 +102,11 @@ def assess(
         scores=scores,
         residual_tests=tests,
         short_recordings=short,
-        data=[*not_followed(problem_looks(problem), problem, best.x), *stepped, *hold_looks(problem, best.x, rows)],
+        data=[
+            *not_followed(problem_looks(problem, fixed), problem, best.x),
+            *stepped,
+            *hold_looks(problem, best.x, rows),
+        ],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
         uncertainty=uncertainty,

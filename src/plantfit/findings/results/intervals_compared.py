@@ -25,6 +25,8 @@ class KindOfInterval(Record):
     """Of a profile: by how much the sum of squares grows there, over the variance."""
     threshold: Number = None
     """Of a profile: the excess at its ends."""
+    inflation: Number = None
+    """Of a profile: the variance of the value over that of errors that are independent and of one size."""
     sample: list[float] = []
     """Up to 4000 refits or draws."""
     median: Number = None

@@ -117,6 +117,11 @@ class Tracer:
 
     # -- control flow -------------------------------------------------------------------------------
 
+    def _begin(self, values: Sequence[Value], moving: bool) -> list[Value]:
+        """Initial values of a loop as `enter` takes them, made ahead of its region: what is loaded inside it is not
+        there yet where it begins."""
+        return [whole(self.m, v) if v.shape and moving else entries(self.m, v) for v in values]
+
     def enter(self, values: Sequence[Value], moving: bool) -> tuple[list[Value], list[Node]]:
         """Parameters of the region just opened for carried values, and the nodes of their initial values."""
         inside: list[Value] = []
@@ -156,8 +161,7 @@ class Tracer:
         of_test, of_body = while_parts(equation)
         test_consts, body_consts, init = args[:of_test], args[of_test : of_test + of_body], args[of_test + of_body :]
         moving = moves(body_jaxpr.jaxpr) or moves(cond_jaxpr.jaxpr) or _large(init)
-        if moving:
-            init = [whole(self.m, v) if v.shape else v for v in init]
+        init = self._begin(init, moving)
         region = self.graph.open()
         inside, begin = self.enter(init, moving)
         test = self.graph.open()
@@ -179,7 +183,7 @@ class Tracer:
         ys = [array_of((length, *a.shape), lambda _, a=a: self.graph.const(0, dtype_of(a.dtype))) for a in rows]
         moving = moves(jaxpr.jaxpr) or _large(init)
         xs = [in_memory(self.m, x) for x in xs]
-        init = [whole(self.m, v) if v.shape and moving else v for v in init]
+        init = self._begin(init, moving)
         begin_ys = [whole(self.m, y) for y in ys]
         region = self.graph.open()
         count = self.graph.param(I64)

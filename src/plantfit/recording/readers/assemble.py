@@ -119,7 +119,8 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
     if column is None:
         raise RecordingError(
             f"{table.source}: no column looks like time; give time= one of "
-            f"{[c.header for c in table.columns]} or period= in seconds."
+            f"{[c.header for c in table.columns]} or period= in seconds; rows that have no times, as those of a static "
+            "curve, take period = 1."
         )
     t, sentence = seconds(table, column, options.get("time_unit"))
     return t, column, [sentence]
@@ -233,7 +234,8 @@ def _in_order(
         row = int(order[same[0] + 1])
         raise ClockError(
             f"{table.where(row)}: time {t[same[0]]:.9g} s appears twice; "
-            "give duplicates = 'mean', or 'first' to keep the first row.",
+            "give duplicates = 'mean', or 'first' to keep the first row; replicates count as samples of their own in "
+            "recordings of their own.",
             'duplicates = "mean"',
         )
     starts = np.concatenate([[0], np.flatnonzero(np.diff(t) > 0) + 1])

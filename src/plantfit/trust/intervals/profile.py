@@ -9,7 +9,6 @@ from scipy.special import stdtrit
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SpaceError
-from plantfit.problem.measure.long_run import degrees_of_freedom, prewhitened_long_run
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.refit import refit
 from plantfit.trust.finish.unknown_noise import as_known
@@ -17,9 +16,8 @@ from plantfit.trust.intervals.covariance import (
     box_prior,
     known_variance,
     normal_matrix,
-    not_below,
-    output_errors,
     own_student,
+    sandwich,
 )
 from plantfit.trust.intervals.first_values import FreeStarts, free_starts
 from plantfit.trust.intervals.linearised import EDGE, residual_blocks
@@ -176,8 +174,8 @@ class _Walk:
 
 
 def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | None) -> tuple[float, float, float]:
-    """Variance of the residuals, the sandwich variance of one coordinate over the plain one (`not_below`,
-    `own_student`), and the degrees of freedom of Student's t."""
+    """Variance of the residuals, the variance of one coordinate as the covariance has it (`sandwich`, `own_student`)
+    over the plain one, and the degrees of freedom of Student's t."""
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
     if starts is not None:
         jacobian = starts.left(jacobian)[: len(residuals)]
@@ -190,25 +188,11 @@ def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | No
     hessian = normal_matrix(jacobian, blocks) / variance
     curved = hessian if problem.smoothing is None else hessian + problem.smoothing.matrix[np.ix_(free, free)] / variance
     whole = np.linalg.inv(curved + box_prior(curved))
-    bread, sizes = whole[place_in], output_errors(jacobian, blocks, whole, variance)
+    bread = whole[place_in]
     plain = float(bread @ hessian @ bread)
     in_time = robust_errors(problem, residuals, blocks)
-    samples, _, degrees = degrees_left(residuals, blocks, len(whole), robust=False)  # the ratio allows for memory
-    robust, total, square = 0.0, 0.0, 0.0
-    for block in blocks:
-        by_residual, left = jacobian[block.rows] @ bread / variance, residuals[block.rows]
-        errors = sizes[block.output]
-        if not in_time:  # as `sandwich` has it
-            pooled = block.scaled or len(sizes) == 1
-            robust += float(by_residual @ by_residual) * (variance if pooled else errors.mean_square(left))
-            continue
-        influence, shares = (by_residual * left)[:, None], (by_residual**2 * errors.mean_square(left))[:, None]
-        own = float(np.sum(shares))
-        found = float(prewhitened_long_run(influence, block.index)[0, 0]) * errors.larger
-        robust += max(found, own) if errors.least else found
-        total, square = total + own, square + own**2 / float(degrees_of_freedom(influence, shares, block.index)[0])
-    if in_time:
-        independent = np.array([total**2 / max(square, 1e-300)])
-        robust = max(robust, not_below(np.array([plain]), np.array([robust]), lambda: independent, len(residuals))[0])
+    samples, _, degrees = degrees_left(residuals, blocks, len(whole), in_time)
+    left = max(1, len(residuals) - len(whole))
+    robust = sandwich(jacobian, residuals, blocks, whole, np.zeros_like(whole), variance, left, in_time)
     longer = own_student(jacobian, residuals, blocks, whole, variance, samples - len(whole))[place_in]
-    return variance, longer**2 * robust / max(plain, np.finfo(float).tiny), degrees
+    return variance, longer**2 * float(robust[place_in, place_in]) / max(plain, np.finfo(float).tiny), degrees

@@ -4,7 +4,7 @@ those of packages.
 Those against the model are made here: length and period against the bounds of its times, and rest at the start.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -23,24 +23,26 @@ from plantfit.trust.looks.input_steps import input_steps, misread
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests
 FAR = 10.0  # times a bound: not sampled badly, but in another unit
+DENSE = 0.1  # of the steps of a clock that are as short or shorter where samples are dense
 RESTING, MOVES = 10, 8.0  # samples before the first move of an input, and standard errors of the slope over them
 LIKE, TO_SD = 5.0, 1.4826  # standard deviations, of others' median, up to which a single sample is followed as they are
 SHARES = (0.31, 0.64)  # of the box: where a model is looked at for what holds whatever its parameters are
 STILL = 1e-3  # of a state: a model that moves less during the samples at rest is at rest itself
 
 
-def problem_looks(problem: Problem) -> list[Look]:
+def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Look]:
     """All looks at the recordings of a problem that is simulated over time; none for regressions, static models and
     steady records.
 
-    Only inputs of the model and outputs that are fitted are looked at. A function that makes another kind of look is
-    called here.
+    Only inputs of the model and outputs that are fitted are looked at. Of the parameters that the data have
+    `determined` nobody says that the data cannot tell them. A function that makes another kind of look is called here.
     """
     model = problem.model
     if not isinstance(model, Model) or not problem.in_time:
         return []
     found: list[Look] = []
     steps = input_steps(problem)
+    conditions = _conditions(problem, model)
     for name, e in problem.experiments.items():
         if e.steady:
             continue
@@ -51,7 +53,7 @@ def problem_looks(problem: Problem) -> list[Look]:
             found += [
                 look
                 for look in signal_looks(recording, u, measured=False, settles=settles)
-                if not _stepped(e, model, look)
+                if not (_stepped(e, model, look) or (look.kind == "constant" and u in conditions))
             ]
         for y in problem.outputs:
             found += signal_looks(recording, y, measured=True)
@@ -60,7 +62,7 @@ def problem_looks(problem: Problem) -> list[Look]:
         off = {s.signal: misread(e, s) for s in steps if s.recording == name}
         pairs = ((u, y) for u in model.inputs for y in problem.outputs)
         found += [look for u, y in pairs if (look := feedback_look(recording, u, y, off.get(u, 0.0))) is not None]
-        found += _times(problem, recording)
+        found += _times(problem, recording, determined)
         if not any(_steps_at_start(e, model, u) for u in e.before) and (
             set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, e)
         ):
@@ -96,6 +98,18 @@ def _steps_at_start(e: Experiment, model: Model, u: str) -> bool:
     return u in e.before and before_in_units(e.recording, e.before, model.inputs)[u] != e.recording[u][0]
 
 
+def _conditions(problem: Problem, model: Model) -> set[str]:
+    """Inputs that rest in every recording, and not at one value in all: as a dose or a concentration, they are what
+    recordings differ in, which tells what they do."""
+    found = set()
+    for u in model.inputs:
+        values = [e.recording[u][np.isfinite(e.recording[u])] for e in problem.experiments.values()]
+        levels = [v for v in values if len(v)]
+        if all(np.ptp(v) == 0 for v in levels) and len({float(v[0]) for v in levels}) > 1:
+            found.add(u)
+    return found
+
+
 def _moves(y: np.ndarray) -> bool:
     """Whether a signal moves by more than it jumps from sample to sample."""
     y = y[np.isfinite(y)]
@@ -111,15 +125,22 @@ def _time_bounds(problem: Problem) -> Iterator[tuple[str, float, float, bool]]:
             yield c.name, c.lower * factor, c.upper * factor, c.parameter in late
 
 
-def _times(problem: Problem, recording: Recording) -> Iterator[Look]:
-    length, period = float(np.ptp(recording.t)), float(np.median(np.diff(recording.t)))
-    ends = float(recording.t[0]), float(recording.t[-1])
+def _times(problem: Problem, recording: Recording, determined: Collection[str]) -> Iterator[Look]:
+    """Times that lie between two samples, or beyond the record, of every recording."""
+    if len(recording.t) < 2:
+        return
+    every = [e.recording.t for e in problem.experiments.values() if len(e.recording.t) > 1]
+    length, period = max(float(np.ptp(t)) for t in every), min(_spacing(t) for t in every)
+    own, ends = _spacing(recording.t), (float(recording.t[0]), float(recording.t[-1]))
     for name, low, high, late in _time_bounds(problem):
+        if name in determined:
+            continue
         if high <= period:
-            what, figure = f"samples are {period:.4g} s apart, and {name} is at most {high:.4g} s", period
-            kind, end = "sampled slowly", "nothing between two samples can tell it"
+            what, figure = f"samples are {own:.4g} s apart, and {name} is at most {high:.4g} s", own
+            kind, end = "sampled slowly", "what it does lies between two samples"
         elif low >= length and not late:
-            what, figure = f"the record is {length:.4g} s long, and {name} is at least {low:.4g} s", length
+            figure = float(np.ptp(recording.t))
+            what = f"the record is {figure:.4g} s long, and {name} is at least {low:.4g} s"
             kind, end = "short", "it ends before that shows"
         else:
             continue
@@ -135,6 +156,11 @@ def _times(problem: Problem, recording: Recording) -> Iterator[Look]:
             kind, "warning", recording.name, None, text, *ends, write, {"seconds": figure, "low": low, "high": high}
         )
         return
+
+
+def _spacing(t: np.ndarray) -> float:
+    """How far samples are apart where they are dense: an uneven clock is fast where something happens."""
+    return float(np.quantile(np.diff(t), DENSE))
 
 
 def _plausible(problem: Problem, length: float, period: float, factor: float) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from plantfit import units
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
 from plantfit.trust.verdict.outputs import forgotten
 from plantfit.trust.verdict.residuals import lacking
@@ -213,12 +214,18 @@ def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
 
 def _kind(p: Row) -> str:
     """How little is known: the range holds zero, spans powers of ten, or is wide beside the value."""
-    if not _between(p):
+    if not _between(p) or _point(p):
         return "roughly"
     if p["low"] <= 0.0 <= p["high"]:
         return "zero"
     low, high = sorted((abs(p["low"]), abs(p["high"])))
     return "hardly" if high > HARDLY * low else "roughly"
+
+
+def _point(p: Row) -> bool:
+    """Whether zero is a value like others, as 0 degC is."""
+    unit = p.get("unit")
+    return bool(unit and units.known(unit) and units.is_point(unit))
 
 
 def _roughly(p: Row) -> str:
@@ -342,7 +349,9 @@ def _flats(name: str, rows: Sequence[Row]) -> Sentence:
 
 
 def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
-    if p["at_bound"] == "lower" and p["lower_bound"] == 0.0:  # a dead time, a friction: usually nothing lies below
+    if (
+        p["at_bound"] == "lower" and p["lower_bound"] == 0.0 and not _point(p)
+    ):  # a dead time, a friction: usually nothing lies below
         text = (
             f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and cannot be told from "
             f"zero{_at_most(p)}: "

@@ -69,25 +69,27 @@ def predict(
             f"{output}_read_low": rec.Signal(band.read_low, unit),
             f"{output}_read_high": rec.Signal(band.read_high, unit),
         }
-        held[output] = band.held(source[output])
+        if np.any(np.isfinite(source[output])):
+            held[output] = band.held(source[output])
     path = rec.to_csv(rec.Recording(source.t, signals, source.name), place) or place
-    scores = {}
-    for output, y in predicted.items():
-        scores[output] = float(np.sqrt(np.nanmean((y - source[output]) ** 2)))
+    read = {output: int(np.sum(np.isfinite(source[output]))) for output in predicted}
+    scores = {
+        output: float(np.sqrt(np.nanmean((y - source[output]) ** 2))) for output, y in predicted.items() if read[output]
+    }
     if json:
         from plantfit.findings.results.predicted import Predicted, PredictedBands
 
-        made = Predicted(file=str(path), recording=name, parameters=named, rmse=dict(scores), step_error=error)
+        rmse, inside = {o: scores.get(o) for o in predicted}, {o: held.get(o) for o in found}
+        made = Predicted(file=str(path), recording=name, parameters=named, rmse=rmse, step_error=error)
         return print_json(
-            made.printed(bands=PredictedBands(level=share or 0.0, held=dict(held), scatters=scatters))
-            if held
+            made.printed(bands=PredictedBands(level=share or 0.0, held=inside, scatters=scatters))
+            if found
             else made.printed()
         )
-    for output, rmse in scores.items():
-        out.print(
-            f"{output}: RMSE {rmse:.4g} {source.signals[output].unit or ''} over {len(source)} samples of {name}",
-            markup=False,
-        )
+    for output, count in read.items():
+        unit = f" {source.signals[output].unit}" if source.signals[output].unit not in (None, "", "1") else ""
+        said = f"RMSE {scores[output]:.4g}{unit} over {count} samples of {name}" if count else f"not measured in {name}"
+        out.print(f"{output}: {said}", markup=False)
     say_inexact(error)
     for output, part in held.items():
         out.print(

@@ -28,6 +28,7 @@ FURTHER = 1.3  # times the distance of an end at which it is tried from elsewher
 # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
 BEYOND = 1.5
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
+AROUND = 4  # refits to each side of another answer
 INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
 ENOUGH = 0.5  # of the threshold: a refit that has come so far is inside
@@ -140,21 +141,57 @@ class Followed:
         if self._reach(i, beyond) > max(wide, min(BEYOND * wide, OPENS * known)):
             found.low, found.high = beyond.low, beyond.high
 
-    def elsewhere(self, end: np.ndarray) -> np.ndarray | None:
-        """The point (d,) where a search from another one's `end` (d,) stops, if it costs little more than the
-        answer; both of `room`."""
-        block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0))
+    def around(self, i: int, found: Range, point: np.ndarray) -> None:
+        """Widen the range of coordinate i to the ends that it has around another answer `point` (d,).
+
+        The first try to each side is where the linear problem there says that it ends.
+        """
+        place = self._place(i, point)
+        columns = np.delete(place.jacobian, i, axis=1)
+        shadow = place.jacobian[:, i] - columns @ np.linalg.lstsq(columns, place.jacobian[:, i])[0]
+        top = self.linear.threshold[i] * self.linear.variance
+        step = np.sqrt(max(1.0 - place.share, 0.0) * top / max(float(shadow @ shadow), 1e-300))
+        for sign in (-1.0, 1.0):
+            inside, at = place, float(np.clip(place.at + sign * step, 0.0, 1.0))
+            end = place.at
+            for _ in range(AROUND):
+                if at == inside.at:
+                    break
+                self.left = max(self.left, 2 * STEPS)
+                tried = self._grown(i, at, self._predicted(i, inside, at), 0.0)
+                if tried is None:
+                    break
+                if tried.share > 1.0:
+                    end = self._between(inside, tried)
+                    break
+                inside, end = tried, tried.at
+                found.points.append(tried.point)
+                if tried.share >= ALIKE[0] or at in (0.0, 1.0):
+                    break
+                further = (at - place.at) / np.sqrt(max(tried.share, SLIGHT))
+                at = float(np.clip(place.at + further, 0.0, 1.0))
+            found.low, found.high = min(found.low, self._value(i, end)), max(found.high, self._value(i, end))
+
+    def elsewhere(self, end: np.ndarray, stay: bool = False) -> np.ndarray | None:
+        """The point (d,) where a search from another one's `end` (d,) stops, or with `stay` that end itself, if it
+        costs little more than the answer; both of `room`."""
+        block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0), 0 if stay else STEPS)
         top = max(float(np.max(self.linear.threshold)), self.linear.quantile**2) * self.linear.variance
         if not np.isfinite(block.cost) or block.cost - self.least > top:
             return None
         self.growths[block.x.tobytes()] = float(block.cost - self.least) / self.linear.variance
         return block.x
 
-    def _settled(self, point: np.ndarray) -> Block:
-        """A search of all coordinates from a point (d,)."""
+    def within_bounds(self, point: np.ndarray) -> bool:
+        """Whether a point (d,) of `room` lies within the bounds of the search."""
+        outer = self.room.outer(point)
+        return bool(np.all((outer >= -EDGE) & (outer <= 1.0 + EDGE)))
+
+    def _settled(self, point: np.ndarray, steps: int) -> Block:
+        """A search of all coordinates from a point (d,), of so many steps at most."""
         self.left = max(self.left, 2 * STEPS)
         block = Block(np.arange(len(point)), point, *self._rows(point), tolerance=1e-9, damping=SMALL**2)
-        for _ in range(STEPS if usable(block.residuals, block.jacobian) else 0):
+        for _ in range(steps if usable(block.residuals, block.jacobian) else 0):
             step, promised = block.step()
             if block.done or promised <= 1e-3 * self.linear.variance:
                 break

@@ -27,7 +27,7 @@ def followed_ranges(
 
     `others` are cube points (d,) at which searches ended elsewhere. Where one costs so little more than the answer that
     noise may have chosen between the two, the ranges hold both, however high the cost between them; not where both are
-    one model written twice.
+    one model written twice, and not where the other answer lies outside of the bounds.
     """
     problem, d = as_known(problem), len(linear.values)
     allowed = int(min(max(spent / 3.0 / max(problem.jacobian_charge, 1.0), LEAST * d), MOST * d))
@@ -59,6 +59,9 @@ def _hold(walk: Followed, found: Mapping[int, Range], end: np.ndarray) -> None:
     if _near(walk, end):
         return
     place = walk.elsewhere(end)
+    if place is not None and not walk.within_bounds(place):
+        # bounds are how a user leaves one of two answers that no data tell apart
+        place = walk.elsewhere(end, stay=True)
     if place is None:
         return
     place = _named_alike(walk, found, place)
@@ -70,6 +73,7 @@ def _hold(walk: Followed, found: Mapping[int, Range], end: np.ndarray) -> None:
         if growth <= max(walk.linear.threshold[i], walk.linear.quantile**2):
             own.points.append(place)
             own.low, own.high = min(own.low, float(values[i])), max(own.high, float(values[i]))
+            walk.around(i, own, place)
     _joined(walk, found)
     for i, own in found.items():  # a value may be the same there, and go elsewhere from there
         walk.go_on(i, own, [place])

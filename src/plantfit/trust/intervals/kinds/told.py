@@ -8,6 +8,7 @@ WIDER = 1.25  # times
 MOST_R_HAT, LEAST_EFFECTIVE = 1.01, 400.0  # (Vehtari and others, Bayesian Analysis 16 (2021) 667)
 FEW_BLOCKS = 12
 CONFLICT = 3.0  # standard deviations
+UNEVEN = 1.25  # times the variance of errors of one size: what the profile allows for beside them
 NAMES = {"verdict": "the verdict", "covariance": "the covariance", "profile": "the profile",
          "bootstrap": "the bootstrap",
          "posterior": "the posterior"}  # fmt: skip
@@ -77,8 +78,14 @@ def _reason(
     if "verdict" in (kind, one.kind) and longer and p.scatters:
         return "the verdict allows for a scatter between recordings, the other kinds for the noise alone."
     if kind == "verdict" and longer and not all(p.status == "determined" for p in found.parameters):
+        if any(k.open_low or k.open_high for p in found.parameters for k in p.kinds if k.kind == "verdict"):
+            return (
+                "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within "
+                "them."
+            )
         return (
-            "the verdict lets what is not determined leave the bounds of the search, the other kinds stay within them."
+            "the verdict holds other answers of as little cost, and valleys that lead to them; the other kinds stay "
+            "around the reported one."
         )
     if kind in ("covariance", "verdict"):
         return f"the cost is no parabola here, which the profile follows and {NAMES[kind]} does not. Take the profile."
@@ -98,6 +105,11 @@ def _reason(
             return (
                 "blocks of residuals hold less of their slow part than the record does; the wider one is the safer one."
             )
+        if (one.inflation or 1.0) > UNEVEN:
+            return (
+                "refits put any residual at any sample, and the profile allows for larger ones where the value is "
+                "told; the wider one is the safer one."
+            )
         return "refits tell where estimates fall, the profile what values cost; the wider one is the safer one."
     posterior = found.posterior
     assert posterior is not None  # it is of the kind "posterior"
@@ -115,6 +127,11 @@ def _reason(
         )
     if one.open_low or one.open_high or other.open_low or other.open_high:
         return "what the data leave open it averages over the bounds of the search."
+    if width < 1 and (one.inflation or 1.0) > UNEVEN:
+        return (
+            "it takes errors as independent and of one size, and the profile allows for larger ones where the value is "
+            "told; the wider one is the safer one."
+        )
     return "it averages over all values of the others, the profile takes their best."
 
 
