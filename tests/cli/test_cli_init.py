@@ -308,7 +308,7 @@ def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name
          "two.csv has 2 columns 'u'; give each its own "
             "name in the header."),
         ("c.csv", "t,u,y\n0,1,5,2,5\n1,0,5,3,5\n", "c.csv, line 2: 5 cells where the first row has 3 (delimiter ','); "
-                                                   "correct the line "
+                                                   "correct or delete the line "
          "(if its numbers have decimal commas, separate the columns by semicolons)."),
         ("b.csv", "\0\0", "'b.csv' is not text; save it as CSV, or give its name the ending of its "
             "format"),

@@ -8,8 +8,8 @@ import polars as pl
 
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import Column, Table
-from plantfit.recording.readers.daylight_saving import without_daylight_saving
 from plantfit.recording.readers.numbers import casted, clean_text, is_missing, is_number, numbers
+from plantfit.recording.readers.running_on import without_daylight_saving, without_overruns
 from plantfit.recording.readers.timestamps import is_date, is_timestamp, timestamps
 from plantfit.units import compatible, factor_offset
 
@@ -140,7 +140,8 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
     factor, _ = factor_offset(unit, "s")
     # a division keeps 7 ms at 0.007 s to the last bit, a product does not
     values = values / round(1 / factor) if factor < 1 else values * factor
-    return values, f"Time from {column.header!r} in {unit} ({known_by})."
+    values, said = without_overruns(values, table)
+    return values, f"Time from {column.header!r} in {unit} ({known_by}).{said}"
 
 
 def _refuse_far(table: Table, column: Column, first: float) -> None:

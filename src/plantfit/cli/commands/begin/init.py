@@ -315,7 +315,7 @@ def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet
             spec.parse(text(clock), target)
         except ClockError as error:
             if not error.treatment or error.treatment in clock:
-                raise
+                raise RecordingError(f"{_of_recording(error, target)}.") from error
             clock += f"\n{error.treatment}  # {_TREATED[error.treatment.split()[0]]}"
             if not quiet:
                 out.print(

@@ -252,6 +252,15 @@ def _commented_header(found: _Lines, separator: str, width: int) -> list[str] | 
     return names if len(names) == width and all(names) and is_header(names) else None
 
 
+def _others(lines: Sequence[int]) -> str:
+    """Which other lines have another number of cells, as after every restart of a board."""
+    if not lines:
+        return ""
+    listed = ", ".join(str(k) for k in lines[:8])
+    many = f" and {len(lines) - 8} more" if len(lines) > 8 else ""
+    return f" Line {listed} is so, too." if len(lines) == 1 else f" Lines {listed}{many} are so, too."
+
+
 def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]) -> tuple[pl.DataFrame, np.ndarray]:
     lines, numbers = found.lines[first:], found.numbers[first:]
     if separator == " ":
@@ -271,7 +280,8 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
         )
         raise RecordingError(
             f"{found.source}, line {numbers[row]}: {counts[row]} cells where the first row has {width} (delimiter "
-            f"{_NAMES.get(separator, separator)!r}); correct the line ({hint})."
+            f"{_NAMES.get(separator, separator)!r}); correct or delete the line ({hint})."
+            f"{_others([numbers[k] for k in uneven[1:]])}"
         )
     if not lines:
         raise RecordingError(f"{found.source} holds no rows of data below its header; check that the file is complete.")
