@@ -355,3 +355,22 @@ def test_newest_row_first_and_a_gauge_pressure_give_a_study_that_parses(tmp_path
     assert "300 rows, 60 s apart" in said.out
     assert spec.load(tmp_path / "vessel.toml").problem.outputs
     assert '= "bar" }    # ' in (tmp_path / "vessel.toml").read_text("utf-8")
+
+
+@pytest.mark.parametrize(("low", "high", "sign"), [(0, 1, "(2*{} - 1)"), (-1, 1, "{}"), (1, 2, "(2*{} - 3)")])
+def test_a_duty_with_its_direction_in_another_column_becomes_a_plant_that_turns_both_ways(
+    tmp_path, capsys, monkeypatch, low, high, sign
+):
+    rng = np.random.default_rng(5)
+    duty, up = np.repeat(rng.integers(0, 256, 20), 30), np.repeat(rng.integers(0, 2, 24), 25)
+    rows, w = ["millis,pwm,dir,rpm\n"], 0.0
+    for k in range(600):
+        rows.append(f"{20 * k},{duty[k]},{high if up[k] else low},{w + rng.normal(0, 2):.1f}\n")
+        w += 0.15 * (7.0 * duty[k] * (1 if up[k] else -1) - w)
+    (tmp_path / "m.csv").write_text("".join(rows))
+    monkeypatch.chdir(tmp_path)
+    said = call(capsys, monkeypatch, "init", "m.csv", "--yes")
+    assert said.code == 0, said.err
+    assert "'dir' gives it its sign" in said.out
+    assert f"K1*delay(pwm, L)*{sign.format('delay(dir, L)')} + rest" in (tmp_path / "m.toml").read_text()
+    assert "a fit of 99" in call(capsys, monkeypatch, "run", "m.toml").out

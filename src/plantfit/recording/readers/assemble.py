@@ -208,9 +208,10 @@ def _in_order(
         row = int(back[0]) + 1
         if _begins_anew(t, back, values):
             raise ClockError(
-                f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s and begins anew there, as "
-                "where a board was started again or a file holds several runs, which sorting would mix. Cut the file "
-                f"there{_more(table, back)}, the header above every part, and give each a [recording.NAME] of its own."
+                f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s and begins anew there, "
+                "as where a board was started again or a file holds several runs, which sorting would mix. Cut the "
+                f"file there{_more(table, back)}, the header above every part, and give each a [recording.NAME] of "
+                "its own."
             )
         raise ClockError(
             f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; sort the rows "

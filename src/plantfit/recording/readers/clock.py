@@ -18,7 +18,8 @@ _WORDS = "t|time|zeit|elapsed|timestamp|temps|tiempo|tempo"
 _UNITS = "ns|us|µs|ms|s|sec|min|h"
 _SUFFIX = re.compile(rf"^(?:{_WORDS})[_ ]({_UNITS})$", re.IGNORECASE)
 _NAMES = re.compile(
-    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|time ?stamp|date ?time|elapsed "
+    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|msec|usec|milliseconds|microseconds"
+    rf"|millisekunden|mikrosekunden|time ?stamp|date ?time|elapsed "
     rf"time|zeitstempel|uhrzeit"
     rf"|datum|datum[ /]+uhrzeit|heure|horodatage|date et heure|hora|utc|x[-_ ]?axis|x[-_ ]?value|({_WORDS})[_ "
     rf"]({_UNITS}))$",
@@ -28,7 +29,10 @@ FAR = 1e11  # s since 1970, in the year 5138
 _DAYS = (20_000.0, 80_000.0)  # as spreadsheets count them since 1900: 1954 to 2119
 _DATED = re.compile(r"^(date|datum)|date$|stamp|stempel|horodatage", re.IGNORECASE)
 _AS_TIME = re.compile(r"\d{1,4}[:./-]\d{1,2}.*")
-_BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us"}
+_BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us",
+               "msec": "ms", "usec": "us", "milliseconds": "ms", "microseconds": "us", "millisekunden": "ms",
+               "mikrosekunden": "us", "ms": "ms", "us": "us", "µs": "us"}  # fmt: skip
+_UNITS_ALONE = {"ms", "us", "µs"}  # a header of only a unit; Us may be a voltage, too
 
 
 def looks_like_time(cell: str) -> bool:
@@ -62,6 +66,11 @@ def guess_time(table: Table) -> Column | None:
         if column.cells.dtype == pl.String:
             filled = _first_cells(column)
             if filled and all(looks_like_time(cell) for cell in filled):
+                return column
+    for column in table.columns:
+        if column.name.lower() in _UNITS_ALONE and column.unit is None:
+            values, text, _ = casted(table, column.cells)
+            if not len(text) and len(values) > 2 and np.mean(np.diff(values) > 0) > 0.9:
                 return column
     if not table.header and table.columns:
         values, text, _ = casted(table, table.columns[0].cells)

@@ -2,8 +2,8 @@
 bounds from the data."""
 
 import json as encoder
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -82,10 +82,17 @@ class Signal:
 
 @dataclass(frozen=True)
 class Link:
-    """An output and the inputs that it answers to."""
+    """An output and the inputs that it answers to. `directions` has, by the symbol of an input without sign, the input
+    of two levels that says which way it acts."""
 
     output: Signal
     inputs: tuple[Signal, ...]
+    directions: Mapping[str, Signal] = field(default_factory=dict)
+
+    @property
+    def acting(self) -> list[Signal]:
+        """The inputs that have a gain: all but those that only say which way another one acts."""
+        return [u for u in self.inputs if u not in self.directions.values()]
 
 
 def study_text(
@@ -148,7 +155,7 @@ class _Plant:
         self, kind: Kind, link: Link, number: str, inputs: Sequence[Signal], period: float, duration: float
     ) -> None:
         self.link, self.kind, self.number, self.period, self.duration = link, kind, number, period, duration
-        places = [str(inputs.index(u) + 1) if len(inputs) > 1 else "" for u in link.inputs]
+        places = [str(inputs.index(u) + 1) if len(inputs) > 1 else "" for u in link.acting]
         self.gains = [f"K{number}{place}" for place in places]
 
     @property
@@ -161,7 +168,7 @@ class _Plant:
 
     @property
     def equations(self) -> list[str]:
-        late = [u.symbol if self.kind == "first" else f"delay({u.symbol}, L{self.number})" for u in self.link.inputs]
+        late = [self._late(u) for u in self.link.acting]
         goal = " + ".join([*(f"{k}*{u}" for k, u in zip(self.gains, late, strict=True)), f"rest{self.number}"])
         x, y = f"x{self.number}", self.link.output.symbol
         if self.kind == "second":
@@ -169,16 +176,28 @@ class _Plant:
             return [f"{z}' = ({goal} - {z}) / tau{self.number}", f"{x}' = ({z} - {x}) / lag{self.number}", f"{y} = {x}"]
         return [f"{x}' = ({goal} - {x}) / tau{self.number}", f"{y} = {x}"]
 
+    def _late(self, u: Signal) -> str:
+        """An input as it acts, with its dead time and its sign."""
+        own = u.symbol if self.kind == "first" else f"delay({u.symbol}, L{self.number})"
+        way = self.link.directions.get(u.symbol)
+        if way is None:
+            return own
+        sign, middle, apart = self._late(way), way.low + way.high, way.high - way.low
+        if middle == 0:
+            return f"{own}*{sign}" + (f"/{way.high:g}" if way.high != 1 else "")
+        return f"{own}*(2*{sign} {'-' if middle > 0 else '+'} {abs(middle):g})" + (f"/{apart:g}" if apart != 1 else "")
+
     @property
     def parameters(self) -> str:
         y = self.link.output
         span, reach = y.high - y.low, 0.0
         text = ""
-        for name, u in zip(self.gains, self.link.inputs, strict=True):
-            wide = u.high - u.low
+        for name, u in zip(self.gains, self.link.acting, strict=True):
+            way = self.link.directions.get(u.symbol)
+            wide = 2 * u.high if way else u.high - u.low
             gain = 20 * span / wide
             reach = max(reach, max(abs(u.low), abs(u.high)) / wide)
-            told = f"static gain from {u.symbol} to {y.symbol}"
+            told = f"static gain from {u.symbol}{f', its sign by {way.symbol},' if way else ''} to {y.symbol}"
             text += _parameter(name, told, -gain, gain, _ratio(y.unit, u.unit))
         room = span * (1 + 5 * reach)
         told = f"where {y.symbol} rests without input{self._beyond()}"
@@ -197,8 +216,10 @@ class _Plant:
         """That no input came near zero, so that a rest without input is what the straight line says there."""
         away = [
             u
-            for u in self.link.inputs
-            if not u.low <= 0.0 <= u.high and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)
+            for u in self.link.acting
+            if u.symbol not in self.link.directions
+            and not u.low <= 0.0 <= u.high
+            and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)
         ]
         told = [
             f"{u.symbol} was never {'below' if u.low > 0 else 'above'} "
