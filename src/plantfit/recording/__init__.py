@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from plantfit.recording.signals.moving_rms import moving_rms
     from plantfit.recording.signals.odometry import odometry
     from plantfit.recording.signals.presliding import presliding
-    from plantfit.recording.signals.pwm import duty_to_voltage
+    from plantfit.recording.signals.pwm import duty_to_voltage, signed
     from plantfit.recording.write import to_csv
 
 __all__ = [
@@ -78,6 +78,7 @@ __all__ = [
     "resample",
     "scale",
     "shift_time",
+    "signed",
     "smooth_motion",
     "split",
     "subtract",
@@ -107,7 +108,7 @@ names_of(
         "clean.outliers": "drop_outliers drop_samples",
         "clean.parts": "cut pieces shift_time split",
         "signals.presliding": "presliding",
-        "signals.pwm": "duty_to_voltage",
+        "signals.pwm": "duty_to_voltage signed",
         "readers.any_format": "read",
         "record": "Recording Signal",
         "clean.resampling": "decimate resample",

@@ -347,18 +347,23 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
         return Signal(symbols[header], header, named or c.unit, c.minimum, c.maximum, first, named is not None)
 
     signals = {h: signal(h) for h in (*inputs, *outputs)}
+    for h in inputs:
+        if (way := by_header[h].direction) in inputs:
+            signals[h] = signals[way] = _signed(signals[h], signals[way], {*symbols.values()})
     links = []
     for header in outputs:
         answers = [h for h in by_header[header].answers if h in inputs] or inputs
-        signed = {h: way for h in inputs if h in signals and (way := by_header[h].direction) in inputs}
-        answers = [*answers, *(h for pair in signed.items() if {*pair} & {*answers} for h in pair)]
-        links.append(
-            Link(
-                signals[header], tuple(signals[h] for h in inputs if h in answers),
-                {signals[h].symbol: signals[way] for h, way in signed.items() if h in answers},
-            )
-        )  # fmt: skip
+        links.append(Link(signals[header], tuple(dict.fromkeys(signals[h] for h in inputs if h in answers))))
     return links
+
+
+def _signed(of: Signal, way: Signal, taken: set[str]) -> Signal:
+    """The input that a column without sign and the one of its direction make; its header is both."""
+    name = f"{of.symbol}_signed"
+    while name in taken:
+        name += "_"
+    return Signal(name, f"{of.header} and {way.header}", of.unit, -of.high, of.high,
+                  of.first if way.first == way.high else -of.first, of.named, (of, way))  # fmt: skip
 
 
 _LETTERS = str.maketrans(

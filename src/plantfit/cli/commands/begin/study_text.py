@@ -2,8 +2,8 @@
 bounds from the data."""
 
 import json as encoder
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ signals = {{ {signals} }}
 {units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
 # before = {{ {input} = {first:.4g} }}    # the input before the first sample, if it differed from the first value
 # skip = 0.0           # seconds at the start of each part that are simulated but not scored
-# clean = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
+{clean} = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
 #          {{ step = "fill_gaps", signal = "{input}", longest = {gap:.3g} }}]
 
 # ---- how the plant works --------------------------------------------------------------------
@@ -69,7 +69,8 @@ AWAY = 0.1  # of the range of an input: farther from zero it has not been there
 @dataclass(frozen=True)
 class Signal:
     """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value;
-    `named` where the unit is the end of its name."""
+    `named` where the unit is the end of its name. `of` a column without sign and the one that gives it its sign, where
+    it is made of both."""
 
     symbol: str
     header: str
@@ -78,21 +79,20 @@ class Signal:
     high: float
     first: float
     named: bool = False
+    of: "tuple[Signal, Signal] | None" = None
+
+    @property
+    def read(self) -> "tuple[Signal, ...]":
+        """The columns that it is read from."""
+        return self.of or (self,)
 
 
 @dataclass(frozen=True)
 class Link:
-    """An output and the inputs that it answers to. `directions` has, by the symbol of an input without sign, the input
-    of two levels that says which way it acts."""
+    """An output and the inputs that it answers to."""
 
     output: Signal
     inputs: tuple[Signal, ...]
-    directions: Mapping[str, Signal] = field(default_factory=dict)
-
-    @property
-    def acting(self) -> list[Signal]:
-        """The inputs that have a gain: all but those that only say which way another one acts."""
-        return [u for u in self.inputs if u not in self.directions.values()]
 
 
 def study_text(
@@ -113,13 +113,21 @@ def study_text(
     ]
     states = [(x, p) for p in plants for x in p.states]
     bare = not any(s.unit for s in (*inputs, *outputs))
+    read = list({s.symbol: s for made in (*inputs, *outputs) for s in made.read}.values())
+    signs = [
+        f'{{ step = "signed", signal = "{u.of[0].symbol}", direction = "{u.of[1].symbol}", name = "{u.symbol}" }}'
+        for u in inputs
+        if u.of
+    ]
     return _TEMPLATE.format(
         source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[kind], name=quoted(name),
         path=quoted(path),
         time=time, gap=5 * period,
         columns="".join(f"#   {c}\n" for c in columns),
-        signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in (*inputs, *outputs)),
-        units=_units([s for s in (*inputs, *outputs) if s.named], bare),
+        signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in read),
+        units=_units([s for s in read if s.named], bare)
+        + (f"clean = [{', '.join(signs)}]    # the direction gives it its sign\n" if signs else ""),
+        clean="# further steps of clean" if signs else "# clean",
         input=inputs[0].symbol, first=inputs[0].first, output=outputs[0].symbol,
         equations="\n".join(line for p in plants for line in p.equations),
         inputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in inputs),
@@ -155,7 +163,7 @@ class _Plant:
         self, kind: Kind, link: Link, number: str, inputs: Sequence[Signal], period: float, duration: float
     ) -> None:
         self.link, self.kind, self.number, self.period, self.duration = link, kind, number, period, duration
-        places = [str(inputs.index(u) + 1) if len(inputs) > 1 else "" for u in link.acting]
+        places = [str(inputs.index(u) + 1) if len(inputs) > 1 else "" for u in link.inputs]
         self.gains = [f"K{number}{place}" for place in places]
 
     @property
@@ -168,7 +176,7 @@ class _Plant:
 
     @property
     def equations(self) -> list[str]:
-        late = [self._late(u) for u in self.link.acting]
+        late = [u.symbol if self.kind == "first" else f"delay({u.symbol}, L{self.number})" for u in self.link.inputs]
         goal = " + ".join([*(f"{k}*{u}" for k, u in zip(self.gains, late, strict=True)), f"rest{self.number}"])
         x, y = f"x{self.number}", self.link.output.symbol
         if self.kind == "second":
@@ -176,28 +184,16 @@ class _Plant:
             return [f"{z}' = ({goal} - {z}) / tau{self.number}", f"{x}' = ({z} - {x}) / lag{self.number}", f"{y} = {x}"]
         return [f"{x}' = ({goal} - {x}) / tau{self.number}", f"{y} = {x}"]
 
-    def _late(self, u: Signal) -> str:
-        """An input as it acts, with its dead time and its sign."""
-        own = u.symbol if self.kind == "first" else f"delay({u.symbol}, L{self.number})"
-        way = self.link.directions.get(u.symbol)
-        if way is None:
-            return own
-        sign, middle, apart = self._late(way), way.low + way.high, way.high - way.low
-        if middle == 0:
-            return f"{own}*{sign}" + (f"/{way.high:g}" if way.high != 1 else "")
-        return f"{own}*(2*{sign} {'-' if middle > 0 else '+'} {abs(middle):g})" + (f"/{apart:g}" if apart != 1 else "")
-
     @property
     def parameters(self) -> str:
         y = self.link.output
         span, reach = y.high - y.low, 0.0
         text = ""
-        for name, u in zip(self.gains, self.link.acting, strict=True):
-            way = self.link.directions.get(u.symbol)
-            wide = 2 * u.high if way else u.high - u.low
+        for name, u in zip(self.gains, self.link.inputs, strict=True):
+            wide = u.high - u.low
             gain = 20 * span / wide
             reach = max(reach, max(abs(u.low), abs(u.high)) / wide)
-            told = f"static gain from {u.symbol}{f', its sign by {way.symbol},' if way else ''} to {y.symbol}"
+            told = f"static gain from {u.symbol} to {y.symbol}"
             text += _parameter(name, told, -gain, gain, _ratio(y.unit, u.unit))
         room = span * (1 + 5 * reach)
         told = f"where {y.symbol} rests without input{self._beyond()}"
@@ -216,10 +212,8 @@ class _Plant:
         """That no input came near zero, so that a rest without input is what the straight line says there."""
         away = [
             u
-            for u in self.link.acting
-            if u.symbol not in self.link.directions
-            and not u.low <= 0.0 <= u.high
-            and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)
+            for u in self.link.inputs
+            if not u.low <= 0.0 <= u.high and min(abs(u.low), abs(u.high)) > AWAY * (u.high - u.low)
         ]
         told = [
             f"{u.symbol} was never {'below' if u.low > 0 else 'above'} "
