@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from plantfit.recording.clean.parts import cut, pieces, shift_time, split
     from plantfit.recording.clean.resampling import decimate, resample
     from plantfit.recording.clean.sampling import period_of
+    from plantfit.recording.clean.wraps import unwrap
     from plantfit.recording.description import ColumnSummary, Description, describe
     from plantfit.recording.readers.any_format import read
     from plantfit.recording.readers.formats.arrays import from_arrays, read_mat, read_npz
@@ -83,6 +84,7 @@ __all__ = [
     "split",
     "subtract",
     "to_csv",
+    "unwrap",
 ]
 
 names_of(
@@ -113,6 +115,7 @@ names_of(
         "record": "Recording Signal",
         "clean.resampling": "decimate resample",
         "clean.sampling": "period_of",
+        "clean.wraps": "unwrap",
         "readers.formats.tables": "from_frame read_parquet read_xlsx",
         "write": "to_csv",
     },
