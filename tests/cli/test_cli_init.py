@@ -377,3 +377,26 @@ def test_a_duty_with_its_direction_in_another_column_becomes_a_plant_that_turns_
     look = call(capsys, monkeypatch, "look", "m.toml")
     assert "rpm reacts to pwm_signed within a sample" in look.out
     assert "a fit of 99" in call(capsys, monkeypatch, "run", "m.toml").out
+
+
+@pytest.mark.parametrize(
+    ("header", "step", "told"),
+    [
+        ("t", 50, True),
+        ("time", 20, True),
+        ("t", 1, False),
+        ("t_ms", 50, False),
+        ("time [s]", 50, False),
+        ("t", 0.5, False),
+    ],
+)
+def test_whole_numbers_without_a_unit_may_be_milliseconds(tmp_path, capsys, monkeypatch, header, step, told):
+    rows = "".join(f"{step * k:g},{k // 9 % 2},{(k % 9) / 9:.2f}\n" for k in range(80))
+    (tmp_path / "a.csv").write_text(f"{header},u,y\n{rows}")
+    monkeypatch.chdir(tmp_path)
+    said = " ".join(call(capsys, monkeypatch, "init", "a.csv", "--yes").out.split())
+    assert ('write time_unit = "ms" or "min" below time' in said) is told
+    if told:
+        study = (tmp_path / "a.toml").read_text().replace("split = 0.7", 'time_unit = "ms"\nsplit = 0.7')
+        (tmp_path / "a.toml").write_text(study)
+        assert f"over {0.001 * step * 79:g} s" in call(capsys, monkeypatch, "check", "a.toml").out

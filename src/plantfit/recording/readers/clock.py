@@ -113,6 +113,21 @@ def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
     return (stated, "stated by the file") if stated is not None else ("s", "assumed, the file names no unit")
 
 
+def may_be_milliseconds(table: Table) -> bool:
+    """Whether times without a unit, which are taken as seconds, are whole numbers several apart, as of millis()."""
+    column = guess_time(table)
+    if column is None or column.cells.dtype.is_temporal():
+        return False
+    values, text, _ = casted(table, column.cells)
+    try:
+        known_by = time_unit_of(column, None)[1]
+    except UnitError:
+        return False
+    steps = np.abs(np.diff(values))
+    whole = len(steps) > 2 and np.isfinite(values).all() and bool(np.all(values == np.round(values)))
+    return not len(text) and known_by.startswith("assumed") and whole and float(np.median(steps)) > 1
+
+
 def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.ndarray, str]:
     """Times (n,) in seconds and a log sentence; timestamps and clock readings count from the first row."""
     cells = column.cells

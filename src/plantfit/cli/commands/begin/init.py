@@ -51,6 +51,8 @@ def init(
         )
     from plantfit.recording.description import described
     from plantfit.recording.readers.any_format import table
+    from plantfit.recording.readers.clock import may_be_milliseconds
+    from plantfit.recording.readers.long_tables import widened
     from plantfit.recording.roles import UNMOVED, roles_of
 
     source = Path(file)
@@ -87,6 +89,12 @@ def init(
     ask = not (yes or json) and sys.stdin.isatty() and sys.stdout.isatty()
     if not json:
         _tell(source.name, found, roles)
+        if may_be_milliseconds(widened(content)):
+            out.print(
+                f"The file names no unit of {found.time!r}: s, {found.period:.4g} s apart. If it counts ms or min, "
+                'write time_unit = "ms" or "min" below time in the study file.',
+                markup=False,
+            )
     if free is not None:
         return _free_motion(source, target, content, found, roles, free, name, json)
     chosen_in, chosen_out = _chosen(source.name, roles, known, inputs, outputs, ask)
