@@ -63,6 +63,10 @@ def test_a_cup_that_cools_decays(tmp_path, monkeypatch, capsys):
     assert "(an exponential decay)" in said.out
     ran = call(capsys, monkeypatch, "run", "free.toml")
     assert "The data determine 3 of 3 parameters: tau = 4" in ran.out
+    for command in ("tune", "design", "look"):
+        refused = call(capsys, monkeypatch, command, "free.toml")
+        assert "has no input" in " ".join(refused.err.split()), command
+        assert "error inside plantfit" not in refused.err
     refused = call(capsys, monkeypatch, "init", "free.csv", "--yes", "--force", "--candidates")
     assert refused.code == 7
     assert "a motion without" in " ".join(refused.err.split())
