@@ -400,3 +400,14 @@ def test_whole_numbers_without_a_unit_may_be_milliseconds(tmp_path, capsys, monk
         study = (tmp_path / "a.toml").read_text().replace("split = 0.7", 'time_unit = "ms"\nsplit = 0.7')
         (tmp_path / "a.toml").write_text(study)
         assert f"over {0.001 * step * 79:g} s" in call(capsys, monkeypatch, "check", "a.toml").out
+
+
+def test_a_speed_in_turns_a_minute_of_a_german_file(tmp_path, capsys, monkeypatch):
+    rows = "".join(
+        f"{0.05 * k:.2f};{20 + 40 * (k // 30 % 2)};{k % 30 * 10:.1f}\n".replace(".", ",") for k in range(200)
+    )
+    (tmp_path / "n.csv").write_text(f"t [s];PWM [%];n [U/min]\n{rows}")
+    monkeypatch.chdir(tmp_path)
+    for kind in ((), ("--force", "--candidates")):
+        said = call(capsys, monkeypatch, "init", "n.csv", "--yes", *kind)
+        assert said.code == 0, said.err

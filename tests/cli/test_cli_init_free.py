@@ -83,6 +83,27 @@ def test_a_column_that_never_changes_may_be_a_dead_sensor(tmp_path, monkeypatch,
     assert call(capsys, monkeypatch, "init", "free.csv", "--input", "none").code == 0
 
 
+@pytest.mark.parametrize("word", [("ON", "OFF"), ("0xFF", "0x1A"), ("true", "false"), ("1.234,5", "2.345,6")])
+def test_an_input_in_words_is_no_free_motion(tmp_path, monkeypatch, capsys, word):
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"{k};{word[k // 20 % 2]};{20 + k % 20}\n" for k in range(120))
+    (tmp_path / "w.csv").write_text(f"t;heater;T\n{rows}")
+    said = call(capsys, monkeypatch, "init", "w.csv", "--yes")
+    assert said.code == 3
+    assert "Not made of numbers: 'heater'" in " ".join(said.err.split())
+
+
+def test_of_two_clocks_the_one_counts_whose_times_are_not_the_same(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    rows = "".join(f"2026-03-02,12:00:{k // 20:02d},{50 * k},{20 + 50 * 2.7183 ** (-k / 90):.2f}\n" for k in range(600))
+    (tmp_path / "c.csv").write_text(f"Date,Time,millis,T\n{rows}")
+    said = call(capsys, monkeypatch, "init", "c.csv", "--yes")
+    assert said.code == 0, said.err
+    assert "appears twice" not in said.out
+    assert "(an exponential decay)" in said.out
+    assert "600 samples over 29.95 s" in call(capsys, monkeypatch, "check", "c.toml").out
+
+
 def test_oscillations_and_decays_are_told_apart():
     rng = np.random.default_rng(4)
     for _ in range(60):

@@ -25,6 +25,7 @@ _NAMES = re.compile(
     rf"]({_UNITS}))$",
     re.IGNORECASE,
 )
+DISTINCT = 0.95  # of the rows, which have a time of their own
 FAR = 1e11  # s since 1970, in the year 5138
 _DAYS = (20_000.0, 80_000.0)  # as spreadsheets count them since 1900: 1954 to 2119
 _DATED = re.compile(r"^(date|datum)|date$|stamp|stempel|horodatage", re.IGNORECASE)
@@ -53,13 +54,15 @@ def is_time_name(name: str) -> bool:
 def guess_time(table: Table) -> Column | None:
     """The column that a reader would take as time: by its name, by its cells, or the first of a file without header.
 
-    Of several names the first counts, but dates alone come after clock readings, whose midnights are seen, and a field
-    of a structure (data.t) counts by the name of the field.
+    Of several names the first counts whose values are not the same in many rows, as those of a clock of whole seconds
+    beside millis(). Dates alone come after clock readings, whose midnights are seen, and a field of a structure
+    (data.t) counts by the name of the field.
     """
     named = [c for c in table.columns if is_time_name(c.name) or is_time_name(c.name.rpartition(".")[2])]
     whole = [c for c in named if not _dates_alone(c)]
     if whole or named:
-        return (whole or named)[0]
+        fine = [c for c in whole or named if c.cells.n_unique() > DISTINCT * len(c.cells)]
+        return (fine or whole or named)[0]
     for column in table.columns:
         if column.cells.dtype.is_temporal():
             return column

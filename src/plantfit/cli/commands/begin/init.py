@@ -156,8 +156,18 @@ def _free(
                 f"{named if outputs else [r.header for r in moving]}."
             )
         return named[0]
-    still = any(r.kind == "constant" for r in usable)  # an input or a sensor that was dead
-    return moving[0].header if len(moving) == 1 and not inputs and not still else None
+    # an input or a sensor that was dead, or an input that is written in words (ON and OFF)
+    other = any(r.kind == "constant" or _in_words(r, known) for r in roles.columns)
+    return moving[0].header if len(moving) == 1 and not inputs and not other else None
+
+
+def _in_words(role: "Role", known: "dict[str, ColumnSummary]") -> bool:
+    """Whether a column holds text that is no time and no date."""
+    from plantfit.recording.readers.clock import looks_like_time
+    from plantfit.recording.readers.timestamps import is_date
+
+    first = next((cell for cell in known[role.header].first if cell.strip()), "")
+    return role.kind == "text" and not (looks_like_time(first) or is_date(first))
 
 
 def _alone(role: "Role", free: str) -> "Role":
@@ -273,9 +283,15 @@ def _chosen(
     ]
     moving = [r for r in usable if r.kind not in ("time", "constant", "index")]
     if len(moving) < 2:
+        words = [repr(r.header) for r in roles.columns if _in_words(r, known)]
+        told = (
+            f" Not made of numbers: {', '.join(words)}; write 1 and 0 for words as ON and OFF, and numbers without "
+            "marks of thousands and without 0x."
+        )
         raise RecordingError(
             f"{source}: a study needs an input and an output, two columns of changing numbers besides the time; "
             f"{'only ' + repr(moving[0].header) + ' changes' if moving else 'no column changes'}."
+            f"{told if words else ''}"
             f"{' If nothing drives the plant, give --input none.' if moving and not inputs else ''}"
         )
     said_in, said_out = _named(source, inputs, usable), _named(source, outputs, usable)
