@@ -49,3 +49,17 @@ def test_a_switch_that_adds_gates_or_does_nothing_is_no_direction(tmp_path):
         y = _lag(acts, rng.uniform(2, 20), rng.uniform(0, 5), rng)
         found = _told(tmp_path, ("u", "switch", "y"), duty, on, y)
         assert not any(r.direction for r in found.values()), seed
+
+
+def test_of_many_columns_switches_are_looked_at_by_name(tmp_path):
+    rng = np.random.default_rng(1)
+    n = 600
+    two = [_levels(rng, n, [0, 1], 40) for _ in range(8)]
+    other = [np.abs(np.cumsum(rng.normal(size=n))) for _ in range(8)]
+    duty = _levels(rng, n, np.arange(0, 256), 30)
+    y = _lag(np.where(two[3] == 1, duty, -duty), 8, 2, rng)
+    for name in ("direction", "b3"):
+        names = [name if k == 3 else f"b{k}" for k in range(8)] + [f"c{k}" for k in range(8)] + ["pwm", "y"]
+        found = _told(tmp_path, names, *two, *other, duty, y)
+        signed = {r.name: r.direction for r in found.values() if r.direction}
+        assert signed == ({"pwm": "direction"} if name == "direction" else {})

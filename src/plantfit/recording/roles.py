@@ -20,6 +20,7 @@ MOST = 2000  # samples that the tests look at
 SURE = 1.0  # of evidence
 UNMOVED = "but no column moves it, so it may be a disturbance"
 STILL = 0.1  # share of its changes, below which a column counts as moved by no other
+FEW = 8  # columns
 SIGNED = 0.7  # of what two columns leave of an output as a sum, below which one is taken as the sign of the other
 SPARSE = 0.5  # share of samples that are there, below which a column is measured: an input has to be known at all times
 
@@ -40,6 +41,7 @@ _GOAL = re.compile(r"(?:sp|set|setpoint|setpt|ref|reference|target|desired|des|s
 _COUNT = re.compile(
     r"(?:index|idx|sample|samples|no|nr|num|number|row|count|counter|n|k|record|point|unnamed|scan|id|seq|messpunkt|lfd)"
 )
+_WAY = re.compile(r"(?:dir|direction|dirn|sign|forward|fwd|reverse|rev|backward|richtung|drehrichtung|vorzeichen|sens)")
 _OUT_UNITS = {"degC", "°C", "degF", "K", "rad", "deg", "rad/s", "deg/s", "rpm", "1/min", "m", "mm", "cm", "m/s",
               "m/s^2", "bar", "Pa",
               "kPa", "l/min", "L/min", "m^3/h", "tr/min", "A", "mA"}  # fmt: skip
@@ -176,7 +178,8 @@ def _judged(
     if not inputs or (len(inputs) == len(own) and not sparse):
         forced = int(np.argmax(evidence) if not inputs else np.argmin(evidence))
         inputs = [forced] if not inputs else [k for k in inputs if k != forced]
-    signs = _signs(v)
+    # in a file of many columns switches are looked at by their names alone: else the tests take minutes
+    signs = _signs(v, [k for k, h in enumerate(own) if len(own) <= FEW or _said(columns[h], _WAY)])
     inputs = sorted({*inputs, *(k for pair in signs.items() for k in pair)})
     found: dict[str, Role] = {}
     for k, h in enumerate(own):
@@ -209,9 +212,9 @@ def _judged(
     return found
 
 
-def _signs(v: np.ndarray) -> dict[int, int]:
-    """Of columns v (n, m) those without sign, each with the column of two levels that says which way it acts: a duty
-    and the direction of a bridge.
+def _signs(v: np.ndarray, switches: Sequence[int]) -> dict[int, int]:
+    """Of columns v (n, m) those without sign, each with the one of the `switches`, a column of two levels, that says
+    which way it acts: a duty and the direction of a bridge.
 
     Their product with the levels as -1 and 1 then tells the future of another column far better than their sum does,
     and than the duty in one of the directions alone.
@@ -219,7 +222,7 @@ def _signs(v: np.ndarray) -> dict[int, int]:
     m = v.shape[1]
     two = [k for k in range(m) if len(np.unique(v[:, k])) == 2]
     found: dict[int, int] = {}
-    for b in two:
+    for b in (k for k in two if k in switches):
         high = v[:, b] == v[:, b].max()
         best = SIGNED
         for a in (k for k in range(m) if k != b and v[:, k].min() >= 0 and k not in found):
