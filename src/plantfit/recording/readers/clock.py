@@ -128,7 +128,7 @@ def may_be_milliseconds(table: Table) -> bool:
         return False
     steps = np.abs(np.diff(values))
     whole = len(steps) > 2 and np.isfinite(values).all() and bool(np.all(values == np.round(values)))
-    return not len(text) and known_by.startswith("assumed") and whole and float(np.median(steps)) > 1
+    return not len(text) and known_by.startswith("assumed") and bool(whole) and float(np.median(steps)) > 1
 
 
 def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.ndarray, str]:
