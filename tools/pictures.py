@@ -87,10 +87,10 @@ def looks() -> Iterator[tuple[str, Recording, Look]]:
     gap[250:] += 0.6
     signals = {
         "clipped": np.minimum(y, 1.5), "stuck": stuck, "quantised": np.round(y / 0.2) * 0.2, "spikes": spikes, "missing": missing,
-        "held": np.repeat(y[::8], 8), "filled": np.interp(t, t[::8], y[::8]),
+        "wrapped": 0.06 * np.cumsum(y + 2.5) % (2 * np.pi), "held": np.repeat(y[::8], 8), "filled": np.interp(t, t[::8], y[::8]),
     }  # fmt: skip
     for kind, values in signals.items():
-        recording = Recording(t, {"y": Signal(values, "V")}, "record")
+        recording = Recording(t, {"y": Signal(values, "rad" if kind == "wrapped" else "V")}, "record")
         yield kind, recording, next(k for k in signal_looks(recording, "y", True) if k.kind == kind)
     still = Recording(t, {"u": Signal(np.full(n, 2.0), "V")}, "record")
     yield "constant", still, next(iter(signal_looks(still, "u", False)))

@@ -46,6 +46,10 @@ STANDARD = {
 
 
 def signal_of(what: str, chosen: str | None, names: tuple[str, ...]) -> str:
+    if not names:
+        raise SpecError(
+            f"The model has no {what}, so that there is no loop to close; identify the plant with what drives it."
+        )
     if chosen is None:
         if len(names) == 1:
             return names[0]

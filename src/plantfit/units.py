@@ -69,7 +69,7 @@ _SPELLINGS = (
     (r"\b(mm|cm|dm|m|km|ms|s|min|rad|deg|A|K)(-?[1-4])(?![\d.])", r"\1**\2"),
     (r"^\s*/", "1/"),
     (r"\bRPM\b|\bRpm\b|^\s*[Uu]pm\s*$|^\s*UPM\s*$", "rpm"),
-    (r"^\s*(U|tr|r)\s*/\s*(?=(min|s)\s*$)", "turn/"),  # Umdrehungen, tours, revolutions
+    (r"(?:^\s*|(?<=\())(U|tr|r)\s*/\s*(?=(min|s)\b)", "turn/"),  # Umdrehungen, tours, revolutions
     (r"\brev\b", "turn"),
 )
 

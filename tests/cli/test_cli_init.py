@@ -308,7 +308,7 @@ def test_a_bracket_that_holds_no_unit_is_told_once_and_the_column_keeps_its_name
          "two.csv has 2 columns 'u'; give each its own "
             "name in the header."),
         ("c.csv", "t,u,y\n0,1,5,2,5\n1,0,5,3,5\n", "c.csv, line 2: 5 cells where the first row has 3 (delimiter ','); "
-                                                   "correct the line "
+                                                   "correct or delete the line "
          "(if its numbers have decimal commas, separate the columns by semicolons)."),
         ("b.csv", "\0\0", "'b.csv' is not text; save it as CSV, or give its name the ending of its "
             "format"),
@@ -370,3 +370,59 @@ def test_words_in_place_of_numbers_are_written_as_missing(model, tmp_path, capsy
     assert "2 cells with 'Bad' in place of a number: the study file counts them as missing." in said.out
     [experiment] = spec.load(tmp_path / "log.toml").problem.experiments.values()
     assert np.flatnonzero(np.isnan(experiment.recording["w"])).tolist() == [40, 41]
+
+
+@pytest.mark.parametrize(("low", "high"), [(0, 1), (-1, 1), (1, 2)])
+def test_a_duty_with_its_direction_in_another_column_becomes_a_plant_that_turns_both_ways(
+    tmp_path, capsys, monkeypatch, low, high
+):
+    rng = np.random.default_rng(5)
+    duty, up = np.repeat(rng.integers(0, 256, 20), 30), np.repeat(rng.integers(0, 2, 24), 25)
+    rows, w = ["millis,pwm,dir,rpm\n"], 0.0
+    for k in range(600):
+        rows.append(f"{20 * k},{duty[k]},{high if up[k] else low},{w + rng.normal(0, 2):.1f}\n")
+        w += 0.15 * (7.0 * duty[k] * (1 if up[k] else -1) - w)
+    (tmp_path / "m.csv").write_text("".join(rows))
+    monkeypatch.chdir(tmp_path)
+    said = call(capsys, monkeypatch, "init", "m.csv", "--yes")
+    assert said.code == 0, said.err
+    assert "'dir' gives it its sign" in said.out
+    assert "K*delay(pwm_signed, L) + rest" in (tmp_path / "m.toml").read_text()
+    assert "rpm answers to pwm_signed." in said.out
+    look = call(capsys, monkeypatch, "look", "m.toml")
+    assert "rpm reacts to pwm_signed within a sample" in look.out
+    assert "a fit of 99" in call(capsys, monkeypatch, "run", "m.toml").out
+
+
+@pytest.mark.parametrize(
+    ("header", "step", "told"),
+    [
+        ("t", 50, True),
+        ("time", 20, True),
+        ("t", 1, False),
+        ("t_ms", 50, False),
+        ("time [s]", 50, False),
+        ("t", 0.5, False),
+    ],
+)
+def test_whole_numbers_without_a_unit_may_be_milliseconds(tmp_path, capsys, monkeypatch, header, step, told):
+    rows = "".join(f"{step * k:g},{k // 9 % 2},{(k % 9) / 9:.2f}\n" for k in range(80))
+    (tmp_path / "a.csv").write_text(f"{header},u,y\n{rows}")
+    monkeypatch.chdir(tmp_path)
+    said = " ".join(call(capsys, monkeypatch, "init", "a.csv", "--yes").out.split())
+    assert ('write time_unit = "ms" or "min" below time' in said) is told
+    if told:
+        study = (tmp_path / "a.toml").read_text().replace("split = 0.7", 'time_unit = "ms"\nsplit = 0.7')
+        (tmp_path / "a.toml").write_text(study)
+        assert f"over {0.001 * step * 79:g} s" in call(capsys, monkeypatch, "check", "a.toml").out
+
+
+def test_a_speed_in_turns_a_minute_of_a_german_file(tmp_path, capsys, monkeypatch):
+    rows = "".join(
+        f"{0.05 * k:.2f};{20 + 40 * (k // 30 % 2)};{k % 30 * 10:.1f}\n".replace(".", ",") for k in range(200)
+    )
+    (tmp_path / "n.csv").write_text(f"t [s];PWM [%];n [U/min]\n{rows}")
+    monkeypatch.chdir(tmp_path)
+    for kind in ((), ("--force", "--candidates")):
+        said = call(capsys, monkeypatch, "init", "n.csv", "--yes", *kind)
+        assert said.code == 0, said.err

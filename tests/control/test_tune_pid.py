@@ -248,6 +248,12 @@ def test_what_a_recording_tells_of_its_sensor():
     slow = 20 + 5 * np.sin(np.arange(500) / 40)
     assert quantum_of(np.round(slow / 0.25) * 0.25) == pytest.approx(0.25)
     assert quantum_of(slow + rng.normal(0, 0.1, 500)) == 0.0
+    for _ in range(40):  # a speed from counts: most of its values come once
+        n, step = int(rng.integers(100, 2000)), 10 ** rng.uniform(-3, 2)
+        moves = step * rng.uniform(0.6, 30) * n * np.sin(np.arange(n) / 40) + step * rng.normal(0, 1, n)
+        assert quantum_of(np.pi / 30 * step * np.round(moves / step)) == pytest.approx(np.pi / 30 * step)
+        assert quantum_of(moves) == 0.0
+        assert quantum_of(1 / (2.0 + np.round(40 * np.sin(np.arange(n) / 40) + 50))) == 0.0  # steps that differ
     assert noise_of(slow + rng.normal(0, 0.1, 500)) == pytest.approx(0.1, rel=0.15)
 
 

@@ -283,3 +283,11 @@ def test_unit_that_does_not_exist_names_its_owner(kind):
     name = {"inputs": "u", "outputs": "y", "parameters": "k"}[kind]
     with pytest.raises(UnitError, match=f"The unit of {kind[:-1]} '{name}'"):
         build("x' = k*u; y = x", **{kind: {name: "furlonk"}})
+
+
+@pytest.mark.parametrize("output", ["az = v' + g0", "az = 2*v' - v'", "az=g0+v'"])
+def test_a_rate_right_of_the_sign_is_told_how_to_be_written(output):
+    given = {"states": ["x", "v"], "outputs": ["az"], "parameters": ["k", "g0"]}
+    with pytest.raises(EquationError, match=r"The rate v' cannot stand right of '='.*rate = .* and v' = rate"):
+        equations(f"x' = v\nv' = -k*x\n{output}", **given)
+    equations("x' = v\nrate = -k*x\nv' = rate\naz = rate + g0", **given)

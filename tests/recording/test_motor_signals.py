@@ -137,6 +137,28 @@ def test_rounded_counts_leave_the_pose_near_the_true_one():
     assert np.max(np.abs(r["heading"] - heading)) < 2 / to_counts / track
 
 
+def test_a_duty_gets_the_sign_of_its_direction():
+    t, duty = np.arange(6.0), np.array([0.0, 10, 20, 30, 40, np.nan])
+    for levels, forward, expected in (
+        ([1, 1, 0, 0, 1, 0], None, [0, 10, -20, -30, 40, np.nan]),
+        ([1, 1, -1, -1, 1, 1], None, [0, 10, -20, -30, 40, np.nan]),
+        ([1, 1, 2, 2, 1, 1], 1, [0, 10, -20, -30, 40, np.nan]),
+    ):
+        r = rec.signed(made(t, pwm=(duty, "%"), dir=np.array(levels, dtype=float)), "pwm", "dir", "u", forward)
+        np.testing.assert_array_equal(r["u"], expected)
+        assert r.signals["u"].unit == "%"
+    for way, forward, told in (
+        (np.ones(6), None, "has 1 levels"),
+        (np.array([0, 1, 2, 0, 1, 2.0]), None, "has 3 levels"),
+        (np.array([0, 1, np.nan, 0, 1, 0]), None, "missing values"),
+        (np.array([0, 1, 1, 0, 1, 0.0]), 2.0, "forward is 2, but 'dir' is 0 or 1"),
+    ):
+        with pytest.raises(RecordingError, match=told):
+            rec.signed(made(t, pwm=duty, dir=way), "pwm", "dir", "u", forward)
+    with pytest.raises(RecordingError, match="has a sign already"):
+        rec.signed(made(t, pwm=-duty, dir=np.array([0, 1, 1, 0, 1, 0.0])), "pwm", "dir", "u")
+
+
 def test_all_of_them_are_steps_of_a_study_file():
     assert {
         "duty_to_voltage",
@@ -145,4 +167,5 @@ def test_all_of_them_are_steps_of_a_study_file():
         "period_to_speed",
         "moving_rms",
         "odometry",
+        "signed",
     } <= set(CLEANING)

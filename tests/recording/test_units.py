@@ -20,6 +20,8 @@ from plantfit.errors import UnitError
         ("V s/rad", "V*s/rad"), ("Vs/rad", "V*s/rad"), ("s⁻¹", "1/s"), ("s-1", "1/s"), ("/s", "1/s"),
         ("m3/h", "m**3/h"),
         ("-", "1"), ("", "1"), ("sec", "s"), ("counts", "count"), ("RPM", "rpm"), ("Rpm", "rpm"), ("U/min", "rpm"),
+        ("U/min/V", "rpm/V"), ("(U/min)/s", "rpm/s"),
+        ("1/(U/min)", "1/rpm"), ("(tr/min)/%", "rpm/%"),
         ("tr/min", "rpm"),
         ("rev/min", "rpm"), ("r/min", "rpm"), ("rev/s", "turn/s"), ("V/RPM", "V/rpm"),
     ],

@@ -165,3 +165,37 @@ def test_a_block_left_out_at_the_start_is_foretold_without_running_away():
             errors = (again.simulated[0] - record["y"])[hidden]
             # rest at the first sample has the noise of that one
             assert np.sqrt(np.mean(errors**2)) < (2 if begin else 5) * NOISE
+
+
+def test_a_slow_plant_that_a_linear_model_follows_is_not_called_noise():
+    """Four steps of a heater in half an hour: in no eighth of the record there is enough of the answer."""
+    blamed = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        n, tau = 1800, rng.uniform(100, 300)
+        u = np.zeros(n)
+        for begin, level in zip((60, 600, 1000, 1400), (120, 220, 60, 180), strict=True):
+            u[begin + rng.integers(-40, 40) :] = level + rng.uniform(-30, 30)
+        heat = lfilter([0.0, 0.4 * (1 - np.exp(-1 / tau))], [1, -np.exp(-1 / tau)], u)
+        y = 22 + lfilter([0.0, 1 - np.exp(-1 / 12)], [1, -np.exp(-1 / 12)], heat) + 0.15 * rng.normal(size=n)
+        told = look(Recording(np.arange(n), {"u": Signal(u, "%"), "y": Signal(y, "degC")}, "r"), ["u"], ["y"])
+        text = " ".join(s.sentence for s in told.verdict)
+        assert any(f"explains {share}" in text for share in ("9", "100"))
+        if (value := told.outputs[0].pairs[0].delay) is not None and value > 20:  # the truth is 0
+            assert "at the latest" in text
+            assert "the linear model has a dead time of" in text
+        assert "noise, or no linear answer" not in text
+        blamed += "the linear model takes the whole record" in text
+    assert blamed > 2
+
+
+def test_noise_and_a_decay_beside_an_input_that_does_nothing_are_still_called_noise():
+    for seed in range(12):
+        rng = np.random.default_rng(100 + seed)
+        n = 900
+        u = np.repeat(rng.permutation([0.0, 120, 220, 60, 180, 20]), 150)
+        y = rng.normal(size=n) + (20 * np.exp(-np.arange(n) / 200) if seed % 2 else 0)
+        told = look(Recording(np.arange(n), {"u": Signal(u, "%"), "y": Signal(y, "degC")}, "r"), ["u"], ["y"])
+        text = " ".join(s.sentence for s in told.verdict)
+        assert "which takes all lags together" not in text
+        assert "takes the whole record" not in text

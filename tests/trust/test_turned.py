@@ -10,7 +10,7 @@ from plantfit.fitting import fit
 from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.validate.turned import turned
+from plantfit.trust.validate.turned import turned, turned_records
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 
 N = 1500
@@ -130,3 +130,59 @@ def test_the_verdict_names_the_part_and_no_better_model(channel, moved):
     assert "a better model" not in said
     if test.turned:
         assert test.turned.begin == pytest.approx(100.0, abs=3.0)
+
+
+def _runs(rng, count, wrong, noise=0.1):
+    """Recordings of one plant by name, of which those in `wrong` were wired the other way round; their simulation has
+    the gain that a fit of all has."""
+    found, gain = {}, 1 - 2 * len(wrong) / count
+    for k in range(count):
+        x = output(steps(rng, int(rng.integers(20, 200))))
+        y = (-x if k in wrong else x) + noise * np.std(x) * rng.normal(size=N)
+        found[f"r{k}"] = T, y + rng.uniform(-3, 3), (gain or 0.1) * x
+    return found
+
+
+def test_a_recording_of_the_wrong_sign_is_named_and_no_other():
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        count = int(rng.integers(3, 8))
+        wrong = set(rng.choice(count, int(rng.integers(1, (count + 1) // 2)), replace=False).tolist())
+        told = turned_records(_runs(rng, count, wrong, rng.uniform(0, 0.5)))
+        assert set(told) == {f"r{k}" for k in wrong}
+        assert all(t.throughout and t.within < -0.8 < 0.5 < t.elsewhere for t in told.values())
+    assert set(turned_records(_runs(np.random.default_rng(1), 2, {1}))) == {"r1"}
+
+
+def test_recordings_of_one_sign_or_that_no_model_follows_name_none():
+    for seed in range(60):
+        rng = np.random.default_rng(200 + seed)
+        count = int(rng.integers(2, 8))
+        right = _runs(rng, count, set(), rng.uniform(0, 3))
+        unrelated = {n: (t, np.cumsum(rng.normal(size=N)), x) for n, (t, _, x) in right.items()}
+        all_wrong = {n: (t, -y, x) for n, (t, y, x) in right.items()}
+        constant = {n: (t, y, np.zeros(N)) for n, (t, y, _) in right.items()}
+        for records in (right, all_wrong, constant):
+            assert turned_records(records) == {}
+        mixed = {**right, "r0": unrelated["r0"]}
+        if np.corrcoef(mixed["r0"][1], mixed["r0"][2])[0, 1] > -0.8:
+            assert turned_records(mixed) == {}
+
+
+def test_the_verdict_names_a_recording_whose_cable_was_turned_round():
+    model = equations(
+        "x' = (K*u - x)/tau\ny = x + rest", inputs=["u"], states=["x"], outputs=["y"], name="lag",
+        parameters={"K": {"bounds": (0.01, 10)}, "tau": {"bounds": (0.1, 100), "unit": "s"},
+                    "rest": {"bounds": (-50, 50)}},
+    )  # fmt: skip
+    rng = np.random.default_rng(7)
+    records = {}
+    for name, sign in (("a", 1.0), ("b", 1.0), ("c", -1.0)):
+        u = steps(rng, 100)
+        y = sign * output(u) + 0.02 * rng.normal(size=N)
+        records[name] = Recording(T, {"u": Signal(u, None), "y": Signal(y, None)}, name)
+    told = str(fit(Problem(model, records)).verdict)
+    assert "y moves against the simulation throughout (correlation -" in told
+    assert "agree within chance" not in told
+    right = {n: r for n, r in records.items() if n != "c"}
+    assert "throughout" not in str(fit(Problem(model, right)).verdict)

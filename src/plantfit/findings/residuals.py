@@ -38,6 +38,8 @@ class Turned(Record):
     within: float
     """Correlation of measured and simulated samples there, and that of all others."""
     elsewhere: float
+    throughout: bool = False
+    """Whether it is the whole record; `elsewhere` is then the least of the other recordings."""
 
 
 class ShortRecordings(Record):

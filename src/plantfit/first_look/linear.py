@@ -237,7 +237,9 @@ def _slopes(records: Sequence[Data], fit: LinearFit) -> tuple[np.ndarray, np.nda
         ]
         shared, own, _ = _columns(d, fit.f, fit.shifts)
         block = np.zeros((len(y), order + shared.shape[1] + order * free))
-        block[:, :order], block[:, order : order + shared.shape[1]] = np.column_stack(slopes), shared
+        if order:
+            block[:, :order] = np.column_stack(slopes)
+        block[:, order : order + shared.shape[1]] = shared
         if not d.rested:
             block[:, start : start + order] = own
             start += order

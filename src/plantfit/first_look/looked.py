@@ -17,6 +17,7 @@ from plantfit.first_look.linear import step_band
 from plantfit.recording.record import Recording
 
 MOST_STEP = 400  # samples of a step response
+FOLLOWED = 0.5  # of the output, from which on a linear model shows that the output answers
 PART = 0.7  # of a recording that is fitted, where nothing is said
 
 
@@ -64,6 +65,8 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
     count = int(min(MOST_STEP, max(20, len(data.y) // 4)))
     settled = _settles(found, count)
     middle, half = step_band([data], fit, k, settled)
+    # few steps of a slow plant are seen by a model of the whole record alone
+    followed = _told_share(found)[1] > FOLLOWED and bool(np.any(np.abs(middle) > half))
     row: dict[str, Any] = {
         "input": name, "unit": unit, "delay": delay.value, "lags": delay.lags.tolist(),
         "correlation": delay.correlation.tolist(),
@@ -76,14 +79,19 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
             _said("warning", f"Input {name} never moves: nothing can be said of what {data.output} answers to it.")
         )
     elif delay.value is None:
-        said.append(
-            _said("info", f"No reaction of {data.output} to {name} stands out of chance in the cross-correlation.")
-        )
+        more = ", lag by lag; the linear model, which takes all lags together, has one" if followed else ""
+        text = f"No reaction of {data.output} to {name} stands out of chance in the cross-correlation{more}."
+        said.append(_said("info", text))
     else:
         when = f"after {delay.value:.3g} s" if delay.value > 0 else "within a sample"
+        dead = fit.dead_times()[k]
+        # a slow answer stands out of chance late
+        if followed and delay.value > dead + 2 * data.period:
+            when = f"{when} at the latest"
         text = (
             f"{data.output} reacts to {name} {when} (first lag of the "
-            f"cross-correlation beyond chance, {'both' if delay.both else name} made white)."
+            f"cross-correlation beyond chance, {'both' if delay.both else name} made white)"
+            f"{f'; the linear model has a dead time of {dead:.3g} s' if when.endswith('latest') else ''}."
         )
         said.append(_said("info", text, delay=delay.value))
     try:
@@ -95,19 +103,20 @@ def _pair(data: Data, k: int, name: str, unit: str | None, found: Baseline, said
     seen = np.isfinite(h.response) & (h.coherence > 0.5)
     first = k == int(np.argmax(np.ptp(data.inputs, axis=0) > 0))  # coherence is with all inputs together: said once
     if moves and first and seen.any():
-        text = (
-            f"Coherence of {data.output} with the inputs is above 0.5 from {h.f[seen].min():.3g} to "
-            f"{h.f[seen].max():.3g} Hz"
-        )
+        low, high = h.f[seen].min(), h.f[seen].max()
+        where = f"from {low:.3g} to {high:.3g} Hz" if low < high else f"at {low:.3g} Hz alone"
+        text = f"Coherence of {data.output} with the inputs is above 0.5 {where}"
         share = np.mean(seen[(h.f >= h.f[seen].min()) & (h.f <= h.f[seen].max())])
         said.append(_said("info", text + (", with gaps." if share < 0.9 else ".")))
     elif moves and first:
-        said.append(
-            _said(
-                "warning",
-                f"Coherence of {data.output} with the inputs is nowhere above 0.5: noise, or no linear answer.",
-            )
+        why = (
+            "an eighth of the record, which it is computed of, shows too little of a slow answer or of few moves; "
+            "the linear model takes the whole record"
+            if followed
+            else "noise, or no linear answer"
         )
+        text = f"Coherence of {data.output} with the inputs is nowhere above 0.5: {why}."
+        said.append(_said("info" if followed else "warning", text))
     return InputToOutput(
         **row, f=h.f.tolist(), gain=np.abs(h.response).tolist(),
         phase=np.degrees(np.unwrap(np.angle(h.response))).tolist(),
@@ -123,8 +132,14 @@ def _settles(found: Baseline, most: int) -> int:
     return int(np.clip(memory + 2 + max(found.chosen.shifts), 10, most))
 
 
-def _explains(output: str, unit: str | None, found: Baseline) -> Sentence:
+def _told_share(found: Baseline) -> tuple[str, float]:
+    """The part of the record that is told of, and the share of the output that the linear model explains there."""
     part = "unseen" if np.isfinite(found.share["unseen"]) else "fit"
+    return part, found.share[part]
+
+
+def _explains(output: str, unit: str | None, found: Baseline) -> Sentence:
+    part, _ = _told_share(found)
     share, rmse = found.share[part], found.rmse[part]
     tail = f" {unit}" if unit not in (None, "", "1") else ""
     what = f"the {'unseen' if part == 'unseen' else 'fitted'} {output}"

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from plantfit.recording.clean.parts import cut, pieces, shift_time, split
     from plantfit.recording.clean.resampling import decimate, resample
     from plantfit.recording.clean.sampling import period_of
+    from plantfit.recording.clean.wraps import unwrap
     from plantfit.recording.description import ColumnSummary, Description, describe
     from plantfit.recording.readers.any_format import read
     from plantfit.recording.readers.formats.arrays import from_arrays, read_mat, read_npz
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from plantfit.recording.signals.moving_rms import moving_rms
     from plantfit.recording.signals.odometry import odometry
     from plantfit.recording.signals.presliding import presliding
-    from plantfit.recording.signals.pwm import duty_to_voltage
+    from plantfit.recording.signals.pwm import duty_to_voltage, signed
     from plantfit.recording.write import to_csv
 
 __all__ = [
@@ -78,10 +79,12 @@ __all__ = [
     "resample",
     "scale",
     "shift_time",
+    "signed",
     "smooth_motion",
     "split",
     "subtract",
     "to_csv",
+    "unwrap",
 ]
 
 names_of(
@@ -107,11 +110,12 @@ names_of(
         "clean.outliers": "drop_outliers drop_samples",
         "clean.parts": "cut pieces shift_time split",
         "signals.presliding": "presliding",
-        "signals.pwm": "duty_to_voltage",
+        "signals.pwm": "duty_to_voltage signed",
         "readers.any_format": "read",
         "record": "Recording Signal",
         "clean.resampling": "decimate resample",
         "clean.sampling": "period_of",
+        "clean.wraps": "unwrap",
         "readers.formats.tables": "from_frame read_parquet read_xlsx",
         "write": "to_csv",
     },

@@ -20,6 +20,8 @@ MOST = 2000  # samples that the tests look at
 SURE = 1.0  # of evidence
 UNMOVED = "but no column moves it, so it may be a disturbance"
 STILL = 0.1  # share of its changes, below which a column counts as moved by no other
+FEW = 8  # columns
+SIGNED = 0.7  # of what two columns leave of an output as a sum, below which one is taken as the sign of the other
 SPARSE = 0.5  # share of samples that are there, below which a column is measured: an input has to be known at all times
 
 _PARTS = re.compile(r"[A-Za-zÄÖÜäöüßéèêàçôîùÉ]+")
@@ -39,6 +41,7 @@ _GOAL = re.compile(r"(?:sp|set|setpoint|setpt|ref|reference|target|desired|des|s
 _COUNT = re.compile(
     r"(?:index|idx|sample|samples|no|nr|num|number|row|count|counter|n|k|record|point|unnamed|scan|id|seq|messpunkt|lfd)"
 )
+_WAY = re.compile(r"(?:dir|direction|dirn|sign|forward|fwd|reverse|rev|backward|richtung|drehrichtung|vorzeichen|sens)")
 _OUT_UNITS = {"degC", "°C", "degF", "K", "rad", "deg", "rad/s", "deg/s", "rpm", "1/min", "m", "mm", "cm", "m/s",
               "m/s^2", "bar", "Pa",
               "kPa", "l/min", "L/min", "m^3/h", "tr/min", "A", "mA"}  # fmt: skip
@@ -48,7 +51,8 @@ _IN_UNITS = {"V", "mV", "%", "N", "N*m", "Nm", "W", "kW"}
 @dataclass(frozen=True)
 class Role:
     """One column. `name` is fit for equations, `why` a clause for the user. `answers` are the headers of the inputs
-    that an output answers to, the strongest first. Of a role that is not `sure` the user should be asked."""
+    that an output answers to, the strongest first. `direction` is the header of the column of two levels that gives an
+    input without sign its sign. Of a role that is not `sure` the user should be asked."""
 
     header: str
     name: str
@@ -57,6 +61,7 @@ class Role:
     why: str
     sure: bool
     answers: tuple[str, ...] = ()
+    direction: str = ""
 
 
 @dataclass(frozen=True)
@@ -173,6 +178,9 @@ def _judged(
     if not inputs or (len(inputs) == len(own) and not sparse):
         forced = int(np.argmax(evidence) if not inputs else np.argmin(evidence))
         inputs = [forced] if not inputs else [k for k in inputs if k != forced]
+    # in a file of many columns switches are looked at by their names alone: else the tests take minutes
+    signs = _signs(v, [k for k, h in enumerate(own) if len(own) <= FEW or _said(columns[h], _WAY)])
+    inputs = sorted({*inputs, *(k for pair in signs.items() for k in pair)})
     found: dict[str, Role] = {}
     for k, h in enumerate(own):
         kind: Kind = "input" if k in inputs else "output"
@@ -185,6 +193,14 @@ def _judged(
         )
         sure = abs(evidence[k]) >= SURE and k != forced and not alone
         why = reasons[k][kind] or "nothing speaks against it"
+        if k in signs:
+            found[h] = replace(
+                _role(columns[h], kind, f"{why}; {own[signs[k]]!r} gives it its sign", True), direction=own[signs[k]]
+            )
+            continue
+        if k in signs.values():
+            found[h] = _role(columns[h], kind, "it has two levels that say which way another one acts", True)
+            continue
         found[h] = _role(columns[h], kind, f"{why}; {UNMOVED}" if alone else why, sure, answers)
     for h in sparse:
         why = "most of its samples are missing, where an input is known at all times"
@@ -194,6 +210,48 @@ def _judged(
     for h, of in copies.items():
         found[h] = _role(columns[h], "copy", f"nearly the same as {of!r}", True)
     return found
+
+
+def _signs(v: np.ndarray, switches: Sequence[int]) -> dict[int, int]:
+    """Of columns v (n, m) those without sign, each with the one of the `switches`, a column of two levels, that says
+    which way it acts: a duty and the direction of a bridge.
+
+    Their product with the levels as -1 and 1 then tells the future of another column far better than their sum does,
+    and than the duty in one of the directions alone.
+    """
+    m = v.shape[1]
+    two = [k for k in range(m) if len(np.unique(v[:, k])) == 2]
+    found: dict[int, int] = {}
+    for b in (k for k in two if k in switches):
+        high = v[:, b] == v[:, b].max()
+        best = SIGNED
+        for a in (k for k in range(m) if k != b and v[:, k].min() >= 0 and k not in found):
+            for y in (k for k in range(m) if k not in (a, b, *two) and v[:, k].min() < v[:, k].max()):
+                ratio = _signed(v[:, y], v[:, a], high)
+                if ratio < best:
+                    best, found = ratio, {**{i: j for i, j in found.items() if j != b}, a: b}
+    return found
+
+
+def _signed(y: np.ndarray, a: np.ndarray, high: np.ndarray) -> float:
+    """What the past of a with the sign of `high` leaves of y, over the least that a and `high` leave as a sum or a in
+    one direction alone; the least over several strides."""
+    least = 1.0
+    for stride in (1, 3, 10, 30):
+        w = y[::stride]
+        if len(w) < 40:
+            break
+        rows = len(w) - 3
+
+        def left(*causes: np.ndarray, w: np.ndarray = w, rows: int = rows, stride: int = stride) -> float:
+            past = [x[::stride][2 - j : 2 - j + rows] for x in (y, *causes) for j in range(3)]
+            return _left(np.column_stack([*past, np.ones(rows)]), w[3:])
+
+        own, signed = left(), left(np.where(high, a, -a))
+        if own - signed > 12 / rows * own:  # beyond chance
+            others = min(left(a, high.astype(float)), left(np.where(high, a, 0.0)), left(np.where(high, 0.0, a)))
+            least = min(least, signed / max(others, 1e-300))
+    return least
 
 
 def _role(column: Column, kind: Kind, why: str, sure: bool, answers: tuple[str, ...] = ()) -> Role:

@@ -23,7 +23,7 @@ CLEANING = (
     "lowpass", "differentiate",
     "smooth_motion", "presliding", "decimate", "cut", "shift_time", "duty_to_voltage", "counts_to_angle",
     "counts_to_speed",
-    "period_to_speed", "moving_rms", "odometry", "backdate", "keep_every",
+    "period_to_speed", "moving_rms", "odometry", "backdate", "keep_every", "signed", "unwrap",
 )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Combination, Parameter, StandardErrors
 from plantfit.findings.record import Values
 from plantfit.findings.recordings import Input, Output, Recording, Score
-from plantfit.findings.residuals import Cross, ResidualTest, ShortRecordings
+from plantfit.findings.residuals import Cross, ResidualTest, ShortRecordings, Turned
 from plantfit.findings.runs import Basin, History, Run
 from plantfit.findings.simulation import Forgets, Reproduction, SimulatedOutput, Simulation
 from plantfit.findings.whole import VERSION, Findings
@@ -48,7 +48,7 @@ from plantfit.trust.validate.residual_tests import (
     whiteness,
 )
 from plantfit.trust.validate.spare_samples import with_spare
-from plantfit.trust.validate.turned import turned
+from plantfit.trust.validate.turned import turned, turned_records
 from plantfit.trust.validate.unseen_starts import with_started
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import GOOD, ROUNDING, TESTED
@@ -89,7 +89,7 @@ def assess(
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
-    tests = list(_residual_tests(problem, predictions))
+    tests = _with_turned(problem, predictions, list(_residual_tests(problem, predictions)))
     scores = with_spare(problem, best.x, local, list(_scores(problem, predictions)))
     short = list(_short_recordings(problem, predictions, tests))
     scores = with_started(problem, local.values, scores, [*tests, *short])
@@ -242,6 +242,31 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 stretch=stretch,
                 turned=against,
             )
+
+
+def _with_turned(
+    problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]], tests: Sequence[ResidualTest]
+) -> list[ResidualTest]:
+    """The tests, with the recordings that as a whole move against the simulation."""
+    against: dict[tuple[str, str], Turned] = {}
+    for output in problem.outputs if problem.in_time else ():
+        records = {}
+        for test in tests:
+            if test.output == output:
+                e = problem.experiments[test.recording]
+                at = e.mask("fit") & np.isfinite(e.recording[output])
+                records[test.recording] = (
+                    e.recording.t[at],
+                    e.recording[output][at],
+                    predictions[test.recording][output][at],
+                )
+        against |= {(name, output): t for name, t in turned_records(records).items()}
+    return [
+        t.model_copy(update={"turned": against[t.recording, t.output], "stretch": None})
+        if (t.recording, t.output) in against and not t.white
+        else t
+        for t in tests
+    ]
 
 
 def _short_recordings(

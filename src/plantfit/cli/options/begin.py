@@ -37,7 +37,9 @@ def init(
         typer.Option("--out", "-o", help="The study file to write; NAME.toml beside the recording if left out."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Overwrite an existing study file.")] = False,
-    inputs: Annotated[list[str] | None, typer.Option("--input", help="A column that is an input (repeat).")] = None,
+    inputs: Annotated[
+        list[str] | None, typer.Option("--input", help="A column that is an input (repeat); none: nothing drives it.")
+    ] = None,
     outputs: Annotated[list[str] | None, typer.Option("--output", help="A column that is an output (repeat).")] = None,
     candidates: Annotated[
         bool, typer.Option("--candidates", help="Write three kinds of model, fit and compare them.")

@@ -5,7 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from plantfit.recording.looks.rounded import even_grid
+
 ROUND = 1e-6  # of a step of a sensor
+SURE = 12  # levels, so many of which are not on one even grid by chance
 
 
 def quantum_of(values: np.ndarray) -> float:
@@ -14,8 +17,11 @@ def quantum_of(values: np.ndarray) -> float:
     seen = np.unique(values[np.isfinite(values)])
     gaps = np.diff(seen)
     gaps = gaps[gaps > 1e-9 * max(float(np.ptp(seen)) if len(seen) else 0.0, 1e-300)]
-    if len(seen) > 0.5 * len(values) or len(gaps) < 3:
+    if len(gaps) < 3:
         return 0.0
+    if len(seen) > 0.5 * len(values):  # a fine sensor of a signal that moves: few values come twice
+        apart = seen[np.r_[True, np.diff(seen) > 1e-9 * np.ptp(seen)]]
+        return (even_grid(apart) or 0.0) if len(apart) >= SURE else 0.0
     step = float(np.min(gaps))
     counts = gaps / step
     return step if np.all(np.abs(counts - np.rint(counts)) < 0.05 * np.maximum(counts, 1.0)) else 0.0

@@ -109,15 +109,24 @@ def split(statement: Source, text: str) -> RawStatement:
     right = statement.part(equals + 1).stripped()
     if not right.characters:
         raise EquationError("There is nothing right of '='; write an expression.", text, *statement.place(equals))
-    refuse_quotes(right, text)
+    refuse_quotes(right, text, rates=True)
     return RawStatement(match["name"], bool(match["prime"]), statement.place(match.start("name")), right)
 
 
-def refuse_quotes(source: Source, text: str) -> None:
-    """Raise EquationError at the first quotation mark."""
+def refuse_quotes(source: Source, text: str, rates: bool = False) -> None:
+    """Raise EquationError at the first quotation mark; with `rates` one behind a name is the rate of a state."""
     for mark in "'\"":
         if mark in source.characters:
-            place = source.place(source.characters.index(mark))
+            at = source.characters.index(mark)
+            place = source.place(at)
+            state = re.search(r"[^\W\d]\w*$", "".join(source.characters[:at])) if rates and mark == "'" else None
+            if state is not None:  # an accelerometer reads v'
+                raise EquationError(
+                    f"The rate {state[0]}' cannot stand right of '='. Give it a name of its own, as in rate = ... and "
+                    f"{state[0]}' = rate, and write that name here.",
+                    text,
+                    *place,
+                )
             raise EquationError(
                 f"The mark {mark} cannot stand in an expression: text is "
                 "not allowed, and ' belongs after a state, left of '='.",

@@ -27,7 +27,7 @@ def rounded_step(values: np.ndarray) -> float | None:
     y = values[np.isfinite(values)]
     levels = np.unique(y)
     levels = levels[np.diff(levels, prepend=-np.inf) > SAME * float(levels[-1] - levels[0])] if len(levels) else levels
-    step = _grid(levels) if len(levels) >= FEW else None
+    step = even_grid(levels) if len(levels) >= FEW else None
     if step is None:
         return None
     moves = np.abs(np.diff(y)) / step
@@ -49,7 +49,7 @@ def _stays_unevenly(y: np.ndarray, step: float) -> bool:
     return len(stays) > 1 and float(np.std(stays)) > UNEVEN * float(np.mean(stays))
 
 
-def _grid(levels: np.ndarray) -> float | None:
+def even_grid(levels: np.ndarray) -> float | None:
     """The step of an even grid on which levels (m,), in rising order, lie; None where they lie on none."""
     apart = np.diff(levels)
     whole = np.concatenate([[0.0], np.cumsum(np.round(apart / float(np.min(apart))))])

@@ -1,5 +1,5 @@
-"""Looks at one signal: constant, missing, clipped, stuck, quantised, with spikes; and at an input that follows an
-output."""
+"""Looks at one signal: constant, missing, wrapped, clipped, stuck, quantised, with spikes; and at an input that follows
+an output."""
 
 from collections.abc import Iterator, Sequence
 
@@ -9,6 +9,7 @@ import scipy  # scipy.special is loaded at its first use
 from plantfit.recording.clean.outliers import inline, step_without
 from plantfit.recording.looks.look import MARKED, Look
 from plantfit.recording.looks.refreshed import refreshed_look
+from plantfit.recording.looks.wrapped import wrapped_look
 from plantfit.recording.record import Recording
 
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
@@ -62,6 +63,9 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             f"{name} is missing for {longest} samples from t = {t[begin]:.4g} s on.",
             float(t[begin]), float(t[begin + longest - 1]), figures={"samples": longest},
         )  # fmt: skip
+    if (wrapped := wrapped_look(recording, name)) is not None:  # then its ends and leaps are those of its range
+        yield wrapped
+        return
     if not measured:
         return
     runs, begins = _runs(values)

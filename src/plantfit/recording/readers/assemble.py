@@ -1,5 +1,6 @@
 """The one way from columns to a recording, shared by all readers."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, TypedDict, Unpack
@@ -13,6 +14,9 @@ from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import mostly_numbers, numbers
 from plantfit.recording.record import Recording, Signal
 from plantfit.units import gauge, logarithmic, parse
+
+RUN = 10  # rows, of which a part of a file may be a run of its own
+YEARS = 1e8  # s, three years: no board counts so far from its start
 
 
 class Options(TypedDict, total=False):
@@ -217,6 +221,13 @@ def _in_order(
     back = np.flatnonzero(steps < 0)
     if len(back) and not sort:
         row = int(back[0]) + 1
+        if _begins_anew(t, back, values):
+            raise ClockError(
+                f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s and begins anew there, "
+                "as where a board was started again or a file holds several runs, which sorting would mix. Cut the "
+                f"file there{_more(table, back)}, the header above every part, and give each a [recording.NAME] of "
+                "its own."
+            )
         raise ClockError(
             f"{table.where(row)}: time goes back from {t[row - 1]:.9g} s to {t[row]:.9g} s; sort the rows "
             "(sort = true in the study file, sort=True in Python), or cut the file there if it holds two runs.",
@@ -242,6 +253,37 @@ def _in_order(
     merge = _first if duplicates == "first" else _mean
     log.append(f"{len(same)} rows of repeated time were merged ({duplicates}).")
     return len(starts), {name: merge(array, starts) for name, array in values.items()}, t[starts], log
+
+
+def _begins_anew(t: np.ndarray, back: np.ndarray, values: Mapping[str, np.ndarray]) -> bool:
+    """Whether times (n,) that go back after the rows `back` are those of runs one after the other.
+
+    Rows out of order come back to where they were, and the pieces of a record in the wrong order meet. Times of runs
+    overlap, or are a gap apart that counts from the start of a board. Tables of several sensors, one below the other,
+    overlap, too, but no signal has values in two of them.
+    """
+    edges = np.r_[0, back + 1, len(t)]
+    parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    forward = np.diff(t)[np.diff(t) > 0]
+    if not len(forward) or min(p.stop - p.start for p in parts) < RUN:
+        return False
+    there = np.array([[np.isfinite(v[p]).any() for p in parts] for v in values.values()])
+    if not np.any(there.sum(axis=1) > 1):
+        return False
+    begins = np.array([t[p][0] for p in parts])
+    order = np.argsort(begins)
+    gaps = begins[order][1:] - np.array([t[p][-1] for p in parts])[order][:-1]
+    far = RUN * np.median(forward)  # rows that came late overlap by less
+    since_start = t.min() >= 0 and t.max() < YEARS
+    return bool(np.any(gaps < -far) or (since_start and np.any(gaps > far)))
+
+
+def _more(table: Table, back: np.ndarray) -> str:
+    """Where else times go back."""
+    if len(back) < 2:
+        return ""
+    lines = [table.where(int(row) + 1).rpartition(" ")[2] for row in back[1:6]]
+    return f" and at {table.place} {', '.join(lines)}" + (" and further ones" if len(back) > 6 else "")
 
 
 def _first(values: np.ndarray, starts: np.ndarray) -> np.ndarray:

@@ -8,8 +8,8 @@ import polars as pl
 
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import Column, Table
-from plantfit.recording.readers.daylight_saving import without_daylight_saving
 from plantfit.recording.readers.numbers import casted, clean_text, is_missing, is_number, numbers
+from plantfit.recording.readers.running_on import without_daylight_saving, without_overruns
 from plantfit.recording.readers.timestamps import is_date, is_timestamp, timestamps
 from plantfit.units import compatible, factor_offset
 
@@ -18,17 +18,22 @@ _WORDS = "t|time|zeit|elapsed|timestamp|temps|tiempo|tempo"
 _UNITS = "ns|us|µs|ms|s|sec|min|h"
 _SUFFIX = re.compile(rf"^(?:{_WORDS})[_ ]({_UNITS})$", re.IGNORECASE)
 _NAMES = re.compile(
-    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|time ?stamp|date ?time|elapsed "
+    rf"^({_WORDS}|date|datetime|sec|secs|second|seconds|sekunden|millis|micros|msec|usec|milliseconds|microseconds"
+    rf"|millisekunden|mikrosekunden|time ?stamp|date ?time|elapsed "
     rf"time|zeitstempel|uhrzeit"
     rf"|datum|datum[ /]+uhrzeit|heure|horodatage|date et heure|hora|utc|x[-_ ]?axis|x[-_ ]?value|({_WORDS})[_ "
     rf"]({_UNITS}))$",
     re.IGNORECASE,
 )
+DISTINCT = 0.95  # of the rows, which have a time of their own
 FAR = 1e11  # s since 1970, in the year 5138
 _DAYS = (20_000.0, 80_000.0)  # as spreadsheets count them since 1900: 1954 to 2119
 _DATED = re.compile(r"^(date|datum)|date$|stamp|stempel|horodatage", re.IGNORECASE)
 _AS_TIME = re.compile(r"\d{1,4}[:./-]\d{1,2}.*")
-_BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us"}
+_BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us",
+               "msec": "ms", "usec": "us", "milliseconds": "ms", "microseconds": "us", "millisekunden": "ms",
+               "mikrosekunden": "us", "ms": "ms", "us": "us", "µs": "us"}  # fmt: skip
+_UNITS_ALONE = {"ms", "us", "µs"}  # a header of only a unit; Us may be a voltage, too
 
 
 def looks_like_time(cell: str) -> bool:
@@ -49,19 +54,26 @@ def is_time_name(name: str) -> bool:
 def guess_time(table: Table) -> Column | None:
     """The column that a reader would take as time: by its name, by its cells, or the first of a file without header.
 
-    Of several names the first counts, but dates alone come after clock readings, whose midnights are seen, and a field
-    of a structure (data.t) counts by the name of the field.
+    Of several names the first counts whose values are not the same in many rows, as those of a clock of whole seconds
+    beside millis(). Dates alone come after clock readings, whose midnights are seen, and a field of a structure
+    (data.t) counts by the name of the field.
     """
     named = [c for c in table.columns if is_time_name(c.name) or is_time_name(c.name.rpartition(".")[2])]
     whole = [c for c in named if not _dates_alone(c)]
     if whole or named:
-        return (whole or named)[0]
+        fine = [c for c in whole or named if c.cells.n_unique() > DISTINCT * len(c.cells)]
+        return (fine or whole or named)[0]
     for column in table.columns:
         if column.cells.dtype.is_temporal():
             return column
         if column.cells.dtype == pl.String:
             filled = _first_cells(column)
             if filled and all(looks_like_time(cell) for cell in filled):
+                return column
+    for column in table.columns:
+        if column.name.lower() in _UNITS_ALONE and column.unit is None:
+            values, text, _ = casted(table, column.cells)
+            if not len(text) and len(values) > 2 and np.mean(np.diff(values) > 0) > 0.9:
                 return column
     if not table.header and table.columns:
         values, text, _ = casted(table, table.columns[0].cells)
@@ -104,6 +116,21 @@ def time_unit_of(column: Column, given: str | None) -> tuple[str, str]:
     return (stated, "stated by the file") if stated is not None else ("s", "assumed, the file names no unit")
 
 
+def may_be_milliseconds(table: Table) -> bool:
+    """Whether times without a unit, which are taken as seconds, are whole numbers several apart, as of millis()."""
+    column = guess_time(table)
+    if column is None or column.cells.dtype.is_temporal():
+        return False
+    values, text, _ = casted(table, column.cells)
+    try:
+        known_by = time_unit_of(column, None)[1]
+    except UnitError:
+        return False
+    steps = np.abs(np.diff(values))
+    whole = len(steps) > 2 and np.isfinite(values).all() and bool(np.all(values == np.round(values)))
+    return not len(text) and known_by.startswith("assumed") and bool(whole) and float(np.median(steps)) > 1
+
+
 def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.ndarray, str]:
     """Times (n,) in seconds and a log sentence; timestamps and clock readings count from the first row."""
     cells = column.cells
@@ -140,7 +167,8 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
     factor, _ = factor_offset(unit, "s")
     # a division keeps 7 ms at 0.007 s to the last bit, a product does not
     values = values / round(1 / factor) if factor < 1 else values * factor
-    return values, f"Time from {column.header!r} in {unit} ({known_by})."
+    values, said = without_overruns(values, table)
+    return values, f"Time from {column.header!r} in {unit} ({known_by}).{said}"
 
 
 def _refuse_far(table: Table, column: Column, first: float) -> None:

@@ -1,10 +1,41 @@
-"""Duty of a pulse-width modulated bridge as the mean voltage that the motor sees."""
+"""Duty of a pulse-width modulated bridge: with the sign of its direction, and as the mean voltage that the motor
+sees."""
 
 import numpy as np
 
 from plantfit.errors import RecordingError
 from plantfit.recording.clean.sampling import require_positive, signal_of, with_new
 from plantfit.recording.record import Recording
+
+
+def signed(recording: Recording, signal: str, direction: str, name: str, forward: float | None = None) -> Recording:
+    """Add `signal` with the sign that `direction` gives it as `name`, in its unit: as it is where the direction is
+    `forward` (the higher of its two levels if left out), negative elsewhere.
+
+    For boards that command a duty and, by another pin, the direction of the bridge. Raises RecordingError where the
+    signal has a sign already, or where the direction has not two levels or no value.
+    """
+    source, way = signal_of(recording, signal), signal_of(recording, direction).values
+    step = f"signed({signal!r})"
+    if np.any(source.values < 0):
+        at = int(np.flatnonzero(source.values < 0)[0])
+        raise RecordingError(
+            f"{step}: {signal!r} is {source.values[at]:g} at {recording.t[at]:g} s, so it has a sign already; leave "
+            "the step out."
+        )
+    levels = np.unique(way)
+    known = bool(np.isfinite(levels).all())
+    if len(levels) != 2 or not known:
+        seen = f"{len(levels)} levels" if known else "missing values"
+        raise RecordingError(
+            f"{step}: {direction!r} has {seen}, where a direction has two levels throughout; name another signal, or "
+            "correct it."
+        )
+    ahead = float(levels[1] if forward is None else forward)
+    if ahead not in levels:
+        raise RecordingError(f"{step}: forward is {ahead:g}, but {direction!r} is {levels[0]:g} or {levels[1]:g}.")
+    sentence = f"{name!r} is {signal!r}, positive where {direction!r} is {ahead:g} and negative elsewhere."
+    return with_new(recording, name, np.where(way == ahead, 1.0, -1.0) * source.values, source.unit, sentence, step)
 
 
 def duty_to_voltage(

@@ -4,9 +4,12 @@ import shlex
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from plantfit.trust.verdict.words import Sentence, estimate, interval, number, say, some, study_file, with_unit
 
 Record = Mapping[str, Any]
+LOST = 5.0  # times the residual of the others: a recording that the model does not follow even with its own values
 MOVED = 3  # parameters that are named with their figures
 CAUSES = (
     "The plant changed between them, or the model lacks something that they excite differently (`plantfit diagnose`)."
@@ -36,7 +39,7 @@ def answer_sentences(findings: Record) -> list[Sentence]:
     if section["agree"] is False:
         return [*_first(section), _allowed_for(count, rows, command)]
     sound = (findings.get("determined") or {}).get("sound", True)  # else the verdict says that no interval holds
-    return [*_doubted(section, rows, count), *(_unseen(section, rows, count) if sound else ())]
+    return [*_doubted(section, rows, count, sound), *(_unseen(section, rows, count) if sound else ())]
 
 
 def _allowed_for(count: int, rows: Sequence[Record], command: str) -> Sentence:
@@ -49,7 +52,7 @@ def _allowed_for(count: int, rows: Sequence[Record], command: str) -> Sentence:
     return say("warning", text, widened=len(wider), withdrawn=len(_lost(wider)))
 
 
-def _doubted(section: Record, rows: Sequence[Record], count: int) -> list[Sentence]:
+def _doubted(section: Record, rows: Sequence[Record], count: int, sound: bool) -> list[Sentence]:
     """Intervals that are wider though recordings agree, and what may scatter."""
     wider = [r for r in rows if r["by_noise"]]
     if not wider:
@@ -62,10 +65,13 @@ def _doubted(section: Record, rows: Sequence[Record], count: int) -> list[Senten
         if names
         else "as so few often do where a plant scatters between them"
     )
-    text = (
-        f"The {count} recordings agree within chance, {chance}. Intervals allow for that: "
-        f"{_wider(wider)}.{_withdrawn(wider)}"
+    agree = (
+        f"The {count} recordings agree within chance, {chance}"
+        if sound
+        else f"Whether the {count} recordings agree cannot be told by intervals that do not hold, and a plant may "
+        "scatter between them"
     )
+    text = f"{agree}. Intervals allow for that: {_wider(wider)}.{_withdrawn(wider)}"
     text += " A third one makes them shorter." if count == 2 else ""
     return [say("info", text, widened=len(wider), withdrawn=len(_lost(wider)))]
 
@@ -152,7 +158,8 @@ def _first(record: Record) -> list[Sentence]:
             else f"{len(compared)} of {len(names)} recordings compared"
         )
         tail = f"least p {number(least)}, corrected for {len(tested) + (record['together'] is not None)} tests"
-        return [say("good" if whole else "info", f"The recordings agree on {what} ({count}; {tail}).", p=least)]
+        who = "The recordings" if len(compared) == len(names) else some([n for n in names if n in compared], 9)
+        return [say("good" if whole else "info", f"{who} agree on {what} ({count}; {tail}).", p=least)]
     if record["either"]:
         who = f"one of {some(record['either'], 9)}, without which the others agree: these recordings do not tell which"
         return [say("warning", f"{_differ(differ, record)}. It is {who}. {CAUSES}")]
@@ -252,6 +259,15 @@ def _untested(record: Record) -> list[Sentence]:
     """What a recording alone does not determine, and recordings whose intervals do not hold."""
     said = []
     slow = [r["name"] for r in record["recordings"] if not r["sound"]]
+    followed = max((r["rmse_alone"] for r in record["recordings"] if r["sound"]), default=np.inf)
+    for r in record["recordings"]:
+        if not r["sound"] and r["rmse_alone"] > LOST * followed:
+            own, best = (with_unit(value, record["unit"]) for value in (r["rmse_alone"], followed))
+            text = (
+                f"The model does not follow {r['name']} even with values of its own (RMSE {own}, of the others up to "
+                f"{best}): look at this recording first, as for a sign that is wrong, a lost channel or another plant."
+            )
+            said.append(say("warning", text, rmse=r["rmse_alone"]))
     if slow:
         text = (
             f"What is left of {some(slow)} moves too slowly, or is too "

@@ -1,5 +1,7 @@
-"""A part of a record in which an output moves against the simulation: a sign is wrong there."""
+"""A part of a record, or one of several records, in which an output moves against the simulation: a sign is wrong
+there."""
 
+from collections.abc import Mapping
 from itertools import combinations
 
 import numpy as np
@@ -9,6 +11,9 @@ from plantfit.findings.residuals import Turned
 FEWEST = 150  # samples
 BLOCKS = 20  # of the record, at whose ends a part is looked for first
 AGAINST = 0.8  # correlation in the part, negative, and elsewhere, at least
+WITH = 0.5  # correlation in the other records, where a whole one moves against the simulation, at least
+TESTED = 30  # samples of such a record
+TURNS = 2  # times that the simulation passes its mean in it, at least
 MOVES = 4  # times that the simulation passes its mean in the part, and elsewhere, at least
 STIRS = 0.2  # of its spread elsewhere: a simulation that moves less in the part tells no sign
 BESIDE = 0.5  # of the samples in the part, at levels that the simulation has elsewhere, too
@@ -58,6 +63,34 @@ def turned(t: np.ndarray, measured: np.ndarray, simulated: np.ndarray) -> Turned
         begin=float(t[begin]), end=float(t[end - 1]), within=_correlation(inside, end - begin),
         elsewhere=_correlation(sums[n] - inside, n - (end - begin)),
     )  # fmt: skip
+
+
+def turned_records(records: Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]) -> dict[str, Turned]:
+    """Of several records by name, each the times, the measured and the simulated samples (n,) of one output, those
+    that move against the simulation from begin to end, where the others move with it.
+
+    A cable was turned round before one of them: the fit of all then follows none, but keeps the sign of most. None is
+    told where half of the records or more would be, but of two the one; nor where the simulation does not move up and
+    down.
+    """
+    with_it: dict[str, float] = {}
+    for name, (_, y, x) in records.items():
+        if len(x) >= TESTED:
+            with_it[name] = _correlation(np.array([y.sum(), x.sum(), y @ y, x @ x, y @ x]), len(x))
+    against = [
+        n for n, c in with_it.items() if c <= -AGAINST and _passes(records[n][2] - records[n][2].mean()) >= TURNS
+    ]
+    others = [c for name, c in with_it.items() if name not in against]
+    most = len(against) == len(others) == 1 or len(against) < len(others)
+    if not against or not most or max(others) < AGAINST or min(others) < WITH or len(with_it) < len(records):
+        return {}
+    return {
+        name: Turned(
+            begin=float(records[name][0][0]), end=float(records[name][0][-1]), within=with_it[name],
+            elsewhere=min(others), throughout=True,
+        )
+        for name in against
+    }  # fmt: skip
 
 
 def _mirrored(y: np.ndarray, x: np.ndarray, part: np.ndarray) -> tuple[int, int] | None:

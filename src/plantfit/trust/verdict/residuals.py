@@ -129,7 +129,11 @@ def _unmoved(c: Mapping[str, Any]) -> bool:
 def _odd(row: Row, named: bool) -> str:
     """What is odd about a record rather than about the model; "" where nothing is, or where the diagnosis `named`
     what may be missing."""
-    if against := row.get("turned"):
+    if (against := row.get("turned")) and against.get("throughout"):
+        figures = f"correlation {against['within']:.2f}, in other recordings {against['elsewhere']:.2f} or more"
+        turned = f"{row['output']} moves against the simulation throughout ({figures})"
+        return f"{turned}: the sign of {row['output']} or of an input may be wrong there"
+    if against:
         part = (
             f"from t = {number(against['begin'], 4)} to {number(against['end'], 4)} "
             f"s {row['output']} moves against the simulation"

@@ -5,6 +5,7 @@ import re
 import sys
 import unicodedata
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
 _TREATED = {"sort": "times go back", "duplicates": 'times appear twice; "first" keeps the first row of each'}
 _WORDS = 8  # different ones among the numbers of a recording: more are no signs of missing values
 _SHARE = 0.2  # of the cells of a column, up to which words are such signs
+NONE = "none"  # as --input: nothing drives the plant
+_NO_CLOCK = "No time column was found: put the seconds between rows where the file says period = 1.0."
 _TOLD = {
     "set point": "left out",
     "copy": "left out",
@@ -51,6 +54,8 @@ def init(
         )
     from plantfit.recording.description import described
     from plantfit.recording.readers.any_format import table
+    from plantfit.recording.readers.clock import may_be_milliseconds
+    from plantfit.recording.readers.long_tables import widened
     from plantfit.recording.roles import UNMOVED, roles_of
 
     source = Path(file)
@@ -77,9 +82,24 @@ def init(
     known = {c.header: c for c in found.columns}
     if model is not None:
         return _motor(source, target, found, content, (*inputs, *outputs), name, json)
+    free = _free(source.name, roles, known, inputs, outputs)
+    if free is not None and candidates:
+        raise SpecError(
+            f"--candidates compares models with an input, and {source.name} shows a motion without one; leave it out."
+        )
+    if free is not None:
+        roles = replace(roles, columns=tuple(_alone(r, free) for r in roles.columns))
     ask = not (yes or json) and sys.stdin.isatty() and sys.stdout.isatty()
     if not json:
         _tell(source.name, found, roles)
+        if may_be_milliseconds(widened(content)):
+            out.print(
+                f"The file names no unit of {found.time!r}: s, {found.period:.4g} s apart. If it counts ms or min, "
+                'write time_unit = "ms" or "min" below time in the study file.',
+                markup=False,
+            )
+    if free is not None:
+        return _free_motion(source, target, content, found, roles, free, name, json)
     chosen_in, chosen_out = _chosen(source.name, roles, known, inputs, outputs, ask)
     links = _links(roles, known, chosen_in, chosen_out)
     period = found.period or 1.0
@@ -113,11 +133,13 @@ def init(
     unsure = [r for r in roles.unsure if r.kind in ("input", "output")]
     if unsure and not (inputs or outputs):
         listed = ", ".join(f"{r.header!r} ({r.kind})" for r in unsure)
-        out.print(f"Not sure of {listed}: change it in the file, or name them with --input and --output.", markup=False)
-    if found.time is None and not found.period:
         out.print(
-            "No time column was found: put the seconds between rows where the file says period = 1.0.", markup=False
+            f"Not sure of {listed}: change it in the file, or name them with --input and --output. Does nothing drive "
+            "the plant, as a pendulum that was let go? Then --input none.",
+            markup=False,
         )
+    if found.time is None and not found.period:
+        out.print(_NO_CLOCK, markup=False)
     out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
 
@@ -144,6 +166,79 @@ def _words_line(content: "Table", headers: Sequence[str], quiet: bool) -> str:
         words = " or ".join(repr(word) for word in found)
         out.print(f"{cells} with {words} in place of a number: the study file counts them as missing.", markup=False)
     return f"\nmissing = [{', '.join(quoted(word) for word in found)}]  # words in place of a number: {cells}"
+
+
+def _free(
+    source: str, roles: "Roles", known: dict[str, Any], inputs: Sequence[str], outputs: Sequence[str]
+) -> str | None:
+    """The header of the output whose motion no input drives: of the only column of numbers, or with `--input none`
+    of the one that is named or alone changes; else None."""
+    usable = [r for r in roles.columns if known[r.header].minimum is not None]
+    moving = [r for r in usable if r.kind not in ("time", "constant", "index")]
+    if [*inputs] == [NONE] and NONE not in {r.header for r in usable} | {r.name for r in usable}:
+        named = _named(source, outputs, usable) or [r.header for r in moving]
+        if len(named) != 1:
+            raise RecordingError(
+                f"{source}: --input none makes a study of one output; name it with --output, one of "
+                f"{named if outputs else [r.header for r in moving]}."
+            )
+        return named[0]
+    # an input or a sensor that was dead, or an input that is written in words (ON and OFF)
+    other = any(r.kind == "constant" or _in_words(r, known) for r in roles.columns)
+    return moving[0].header if len(moving) == 1 and not inputs and not other else None
+
+
+def _in_words(role: "Role", known: "dict[str, ColumnSummary]") -> bool:
+    """Whether a column holds text that is no time and no date."""
+    from plantfit.recording.readers.clock import looks_like_time
+    from plantfit.recording.readers.timestamps import is_date
+
+    first = next((cell for cell in known[role.header].first if cell.strip()), "")
+    return role.kind == "text" and not (looks_like_time(first) or is_date(first))
+
+
+def _alone(role: "Role", free: str) -> "Role":
+    """A column beside the output `free`, which no input drives."""
+    if role.header == free:
+        return replace(role, kind="output", why="nothing drives it", sure=True, answers=())
+    return replace(role, kind="index", why="not asked for") if role.kind in ("input", "output") else role
+
+
+def _free_motion(
+    source: Path, target: Path, content: Any, found: "Description", roles: "Roles", header: str, name: str, json: bool
+) -> None:
+    """The study of a motion that no input drives."""
+    from plantfit.cli.commands.begin.free_motion import WORDS as MOTIONS
+    from plantfit.cli.commands.begin.free_motion import free_text
+    from plantfit.recording.readers.long_tables import widened
+    from plantfit.recording.readers.numbers import casted
+
+    table = widened(content)
+    values = casted(table, table.column(header, "an output").cells)[0]
+    by_header, period = {c.header: c for c in found.columns}, found.period or 1.0
+    y = _links(roles, by_header, [], [header])[0].output
+    told = [
+        f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
+    ]
+    path = os.path.relpath(source, target.parent)
+
+    def made(clock: str) -> Any:
+        return free_text(y, values, source.name, path, target.name, name, told, clock, period,
+                         period * max(found.rows - 1, 1))  # fmt: skip
+
+    begun = clock_line(found) + _words_line(content, [header], json)
+    clock = clock_that_reads(lambda clock: made(clock)[0], begun, target, quiet=json)
+    text, motion = made(clock)
+    target.write_text(text, encoding="utf-8")
+    if json:
+        columns = [{"header": r.header, "role": r.kind, "why": r.why, "sure": r.sure} for r in roles.columns]
+        return print_json({
+            "file": str(target), "input": None, "output": y.symbol, "inputs": [], "outputs": [y.symbol],
+            "period": found.period, "rows": found.rows, "columns": columns,
+        })  # fmt: skip
+    if found.time is None and not found.period:
+        out.print(_NO_CLOCK, markup=False)
+    out.print(f"Written: {target} ({MOTIONS[motion]})\nNext: plantfit check {target}", markup=False)
 
 
 def _motor(
@@ -220,9 +315,16 @@ def _chosen(
     ]
     moving = [r for r in usable if r.kind not in ("time", "constant", "index")]
     if len(moving) < 2:
+        words = [repr(r.header) for r in roles.columns if _in_words(r, known)]
+        told = (
+            f" Not made of numbers: {', '.join(words)}; write 1 and 0 for words as ON and OFF, and numbers without "
+            "marks of thousands and without 0x."
+        )
         raise RecordingError(
             f"{source}: a study needs an input and an output, two columns of changing numbers besides the time; "
             f"{'only ' + repr(moving[0].header) + ' changes' if moving else 'no column changes'}."
+            f"{told if words else ''}"
+            f"{' If nothing drives the plant, give --input none.' if moving and not inputs else ''}"
         )
     said_in, said_out = _named(source, inputs, usable), _named(source, outputs, usable)
     guessed = {kind: [r.header for r in moving if r.kind == kind] for kind in ("input", "output")}
@@ -301,11 +403,23 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
         return Signal(symbols[header], header, named or c.unit, c.minimum, c.maximum, first, named is not None)
 
     signals = {h: signal(h) for h in (*inputs, *outputs)}
+    for h in inputs:
+        if (way := by_header[h].direction) in inputs:
+            signals[h] = signals[way] = _signed(signals[h], signals[way], {*symbols.values()})
     links = []
     for header in outputs:
         answers = [h for h in by_header[header].answers if h in inputs] or inputs
-        links.append(Link(signals[header], tuple(signals[h] for h in inputs if h in answers)))
+        links.append(Link(signals[header], tuple(dict.fromkeys(signals[h] for h in inputs if h in answers))))
     return links
+
+
+def _signed(of: Signal, way: Signal, taken: set[str]) -> Signal:
+    """The input that a column without sign and the one of its direction make; its header is both."""
+    name = f"{of.symbol}_signed"
+    while name in taken:
+        name += "_"
+    return Signal(name, f"{of.header} and {way.header}", of.unit, -of.high, of.high,
+                  of.first if way.first == way.high else -of.first, of.named, (of, way))  # fmt: skip
 
 
 _LETTERS = str.maketrans(
@@ -346,7 +460,7 @@ def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet
             spec.parse(text(clock), target)
         except ClockError as error:
             if not error.treatment or error.treatment in clock:
-                raise
+                raise RecordingError(f"{_of_recording(error, target)}.") from error
             clock += f"\n{error.treatment}  # {_TREATED[error.treatment.split()[0]]}"
             if not quiet:
                 out.print(

@@ -33,7 +33,7 @@ signals = {{ {signals} }}
 {units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
 # before = {{ {input} = {first:.4g} }}    # the input before the first sample, if it differed from the first value
 # skip = 0.0           # seconds at the start of each part that are simulated but not scored
-# clean = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
+{clean} = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
 #          {{ step = "fill_gaps", signal = "{input}", longest = {gap:.3g} }}]
 
 # ---- how the plant works --------------------------------------------------------------------
@@ -69,7 +69,8 @@ AWAY = 0.1  # of the range of an input: farther from zero it has not been there
 @dataclass(frozen=True)
 class Signal:
     """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value;
-    `named` where the unit is the end of its name."""
+    `named` where the unit is the end of its name. `of` a column without sign and the one that gives it its sign, where
+    it is made of both."""
 
     symbol: str
     header: str
@@ -78,6 +79,12 @@ class Signal:
     high: float
     first: float
     named: bool = False
+    of: "tuple[Signal, Signal] | None" = None
+
+    @property
+    def read(self) -> "tuple[Signal, ...]":
+        """The columns that it is read from."""
+        return self.of or (self,)
 
 
 @dataclass(frozen=True)
@@ -106,13 +113,21 @@ def study_text(
     ]
     states = [(x, p) for p in plants for x in p.states]
     bare = not any(s.unit for s in (*inputs, *outputs))
+    read = list({s.symbol: s for made in (*inputs, *outputs) for s in made.read}.values())
+    signs = [
+        f'{{ step = "signed", signal = "{u.of[0].symbol}", direction = "{u.of[1].symbol}", name = "{u.symbol}" }}'
+        for u in inputs
+        if u.of
+    ]
     return _TEMPLATE.format(
         source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[kind], name=quoted(name),
         path=quoted(path),
         time=time, gap=5 * period,
         columns="".join(f"#   {c}\n" for c in columns),
-        signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in (*inputs, *outputs)),
-        units=_units([s for s in (*inputs, *outputs) if s.named], bare),
+        signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in read),
+        units=_units([s for s in read if s.named], bare)
+        + (f"clean = [{', '.join(signs)}]    # the direction gives it its sign\n" if signs else ""),
+        clean="# further steps of clean" if signs else "# clean",
         input=inputs[0].symbol, first=inputs[0].first, output=outputs[0].symbol,
         equations="\n".join(line for p in plants for line in p.equations),
         inputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in inputs),

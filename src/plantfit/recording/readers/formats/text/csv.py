@@ -17,6 +17,7 @@ from plantfit.recording.readers.clock import looks_like_time
 from plantfit.recording.readers.columns import Table, named_columns
 from plantfit.recording.readers.files import decoded, existing, read_bytes
 from plantfit.recording.readers.formats.text.header import above_the_table, headings, is_header, unique, unit_row
+from plantfit.recording.readers.formats.text.labelled import table_of_labels
 from plantfit.recording.readers.formats.text.plain_text import ENOUGH, head_of, plain_frame
 from plantfit.recording.readers.numbers import is_missing, is_number
 from plantfit.recording.record import Recording
@@ -50,13 +51,15 @@ def read_csv(
 
 @dataclass(frozen=True)
 class _Lines:
-    """Lines with content, their numbers in the file from 1, and the comment lines before them."""
+    """Lines with content, their numbers in the file from 1, and the comment lines before them; `labelled` where their
+    header was made of the labels in them."""
 
     source: str
     lines: list[str]
     numbers: list[int]
     leading: list[str]
     comments: int
+    labelled: bool = False
 
 
 def csv_table(
@@ -109,6 +112,8 @@ def _top(found: _Lines, delimiter: str | None, decimal: str, header: bool | None
     rows = rows[above : above + 3]
     story = [line[len(LOG_MARK) :] for line in found.leading if line.startswith(LOG_MARK)]
     log = [f"{found.comments} comment lines were skipped."] if found.comments else []
+    if found.labelled:
+        log.append("Names are the labels beside the numbers of each row.")
     if above:
         log.append(f"{above} lines above the table were skipped.")
     names, units, first = _header(rows, header, found, separator, log, above)
@@ -126,6 +131,8 @@ def _quickly(
         found = _content(source, head, skip)
         top = _top(found, delimiter, decimal, header)
     except RecordingError:  # a cell in quotation marks may go on behind the head
+        return None
+    if found.labelled:
         return None
     rows = _fields_of(found.lines[top.first : top.first + ENOUGH], top.separator)
     plain = plain_frame(data, rows, found.numbers[top.first], top.separator) if len(rows) == ENOUGH else None
@@ -188,7 +195,8 @@ def _content(source: str, text: str, skip: int) -> _Lines:
         )
     if not lines:
         raise RecordingError(f"{source} holds no rows of data; check that the file is complete.")
-    return _Lines(source, lines, numbers, leading, comments)
+    labelled = table_of_labels(lines, numbers)
+    return _Lines(source, *(labelled or (lines, numbers)), leading, comments, labelled is not None)
 
 
 def _fields(line: str, separator: str) -> list[str]:
@@ -252,6 +260,15 @@ def _commented_header(found: _Lines, separator: str, width: int) -> list[str] | 
     return names if len(names) == width and all(names) and is_header(names) else None
 
 
+def _others(lines: Sequence[int]) -> str:
+    """Which other lines have another number of cells, as after every restart of a board."""
+    if not lines:
+        return ""
+    listed = ", ".join(str(k) for k in lines[:8])
+    many = f" and {len(lines) - 8} more" if len(lines) > 8 else ""
+    return f" Line {listed} is so, too." if len(lines) == 1 else f" Lines {listed}{many} are so, too."
+
+
 def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]) -> tuple[pl.DataFrame, np.ndarray]:
     lines, numbers = found.lines[first:], found.numbers[first:]
     if separator == " ":
@@ -271,7 +288,8 @@ def _parse(found: _Lines, first: int, separator: str, width: int, log: list[str]
         )
         raise RecordingError(
             f"{found.source}, line {numbers[row]}: {counts[row]} cells where the first row has {width} (delimiter "
-            f"{_NAMES.get(separator, separator)!r}); correct the line ({hint})."
+            f"{_NAMES.get(separator, separator)!r}); correct or delete the line ({hint})."
+            f"{_others([numbers[k] for k in uneven[1:]])}"
         )
     if not lines:
         raise RecordingError(f"{found.source} holds no rows of data below its header; check that the file is complete.")
