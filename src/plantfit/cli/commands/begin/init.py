@@ -4,24 +4,22 @@ import os
 import re
 import sys
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, quoted, study_text
+from plantfit.cli.commands.begin.reads_back import checked, clock_that_reads, words_line
+from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
 from plantfit.cli.terminal.out import out, print_json
-from plantfit.errors import ClockError, PlantfitError, RecordingError, SpecError
+from plantfit.errors import RecordingError, SpecError
 
 if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
     from plantfit.recording.readers.columns import Table
     from plantfit.recording.roles import Role, Roles
 
-_TREATED = {"sort": "times go back", "duplicates": 'times appear twice; "first" keeps the first row of each'}
-_WORDS = 8  # different ones among the numbers of a recording: more are no signs of missing values
-_SHARE = 0.2  # of the cells of a column, up to which words are such signs
 NONE = "none"  # as --input: nothing drives the plant
 _NO_CLOCK = "No time column was found: put the seconds between rows where the file says period = 1.0."
 _TOLD = {
@@ -106,7 +104,7 @@ def init(
     told = [
         f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
     ]
-    clock = clock_line(found) + _words_line(content, [s.header for k in links for s in (*k.inputs, k.output)], json)
+    clock = clock_line(found) + words_line(content, [s.header for k in links for s in (*k.inputs, k.output)], json)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
 
@@ -142,30 +140,6 @@ def init(
         out.print(_NO_CLOCK, markup=False)
     out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
-
-
-def _words_line(content: "Table", headers: Sequence[str], quiet: bool) -> str:
-    """A line of the study file, after a line break, by which words among the numbers of columns count as missing; ""
-    without such."""
-    from plantfit.recording.readers.long_tables import widened
-    from plantfit.recording.readers.numbers import words_in
-
-    content = widened(content)
-    found: dict[str, int] = {}
-    for header in dict.fromkeys(headers):
-        column = content.column(header, "a signal")
-        own = words_in(content, column)
-        if sum(own.values()) > _SHARE * len(column.cells):
-            return ""
-        for word, count in own.items():
-            found[word] = found.get(word, 0) + count
-    if not found or len(found) > _WORDS:
-        return ""
-    cells = f"{sum(found.values())} cell{'s' if sum(found.values()) > 1 else ''}"
-    if not quiet:
-        words = " or ".join(repr(word) for word in found)
-        out.print(f"{cells} with {words} in place of a number: the study file counts them as missing.", markup=False)
-    return f"\nmissing = [{', '.join(quoted(word) for word in found)}]  # words in place of a number: {cells}"
 
 
 def _free(
@@ -226,7 +200,7 @@ def _free_motion(
         return free_text(y, values, source.name, path, target.name, name, told, clock, period,
                          period * max(found.rows - 1, 1))  # fmt: skip
 
-    begun = clock_line(found) + _words_line(content, [header], json)
+    begun = clock_line(found) + words_line(content, [header], json)
     clock = clock_that_reads(lambda clock: made(clock)[0], begun, target, quiet=json)
     text, motion = made(clock)
     target.write_text(text, encoding="utf-8")
@@ -250,12 +224,12 @@ def _motor(
     period = found.period or 1.0
     made = motor_study(
         source.name, os.path.relpath(source, target.parent), target.name, name,
-        clock_line(found) + _words_line(content, [c.header for c in found.columns if c.kind == "number"], json),
+        clock_line(found) + words_line(content, [c.header for c in found.columns if c.kind == "number"], json),
         found.columns,
         wanted, period,
         period * max(found.rows - 1, 1),
     )  # fmt: skip
-    _checked(made.text, target)
+    checked(made.text, target)
     target.write_text(made.text, encoding="utf-8")
     if json:
         columns = {signal: c.header for signal, c in made.columns.items()}
@@ -448,45 +422,6 @@ def _symbol(name: str, spare: str) -> str:
     plain = unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()
     usable = plain.isidentifier() and not iskeyword(plain) and plain not in RESERVED
     return plain if usable and not taken and len(plain) > len(name) // 2 else spare
-
-
-def clock_that_reads(text: Callable[[str], str], clock: str, target: Path, quiet: bool) -> str:
-    """The line of the clock, with what treats times that go back or stand twice: the file must read back and give a
-    problem."""
-    from plantfit import spec
-
-    for _ in range(3):
-        try:
-            spec.parse(text(clock), target)
-        except ClockError as error:
-            if not error.treatment or error.treatment in clock:
-                raise RecordingError(f"{_of_recording(error, target)}.") from error
-            clock += f"\n{error.treatment}  # {_TREATED[error.treatment.split()[0]]}"
-            if not quiet:
-                out.print(
-                    f"{_of_recording(error, target).partition('; ')[0]}. The study file treats this with "
-                    f"{error.treatment}.",
-                    markup=False,
-                )
-        except PlantfitError as error:  # of a file that the user has not seen
-            raise RecordingError(
-                "No study file that runs can be made from this recording "
-                f"({_of_recording(error, target).splitlines()[0]}); check the names and "
-                "values of its columns, or write the file by hand (docs/study-file.md)."
-            ) from error
-        else:
-            break
-    return clock
-
-
-def _of_recording(error: PlantfitError, target: Path) -> str:
-    """A sentence about the recording, without the study file that is not written yet."""
-    return str(error).removeprefix(f"{target.name}, [recording.data]: ").removesuffix(".")
-
-
-def _checked(text: str, target: Path) -> None:
-    """The file must read back and give a problem before it is written."""
-    clock_that_reads(lambda clock: text, "", target, quiet=True)
 
 
 def _compared(files: list[Path], json: bool) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plantfit import units
-from plantfit.cli.commands.begin.init import clock_that_reads
 from plantfit.cli.commands.begin.plant_study import Measurements, Plant, expected, of_library, of_network, study
+from plantfit.cli.commands.begin.reads_back import clock_that_reads
 from plantfit.cli.commands.begin.study_text import clock_line
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import ModelError, RecordingError, SpecError
