@@ -11,7 +11,6 @@ import numpy as np
 
 from plantfit.models.model import Model
 from plantfit.problem.evaluate.points import residuals_and_jacobian
-from plantfit.problem.measure.hold_check import beside_other
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 
@@ -47,6 +46,8 @@ def _moves(problem: Problem, u: str) -> bool:
 
 
 def _look(problem: Problem, z: np.ndarray, jacobian: np.ndarray, u: str, row: Row) -> Look | None:
+    from plantfit.problem.measure.hold_check import beside_other  # a check before the fit needs nothing of scipy
+
     own = "linear" if u in problem.predictor.stepping().interpolated else "previous"
     fit, at = beside_other(problem, z, jacobian, u)
     other = float(problem.space.physical(at)[problem.space.names.index(row["name"])])

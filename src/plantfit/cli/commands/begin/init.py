@@ -104,7 +104,8 @@ def init(
     told = [
         f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
     ]
-    clock = clock_line(found) + words_line(content, [s.header for k in links for s in (*k.inputs, k.output)], json)
+    read = [s.header for k in links for s in (*k.inputs, k.output) if s.header in known]
+    clock = clock_line(found) + words_line(content, read, json)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
 

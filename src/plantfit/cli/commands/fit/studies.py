@@ -11,7 +11,6 @@ from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import doing, out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
-from plantfit.recording.looks.look import IN_VERDICT
 from plantfit.study.store.addresses import shown, store_option
 
 if TYPE_CHECKING:
@@ -184,6 +183,7 @@ def _answer(study, opened, number: int, seconds, prepared=None):
 
 def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bool = False) -> dict[str, Any]:
     """Judge, diagnose, write the report and say the verdict; gives back what `--json` prints."""
+    from plantfit.recording.looks.look import IN_VERDICT
     from plantfit.report import uncertainty_text
 
     name = study.name
