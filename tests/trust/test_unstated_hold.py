@@ -9,10 +9,11 @@ from plantfit.recording.record import Recording, Signal
 DEAD, K, T, DT, FINE = 27.0, 2.0, 60.0, 10.0, 100
 
 
-def recorded(seed: int, hold: str, noise: float = 0.02, n: int = 120, fine: int = FINE) -> Recording:
-    """Samples of a first-order plant under a wandering input, by exact steps of a hundredth of a sample."""
+def recorded(seed: int, hold: str, noise: float = 0.02, n: int = 120, fine: int = FINE, level: int = 1) -> Recording:
+    """Samples of a first-order plant under a wandering input, which stays for `level` samples, by exact steps of a
+    hundredth of a sample."""
     rng = np.random.default_rng(seed)
-    t, u = np.arange(n) * DT, np.cumsum(rng.normal(size=n)) * 0.3
+    t, u = np.arange(n) * DT, np.repeat(np.cumsum(rng.normal(size=-(-n // level))), level)[:n] * 0.3
     middle = (np.arange((n - 1) * fine) + 0.5) * DT / fine - DEAD
     at = np.interp(middle, t, u) if hold == "linear" else u[np.clip(np.floor(middle / DT).astype(int), 0, n - 1)]
     x, kept = K * u[0], [K * u[0]]
@@ -69,7 +70,9 @@ def test_what_is_stated_is_believed():
         assert told(pf.fit(problem(record, {"u": hold}), seed=1)) == []
 
 
-def test_nothing_is_said_without_a_dead_time_or_where_its_interval_holds_both():
+def test_nothing_is_said_without_a_dead_time_nor_of_an_input_that_jumps_nor_where_the_interval_holds_both():
     assert told(pf.fit(problem(recorded(0, "previous"), late=False), seed=1)) == []
+    for seed in (0, 2):
+        assert told(pf.fit(problem(recorded(seed, "previous", level=4)), seed=1)) == []
     noisy = pf.fit(problem(recorded(0, "previous", noise=1.0)), seed=1)
     assert told(noisy) == []

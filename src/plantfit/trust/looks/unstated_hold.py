@@ -15,12 +15,13 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 
 Row = Mapping[str, Any]
+LEVEL = 0.5  # of the samples that are those before them, from which on an input stays level and jumps
 LIKELY = 2.0  # standard errors by which a hold fits better, from which on the other one is not spoken of
 
 
 def hold_looks(problem: Problem, z: np.ndarray, rows: Sequence[Row]) -> list[Look]:
     """One for each input whose hold is not stated, where the other hold moves a dead time out of its interval and fits
-    as well or better. `z` (d,) is the answer, `rows` its parameters."""
+    as well or better. `z` (d,) is the answer, `rows` its parameters. An input that stays level and jumps is held."""
     model = problem.model
     if not isinstance(model, Model) or problem.smoothing is not None:
         return []
@@ -42,7 +43,9 @@ def hold_looks(problem: Problem, z: np.ndarray, rows: Sequence[Row]) -> list[Loo
 
 
 def _moves(problem: Problem, u: str) -> bool:
-    return any(np.ptp(e.recording[u]) > 0.0 for e in problem.experiments.values() if np.any(e.mask("fit")))
+    """Whether an input changes from sample to sample, most of the time."""
+    steps = [np.diff(e.recording[u]) for e in problem.experiments.values() if np.any(e.mask("fit"))]
+    return float(np.mean(np.concatenate(steps) == 0.0)) < LEVEL
 
 
 def _look(problem: Problem, z: np.ndarray, jacobian: np.ndarray, u: str, row: Row) -> Look | None:
