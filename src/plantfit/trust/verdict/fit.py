@@ -7,6 +7,7 @@ from plantfit.trust.verdict.outputs import (
     GOOD,
     Findings,
     Row,
+    decided_by_outliers,
     each_output,
     noise_rows,
     place,
@@ -18,9 +19,16 @@ from plantfit.trust.verdict.words import FEW, Sentence, say, span, with_unit, wo
 
 def fit_sentences(findings: Findings) -> Iterator[Sentence]:
     """How well the fitted samples are followed."""
-    at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR}
+    outliers = decided_by_outliers(findings)
+    at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR} - set(outliers)
     rows = [
-        {**r, "at_floor": (r["recording"], r["output"]) in at_floor} for r in findings["scores"] if r["part"] == "fit"
+        {
+            **r,
+            "at_floor": (r["recording"], r["output"]) in at_floor,
+            "outliers": outliers.get((r["recording"], r["output"])),
+        }
+        for r in findings["scores"]
+        if r["part"] == "fit"
     ]
     yield from each_output(findings, rows, _fit, _fits)
 
@@ -45,6 +53,13 @@ def _fit(findings: Findings, row: Row) -> Sentence:
         text += f", but these {row['n']} are {_MUST} {row['output']}."
         return say("warning", text, rmse=row["rmse"], samples=row["n"])
     text += f", a fit of {percent:.1f} %" if percent is not None else ""
+    if row["outliers"]:
+        count, share = row["outliers"]
+        which = f"{count} outliers hold" if count > 1 else "one outlier holds"
+        text += (
+            f"; {which} {100 * share:.0f} % of the squares of what is left: take {'them' if count > 1 else 'it'} out"
+        )
+        return say("warning", f"{text} before you judge the model.", rmse=row["rmse"], outliers=count, share=share)
     text += (
         "; what is left is its noise from sample to sample."
         if percent is not None and percent < GOOD and row["at_floor"]

@@ -15,6 +15,9 @@ GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 TESTED = 20  # samples of an output in one recording from which on residuals are tested and their noise is told
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
+# share of the squares of a residual in samples so many robust deviations off, of so many samples at most, from which
+# on these decide what tests and scores say
+DECIDES, FAR, RARE = 0.5, 8.0, 0.05
 SPARE = 0.5  # samples beyond the parameters that follow them, below which the fit shows nothing
 
 
@@ -98,3 +101,24 @@ def noise_rows(findings: Findings) -> Iterator[Row]:
 def is_same(a: Row, b: Row) -> bool:
     """Whether two rows are of one output of one recording."""
     return (a["recording"], a["output"]) == (b["recording"], b["output"])
+
+
+def decided_by_outliers(findings: Findings) -> dict[tuple[str, str], tuple[int, float]]:
+    """By recording and output how many outliers, single samples away from those beside them, hold most of the squares
+    of the fitted residual, and their share; none where the record has no such samples."""
+    spiked = {(look["recording"], look["signal"]) for look in findings.get("data", ()) if look["kind"] == "spikes"}
+    found = {}
+    for record in findings.get("recordings", ()) if spiked else ():
+        for name, o in record.get("outputs", {}).items():
+            if (record["name"], name) not in spiked:
+                continue
+            part = np.array(o["part"]) == "fit"
+            residual = (np.array(o["measured"], dtype=float) - np.array(o["simulated"], dtype=float))[part]
+            residual = residual[np.isfinite(residual)]
+            if len(residual) < TESTED:
+                continue
+            off = np.abs(residual - np.median(residual))
+            far, squares = off > FAR * 1.4826 * float(np.median(off)), off**2
+            if 0 < np.sum(far) <= RARE * len(residual) and np.sum(squares[far]) >= DECIDES * np.sum(squares):
+                found[record["name"], name] = int(np.sum(far)), float(np.sum(squares[far]) / np.sum(squares))
+    return found

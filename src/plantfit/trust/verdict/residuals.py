@@ -8,6 +8,7 @@ from plantfit.trust.verdict.outputs import (
     FLOOR,
     Findings,
     Row,
+    decided_by_outliers,
     diagnosed,
     disagree,
     each_output,
@@ -30,7 +31,9 @@ SEEN = 0.35
 
 def residual_sentences(findings: Findings) -> Iterator[Sentence]:
     """Whether anything is left to explain."""
+    outliers = decided_by_outliers(findings)  # tests tell of these, not of the model
     rows = [r for r in findings["residual_tests"] if r["recording"] not in forgotten(findings)]
+    rows = [r for r in rows if (r["recording"], r["output"]) not in outliers]
     yield from each_output(findings, rows, _residual, _residuals)
     for row in _coloured_together(findings):
         yield _short(findings, row)
@@ -62,7 +65,9 @@ def noise_sentences(findings: Findings) -> Iterator[Sentence]:
     noise, and the diagnosis says what is left."""
     if diagnosed(findings)["named"]:
         return
+    outliers = decided_by_outliers(findings)
     rows = [r for r in noise_rows(findings) if r["recording"] not in forgotten(findings)]
+    rows = [r for r in rows if (r["recording"], r["output"]) not in outliers]
     yield from each_output(findings, rows, _noise, _noises)
 
 

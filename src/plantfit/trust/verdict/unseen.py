@@ -7,6 +7,7 @@ from plantfit.trust.verdict.outputs import (
     GOOD,
     Findings,
     Row,
+    decided_by_outliers,
     diagnosed,
     disagree,
     each_output,
@@ -170,6 +171,9 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     if not base:
         return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
     ratio, begun = row["rmse"] / base, _off(row) / base
+    if any(output == row["output"] for _, output in decided_by_outliers(findings)):
+        text += f", {ratio:.2f} times that of the fitted samples, which outliers decide: this tells little."
+        return say("info", text, rmse=row["rmse"], ratio=ratio)
     level = _held_level(row, begun)
     if ratio >= HOLDS > begun and not _exact(row):
         text += (
