@@ -162,7 +162,8 @@ def test_candidates_are_fitted_and_compared(tmp_path, capsys, monkeypatch):
     (tmp_path / "plant.csv").write_text(f"t,u,y\n{rows}\n")
     said = call(capsys, monkeypatch, "init", "plant.csv", "--candidates", "--json")
     assert said.code == 0, said.err
-    assert {f.name for f in tmp_path.glob("*.toml")} == {f"plant-{k}.toml" for k in ("first", "dead_time", "second")}
+    kinds = ("first", "dead_time", "second", "integrating")
+    assert {f.name for f in tmp_path.glob("*.toml")} == {f"plant-{k}.toml" for k in kinds}
     told = json.loads(said.out)
     first = told["verdict"][0]["sentence"]
     assert first.startswith(
@@ -172,6 +173,24 @@ def test_candidates_are_fitted_and_compared(tmp_path, capsys, monkeypatch):
     assert set(rmse) >= {"plant-first.toml", "plant-dead_time.toml", "plant-second.toml"}
     assert "plant-first.toml" in first
     assert (tmp_path / "plant-candidates.html").exists()
+
+
+def test_a_position_that_sums_up_what_drives_it_is_among_the_candidates(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(3)
+    u = prbs(rng, 800, 25, -6, 6)
+    angle = np.cumsum(30.0 * lag(u, 0.02, 0.15, 1.0, 2)) * 0.02
+    rows = "\n".join(
+        f"{20 * k},{p},{q + 0.3 * rng.normal():.2f}" for k, (p, q) in enumerate(zip(u, angle, strict=True))
+    )
+    (tmp_path / "encoder.csv").write_text(f"millis,u [V],pos [deg]\n{rows}\n")
+    said = call(capsys, monkeypatch, "init", "encoder.csv", "--candidates", "--json")
+    assert said.code == 0, said.err
+    told = json.loads(said.out)
+    assert told["verdict"][0]["sentence"].startswith("encoder-integrating.toml predicts unseen data best")
+    text = (tmp_path / "encoder-integrating.toml").read_text("utf-8")
+    assert "x' = v" in text
+    assert 'unit = "deg/s/V"' in text
 
 
 def test_a_file_without_an_output_and_a_folder_that_is_missing_are_told(tmp_path, capsys, monkeypatch):

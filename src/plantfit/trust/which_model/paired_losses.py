@@ -81,7 +81,8 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
         if fast >= max(ENOUGH, min(FEW, _most(len(both)))) and abs(known) <= reach:
             half, error, degrees, memory, over = reach, spread, fast, own, "noise"
     if degrees < FEWEST:
-        half, p = _at_worst(a, b, max(1, degrees), pairs)
+        worth = [max(1, _degrees([p[:, k] for p in pieces])[0]) for k in (0, 1)]
+        half, p = _at_worst(a, b, (worth[0], worth[1]), pairs)
         if value > half:
             return Difference(
                 value,
@@ -99,14 +100,13 @@ def paired_difference(first: Sequence[np.ndarray], second: Sequence[np.ndarray],
     return Difference(value, half, p, degrees, len(both), memory, over, bool(told))
 
 
-def _at_worst(a: float, b: float, degrees: int, pairs: int) -> tuple[float, float]:
-    """Half the interval of a difference of RMSE, and its p-value, if the errors of each model are worth so few
+def _at_worst(a: float, b: float, worth: tuple[int, int], pairs: int) -> tuple[float, float]:
+    """Half the interval of a difference of RMSE, and its p-value, if the errors of the models are worth so few
     independent numbers: the ratio b/a of the mean squares of equally good models then has the distribution F, and
     either may be the better one."""
-    most = float(special.fdtri(degrees, degrees, 1.0 - 0.025 / pairs))
-    return float(np.sqrt(a) * (np.sqrt(most) - 1.0)), min(
-        1.0, pairs * 2.0 * float(special.fdtrc(degrees, degrees, b / a))
-    )
+    own, other = worth
+    most = float(special.fdtri(other, own, 1.0 - 0.025 / pairs))
+    return float(np.sqrt(a) * (np.sqrt(most) - 1.0)), min(1.0, pairs * 2.0 * float(special.fdtrc(other, own, b / a)))
 
 
 def _half_width(series: Sequence[np.ndarray], degrees: int, pairs: int) -> tuple[float, float]:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from plantfit.recording.description import Description
 
-Kind = Literal["first", "dead_time", "second"]
+Kind = Literal["first", "dead_time", "second", "integrating"]
 WORDS: dict[Kind, str] = {
     "first": "first order",
     "dead_time": "first order with dead time",
     "second": "second order (two lags) with dead time",
+    "integrating": "first order in the rate, which the output sums up, with dead time",
 }
 
 _TEMPLATE = """\
@@ -132,8 +133,7 @@ def study_text(
         equations="\n".join(line for p in plants for line in p.equations),
         inputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in inputs),
         outputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in outputs),
-        states=", ".join(f"{x} = {{ unit = {quoted(p.link.output.unit or '1')}, initial = \"{p.start}\" }}" for x,
-                         p in states),
+        states=", ".join(p.state(x) for x, p in states),
         parameters="".join(p.parameters for p in plants),
     )  # fmt: skip
 
@@ -168,7 +168,14 @@ class _Plant:
 
     @property
     def states(self) -> list[str]:
-        return [f"{n}{self.number}" for n in (("z", "x") if self.kind == "second" else ("x",))]
+        return [f"{n}{self.number}" for n in {"second": ("z", "x"), "integrating": ("v", "x")}.get(self.kind, ("x",))]
+
+    def state(self, name: str) -> str:
+        """The entry of a state: a rate begins at 0, any other where the output does."""
+        y, rate = self.link.output, name == f"v{self.number}" and self.kind == "integrating"
+        unit = _ratio(y.unit, "s") if rate else y.unit
+        begins = "0.0" if rate else f'"{self.start}"'
+        return f"{name} = {{ unit = {quoted(unit or '1')}, initial = {begins} }}"
 
     @property
     def start(self) -> str:
@@ -177,31 +184,43 @@ class _Plant:
     @property
     def equations(self) -> list[str]:
         late = [u.symbol if self.kind == "first" else f"delay({u.symbol}, L{self.number})" for u in self.link.inputs]
-        goal = " + ".join([*(f"{k}*{u}" for k, u in zip(self.gains, late, strict=True)), f"rest{self.number}"])
+        own = "drift" if self.kind == "integrating" else "rest"
+        goal = " + ".join([*(f"{k}*{u}" for k, u in zip(self.gains, late, strict=True)), f"{own}{self.number}"])
         x, y = f"x{self.number}", self.link.output.symbol
         if self.kind == "second":
             z = f"z{self.number}"
             return [f"{z}' = ({goal} - {z}) / tau{self.number}", f"{x}' = ({z} - {x}) / lag{self.number}", f"{y} = {x}"]
+        if self.kind == "integrating":
+            v = f"v{self.number}"
+            return [f"{v}' = ({goal} - {v}) / tau{self.number}", f"{x}' = {v}", f"{y} = {x}"]
         return [f"{x}' = ({goal} - {x}) / tau{self.number}", f"{y} = {x}"]
 
     @property
     def parameters(self) -> str:
-        y = self.link.output
+        y, sums = self.link.output, self.kind == "integrating"
         span, reach = y.high - y.low, 0.0
+        # of an output that sums up: the rate by which it would pass its range in five samples
+        moved = span / (5 * self.period) if sums else span
+        unit = _ratio(y.unit, "s") if sums else y.unit
         text = ""
         for name, u in zip(self.gains, self.link.inputs, strict=True):
             wide = u.high - u.low
-            gain = 20 * span / wide
+            gain = (1 if sums else 20) * moved / wide
             reach = max(reach, max(abs(u.low), abs(u.high)) / wide)
-            told = f"static gain from {u.symbol} to {y.symbol}"
-            text += _parameter(name, told, -gain, gain, _ratio(y.unit, u.unit))
-        room = span * (1 + 5 * reach)
-        told = f"where {y.symbol} rests without input{self._beyond()}"
-        text += _parameter(f"rest{self.number}", told, y.low - room, y.high + room, y.unit)
+            told = f"{'rate' if sums else 'static gain'} from {u.symbol} to {y.symbol}"
+            text += _parameter(name, told, -gain, gain, _ratio(unit, u.unit))
+        room = moved * (1 + 5 * reach)
+        if sums:
+            told = f"rate of {y.symbol} without input{self._beyond()}"
+            text += _parameter(f"drift{self.number}", told, -room, room, unit)
+        else:
+            told = f"where {y.symbol} rests without input{self._beyond()}"
+            text += _parameter(f"rest{self.number}", told, y.low - room, y.high + room, y.unit)
         # a parameter holds also where the first value is missing or wrong
         text += _parameter(self.start, f"{y.symbol} at the first sample", y.first - span, y.first + span, y.unit)
         for name in [f"tau{self.number}", *([f"lag{self.number}"] if self.kind == "second" else [])]:
-            text += _parameter(name, f"time constant of {y.symbol}", self.period / 5, self.duration, "s", log=True)
+            of = f"the rate of {y.symbol}" if sums else y.symbol
+            text += _parameter(name, f"time constant of {of}", self.period / 5, self.duration, "s", log=True)
         if self.kind != "first":
             text += _parameter(
                 f"L{self.number}", f"dead time of {y.symbol}", 0.0, max(self.duration / 20, 5 * self.period), "s"
