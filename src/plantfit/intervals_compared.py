@@ -253,8 +253,8 @@ def _row(
             refits = found.values[:, i]
             # on the scale of the search: of a parameter over decades a thousandth of the box is most of it
             drawn_at, at = _along(c, refits), float(_along(c, value))
-            ends = tuple(float(v) for v in _back(c, percentiles(drawn_at, at, level, (0.0, 1.0))))
-            if float(_along(c, ends[1]) - _along(c, ends[0])) <= STILL:
+            low, high = (float(v) for v in _back(c, percentiles(drawn_at, at, level, (0.0, 1.0))))
+            if float(_along(c, high) - _along(c, low)) <= STILL:
                 bound = min(at, 1.0 - at) <= STILL
                 why = (
                     f"Refits leave {c.name} on its bound"
@@ -264,7 +264,7 @@ def _row(
                 refused[f"bootstrap of {c.name}"] = f"{why}, so the bootstrap has no interval of it."
                 all_of.append(_kind(kind, None, None, None))
                 continue
-            all_of.append(_kind(kind, *ends, c, sample=_thinned(refits)))
+            all_of.append(_kind(kind, low, high, c, sample=_thinned(refits)))
         elif kind == "posterior" and drawn is not None:
             sample = drawn.values[:, :, i].ravel()
             low, high = np.quantile(sample, [0.5 - level / 2, 0.5 + level / 2])

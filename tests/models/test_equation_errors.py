@@ -1,6 +1,7 @@
 """Every mistake in the text: its place and what the message names."""
 
 import random
+from typing import Any
 
 import pytest
 from model_calls import initial_state
@@ -287,7 +288,7 @@ def test_unit_that_does_not_exist_names_its_owner(kind):
 
 @pytest.mark.parametrize("output", ["az = v' + g0", "az = 2*v' - v'", "az=g0+v'"])
 def test_a_rate_right_of_the_sign_is_told_how_to_be_written(output):
-    given = {"states": ["x", "v"], "outputs": ["az"], "parameters": ["k", "g0"]}
+    given: dict[str, Any] = {"states": ["x", "v"], "outputs": ["az"], "parameters": ["k", "g0"]}
     with pytest.raises(EquationError, match=r"The rate v' cannot stand right of '='.*rate = .* and v' = rate"):
         equations(f"x' = v\nv' = -k*x\n{output}", **given)
     equations("x' = v\nrate = -k*x\nv' = rate\naz = rate + g0", **given)

@@ -1,6 +1,7 @@
 """Few generations are compiled apart from the cost: the same bits, and what is compiled for one cost serves others."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,10 @@ import jax.numpy as jnp
 PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost", "failures")
 OFTEN = ("cmaes", "dd_cmaes", "jso", "pso", "cga")
 POPULATIONS = [n for n in REGISTRY if hasattr(make(n), "ask")]
+
+
+def population(name: str) -> Any:
+    return make(name)
 
 
 def same(a, b):
@@ -40,7 +45,7 @@ def test_bits_are_those_of_blocks(monkeypatch, method):
 
 
 def test_asking_and_telling_serve_another_cost_of_as_many_coordinates():
-    method, made = make("pso"), []
+    method, made = population("pso"), []
     for goal in (bowl(3), corner(3), bowl(4)):
         generations = generations_of(goal, method, Facts(goal.dimension, 600, goal.lower, goal.upper, goal.start))
         made.append(apart._of_method(generations.of_method(), None))
@@ -74,7 +79,7 @@ def test_a_search_goes_on_either_way(monkeypatch, first, then):
 )
 def test_many_generations_many_evaluations_and_large_states_take_blocks(dimension, budget, width, groups, apart_is):
     facts = Facts(dimension, budget, None, None, None)
-    assert apart.worth_it(make("cmaes"), facts, width, groups) is apart_is
+    assert apart.worth_it(population("cmaes"), facts, width, groups) is apart_is
 
 
 def test_compiling_first_simulates_nothing():
@@ -85,7 +90,7 @@ def test_compiling_first_simulates_nothing():
         return jnp.sum((x - 0.3) ** 2, axis=1)
 
     goal = replace(bowl(3), costs=costs)
-    rows = make("pso").rows(Facts(3, 60, goal.lower, goal.upper, goal.start))
+    rows = population("pso").rows(Facts(3, 60, goal.lower, goal.upper, goal.start))
     assert rows <= 16  # one evaluation a generation
     [found] = minimise(goal, "pso", budget=60, seed=1)
     jax.effects_barrier()

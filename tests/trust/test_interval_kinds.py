@@ -247,6 +247,8 @@ def test_a_verdict_that_holds_another_answer_is_told_as_that():
     assert "different answers fit equally well" in " ".join(v["sentence"] for v in answer.findings["verdict"])
     (f, *_) = found.typed.parameters
     verdict, one = f.kinds
+    assert verdict.low is not None
+    assert verdict.high is not None
     assert verdict.low < 0.3 < 0.7 < verdict.high
     assert one.width < 0.2
     said = [s["sentence"] for s in found.record["verdict"] if s["sentence"].startswith("f:")]
@@ -281,7 +283,10 @@ def test_an_end_is_at_a_bound_on_the_scale_of_the_search(low):
     (p,) = found.parameters
     assert not found.refused
     assert not any(k.open_low or k.open_high for k in p.kinds)
-    assert all(1.5e-9 < k.low < 2e-9 < k.high < 2.6e-9 for k in p.kinds)
+    for k in p.kinds:
+        assert k.low is not None
+        assert k.high is not None
+        assert 1.5e-9 < k.low < 2e-9 < k.high < 2.6e-9
 
 
 def test_corrected_percentiles_of_a_normal_sample_are_its_quantiles():

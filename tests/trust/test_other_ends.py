@@ -124,7 +124,7 @@ def test_without_such_bounds_ranges_hold_both():
 def test_ranges_hold_the_truth_whichever_answer_was_reported():
     """Noise reports one of two answers; the interval around the other one belongs to the range, and not its value
     alone, beyond which the truth lies in half of the records."""
-    held = dict.fromkeys(("V", "ka", "ke"), 0)
+    held: dict[str, int] = dict.fromkeys(("V", "ka", "ke"), 0)
     for seed in range(20):
         rows = {p["name"]: p for p in pf.fit(absorbed(1.0, seed), seed=1).findings["parameters"]}
         for name, true in (("V", 20.0), ("ka", 1.0), ("ke", 0.2)):

@@ -46,8 +46,8 @@ class Options(TypedDict, total=False):
 def assemble(table: Table, **options: Unpack[Options]) -> Recording:
     """A recording from the columns of a table; raises RecordingError or UnitError with file and line."""
     _check_options(table, options)
-    if options.get("missing"):
-        table = replace(table, missing=_words(table, options["missing"]))
+    if words := options.get("missing"):
+        table = replace(table, missing=_words(table, words))
     table = widened(table)
     t, time_column, log = _time(table, options)
     chosen, chosen_log = _chosen(table, options.get("signals"), time_column)
@@ -70,8 +70,8 @@ def assemble(table: Table, **options: Unpack[Options]) -> Recording:
     return Recording(t, signals, name, told, time_column is not None)
 
 
-def _words(table: Table, given: Sequence[str | float] | None) -> tuple[str, ...]:
-    words = [given] if isinstance(given, str | int | float) else list(given or ())
+def _words(table: Table, given: Sequence[str | float]) -> tuple[str, ...]:
+    words = [given] if isinstance(given, str | int | float) else list(given)
     if wrong := [w for w in words if isinstance(w, bool) or not isinstance(w, str | int | float)]:
         raise RecordingError(
             f"{table.source}: missing holds {wrong[0]!r}; give words and numbers, as in missing=['Bad', -999]."
