@@ -29,12 +29,14 @@ def test_heater_dead_time_is_that_of_a_separate_program(folder):
     assert answer.values["tau"] == pytest.approx(138.1, rel=2e-3)
 
 
-def test_dead_time_of_the_thermal_plant_cannot_be_told_from_zero(folder):
+def test_dead_time_of_the_thermal_plant_is_not_told(folder):
+    """Its residuals drift: they are worth four independent samples, for four parameters."""
     answer = fit_file(unpack("thermal", folder / "thermal") / "thermal.toml", method="least_squares")
     found = dead_time(answer.problem, answer)
     assert not found.determined
-    assert "cannot be told from zero" in found.sentence
-    assert 0.522 < found.interval[1] < 3.0  # the authors' value is inside
+    assert found.sentence.startswith("The recording does not tell the dead time L")
+    assert found.interval[0] == 0.0
+    assert found.interval[1] > 0.522  # the authors' value is inside
     assert answer.values["K"] == pytest.approx(1.158, rel=0.02)
     assert answer.values["tau"] == pytest.approx(35.4, rel=0.05)
 

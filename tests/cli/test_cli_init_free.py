@@ -83,7 +83,7 @@ def test_a_column_that_never_changes_may_be_a_dead_sensor(tmp_path, monkeypatch,
     assert call(capsys, monkeypatch, "init", "free.csv", "--input", "none").code == 0
 
 
-@pytest.mark.parametrize("word", [("ON", "OFF"), ("0xFF", "0x1A"), ("true", "false"), ("1.234,5", "2.345,6")])
+@pytest.mark.parametrize("word", [("ON", "OFF"), ("0xFF", "0x1A"), ("true", "false")])
 def test_an_input_in_words_is_no_free_motion(tmp_path, monkeypatch, capsys, word):
     monkeypatch.chdir(tmp_path)
     rows = "".join(f"{k};{word[k // 20 % 2]};{20 + k % 20}\n" for k in range(120))
