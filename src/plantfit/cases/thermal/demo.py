@@ -37,7 +37,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None) -> di
         figure("constant offset: gain", plain.values["K"], "degC/%", 1.1591, AUTHORS),
         figure("constant offset: time constant", plain.values["tau"], "s", 35.463, AUTHORS),
         figure("constant offset: dead time", plain.values["L"], "s", 0.522, AUTHORS),
-        figure("constant offset: dead time, upper end of the interval", late["constant"].interval[1], "s"),
+        figure("slow drift: dead time, upper end of the interval", late["slow drift"].interval[1], "s"),
     ]
     sentences = [*(f"{n.capitalize()}: {d.sentence}" for n, d in late.items()), *_sentences(answers, late, gain)]
     rows = [
@@ -94,7 +94,8 @@ def _sentences(answers: Mapping[str, Answer], late: Mapping[str, DeadTime], gain
     shares = [1.0 - (rms(residual(a, "y")) / rms(residual(answers["constant"], "y"))) ** 2 for a in answers.values()]
     told = [n for n, d in late.items() if d.determined]
     untold = [n for n in late if n not in told]
-    top = max(d.interval[1] for d in late.values())
+    ends = {n: d.interval[1] for n, d in late.items() if not d.profile.at_upper}
+    top = f"; with {' and '.join(ends)} it is below {max(ends.values()):.2g} s" if ends else ""
     made = [
         f"Drift makes {100 * shares[1]:.0f} % of the mean square that a "
         f"constant offset leaves, {100 * shares[2]:.0f} % if it is faster."
@@ -102,12 +103,10 @@ def _sentences(answers: Mapping[str, Answer], late: Mapping[str, DeadTime], gain
     if told and untold:
         made.append(
             f"Whether there is a dead time depends on how the surroundings are taken (told with: {', '.join(told)}; "
-            f"not with: {', '.join(untold)}), so this record does not tell it from zero; it is below {top:.2g} s."
+            f"not with: {', '.join(untold)}), so this record does not tell it from zero{top}."
         )
     elif untold:
-        made.append(
-            f"However the surroundings are taken, the dead time cannot be told from zero; it is below {top:.2g} s."
-        )
+        made.append(f"However the surroundings are taken, the dead time cannot be told from zero{top}.")
     low, high = min(g.value for g in gain.values()), max(g.value for g in gain.values())
     made.append(f"The gain moves with that choice, too: {low:.3g} to {high:.3g} degC/%.")
     return made
