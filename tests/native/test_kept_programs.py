@@ -16,7 +16,7 @@ from plantfit.models import equations
 from plantfit.native import kept_programs
 from plantfit.native.kept_programs import Kept, described
 from plantfit.optimize import minimise
-from plantfit.optimize.loop import generations
+from plantfit.optimize.loop import apart, generations, population_loop
 from plantfit.problem.evaluate import points
 from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
@@ -321,35 +321,44 @@ kept_programs._made = lambda f, k, name, jitted, a: (
 
 
 def test_a_second_process_searches_with_the_programs_of_the_first(tmp_path):
-    """Generations of a population method (CMA-ES calls LAPACK in them) and the candidates of one that drives itself."""
+    """Generations of a population method (CMA-ES calls LAPACK in them), in blocks and apart, and the candidates of one
+    that drives itself."""
     text = """
 from plantfit.optimize import minimise
 from plantfit.space import Parameter
 from plantfit.study.objective import objective_of
-for method in ("cmaes", "nelder_mead"):
-    found = minimise(objective_of(problem()), method, runs=2, budget=150, seed=3)
+for method, budget in (("cmaes", 150), ("pso", 12_000), ("nelder_mead", 150)):
+    found = minimise(objective_of(problem()), method, runs=2, budget=budget, seed=3)
     print(method, *(r.x.tobytes().hex() + r.history_cost.tobytes().hex() for r in found))
 print("made", *sorted(set(made)))
 """
     first, second = (in_a_process_of_its_own(text, tmp_path / "cache") for _ in range(2))
     at = first.index("made")
-    assert first[at:] == ["made", "candidates", "generations"]
+    assert first[at:] == ["made", "asked", "candidates", "evaluated", "generations", "told"]
     assert second == [*first[:at], "made"]
 
 
-def test_other_settings_of_a_search_are_another_program(folder):
+# a key and an executable of the blocks; those of asking, and the key of telling, whose text is the same
+@pytest.mark.parametrize(("few", "more"), [(False, 2), (True, 3)])
+def test_other_settings_of_a_search_are_another_program(folder, monkeypatch, few, more):
+    monkeypatch.setattr(population_loop, "worth_it", lambda *_: few)
+
+    def cleared():
+        generations._compiled.cache_clear()
+        apart._of_method.cache_clear()
+
     def searched(**settings):
         found = minimise(objective_of(problem()), "pso", runs=2, budget=200, seed=1, settings=settings)
         return b"".join(r.history_cost.tobytes() for r in found)
 
-    generations._compiled.cache_clear()
+    cleared()
     one, count = searched(population=10), len(programs(folder))
-    generations._compiled.cache_clear()
+    cleared()
     assert searched(population=10) == one
     assert len(programs(folder)) == count
-    generations._compiled.cache_clear()
+    cleared()
     assert searched(population=10, inertia=0.5) != one
-    assert len(programs(folder)) == count + 2
+    assert len(programs(folder)) == count + more
 
 
 def test_old_programs_make_room(tmp_path, monkeypatch):
