@@ -345,7 +345,8 @@ def test_other_settings_of_a_search_are_another_program(folder, monkeypatch, few
 
     def cleared():
         generations._compiled.cache_clear()
-        apart._of_method.cache_clear()
+        apart._asking_and_telling.cache_clear()
+        apart._evaluating.cache_clear()
 
     def searched(**settings):
         found = minimise(objective_of(problem()), "pso", runs=2, budget=200, seed=1, settings=settings)

@@ -9,7 +9,7 @@ import pytest
 from plantfit.errors import SearchError
 from plantfit.optimize import Facts, minimise
 from plantfit.optimize.loop import apart, population_loop
-from plantfit.optimize.loop.generations import generations_of
+from plantfit.optimize.loop.generations import parts_of
 from plantfit.optimize.registry import REGISTRY, make
 from plantfit.testing.objectives import bowl, corner
 
@@ -47,8 +47,8 @@ def test_bits_are_those_of_blocks(monkeypatch, method):
 def test_asking_and_telling_serve_another_cost_of_as_many_coordinates():
     method, made = population("pso"), []
     for goal in (bowl(3), corner(3), bowl(4)):
-        generations = generations_of(goal, method, Facts(goal.dimension, 600, goal.lower, goal.upper, goal.start))
-        made.append(apart._of_method(generations.of_method(), None))
+        steps, _ = parts_of(goal, method, Facts(goal.dimension, 600, goal.lower, goal.upper, goal.start))
+        made.append(apart._asking_and_telling(steps, goal.dimension, None))
     assert made[0] is made[1]
     assert made[2] is not made[1]
     minimise(bowl(3), "pso", budget=600, seed=1)

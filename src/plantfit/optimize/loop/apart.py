@@ -18,11 +18,12 @@ from plantfit.optimize.loop.generations import (
     RUNNING,
     Asked,
     Carry,
-    Generations,
     Limits,
     Program,
+    Scores,
+    Steps,
     begin,
-    generations_of,
+    parts_of,
     state_bytes,
 )
 
@@ -36,7 +37,7 @@ SMALL = 1 << 20  # bytes of all runs' states, which are copied between the parts
 
 
 class Parts(NamedTuple):
-    """A generation: candidates, their costs, and what the method makes of them."""
+    """The compiled functions of a generation: candidates, their costs, and what the method makes of them."""
 
     ask: Callable[..., Asked]
     evaluate: Callable[..., Array]
@@ -51,25 +52,26 @@ def worth_it(method: Population, facts: Facts, width: int, groups: int) -> bool:
 
 def program_apart(objective: Objective, method: Population, facts: Facts) -> Program:
     """The same functions as those of `generations.program`."""
-    made = generations_of(objective, method, facts)
-    costs = made.costs
-    kept = isinstance(costs, KeptCosts)
-    ask, tell = _of_method(made.of_method(), costs.keep_alone if isinstance(costs, KeptCosts) else None)
-    evaluate = costs.keep(made.evaluated, "evaluated", (made.rows, made.dimension)) if kept else _evaluated(made)
-    return Program(begin(method, facts), partial(_advance, Parts(ask, evaluate, tell)))
+    steps, scores = parts_of(objective, method, facts)
+    keep = scores.costs.keep_alone if isinstance(scores.costs, KeptCosts) else None
+    ask, tell = _asking_and_telling(steps, facts.dimension, keep)
+    return Program(begin(method, facts), partial(_advance, Parts(ask, _evaluating(scores), tell)))
 
 
 @lru_cache(maxsize=32)
-def _of_method(made: Generations, keep: Callable | None) -> tuple[Callable, Callable]:
+def _asking_and_telling(steps: Steps, dimension: int, keep: Callable | None) -> tuple[Callable, Callable]:
+    """Of every cost with as many coordinates; `keep` makes functions that the next process finds again."""
     if keep is None:
-        return jax.jit(made.asked), jax.jit(made.told)
-    thing = made.method, made.rows, made.dimension, made.period
-    return keep(made.asked, "asked", thing), keep(made.told, "told", thing)
+        return jax.jit(steps.asked), jax.jit(steps.told)
+    thing = steps.method, steps.rows, dimension, steps.period
+    return keep(steps.asked, "asked", thing), keep(steps.told, "told", thing)
 
 
 @lru_cache(maxsize=32)
-def _evaluated(made: Generations) -> Callable:
-    return jax.jit(made.evaluated)
+def _evaluating(scores: Scores) -> Callable:
+    if isinstance(scores.costs, KeptCosts):
+        return scores.costs.keep(scores.evaluated, "evaluated", (scores.rows, scores.dimension))
+    return jax.jit(scores.evaluated)
 
 
 def _advance(

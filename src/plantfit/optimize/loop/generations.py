@@ -5,7 +5,7 @@ alone.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
@@ -94,21 +94,15 @@ def first_carry(method: Population, facts: Facts, key: Array) -> Carry:
 
 def program(objective: Objective, method: Population, facts: Facts) -> Program:
     """The compiled functions, reused by every search with the same cost, settings and shapes."""
-    return Program(begin(method, facts), _compiled(generations_of(objective, method, facts)))
+    return Program(begin(method, facts), _compiled(Generations(*parts_of(objective, method, facts))))
 
 
-def generations_of(objective: Objective, method: Population, facts: Facts) -> "Generations":
-    """Those of a method on a cost."""
-    period = getattr(method, "refresh_period", None)
-    costs, of_data = objective.costs, isinstance(objective.costs, CostOfData)
-    return Generations(
-        costs.function if isinstance(costs, CostOfData) else costs,
-        of_data,
-        method,
-        method.rows(facts),
-        facts.dimension,
-        None if period is None else period(facts),
-    )
+def parts_of(objective: Objective, method: Population, facts: Facts) -> "tuple[Steps, Scores]":
+    """What a generation is made of: what the method does, and what the cost does."""
+    period, rows, costs = getattr(method, "refresh_period", None), method.rows(facts), objective.costs
+    function, of_data = (costs.function, True) if isinstance(costs, CostOfData) else (costs, False)
+    steps = Steps(method, rows, None if period is None else period(facts))
+    return steps, Scores(function, of_data, rows, facts.dimension)
 
 
 def begin(method: Population, facts: Facts) -> Callable:
@@ -153,30 +147,105 @@ def _begin(method: Population, known: _Known) -> Callable:
 @lru_cache(maxsize=32)
 def _compiled(generations: "Generations") -> Callable:
     """The compiled function; of costs that say how, one that the next process finds again."""
-    costs, rest = generations.costs, (generations.method, generations.rows, generations.dimension, generations.period)
+    costs, steps = generations.scores.costs, generations.steps
     if isinstance(costs, KeptCosts):
+        rest = steps.method, steps.rows, generations.scores.dimension, steps.period
         return costs.keep(generations.advance, "generations", rest)
     return jax.jit(generations.advance)
 
 
-def _no_costs(x: Array) -> Array:
-    raise NotImplementedError
+@dataclass(frozen=True)
+class Steps:
+    """What a method does in a generation, whatever the cost: it asks for candidates, and is told their costs."""
+
+    method: Population
+    rows: int  # candidates of a generation
+    period: int | None  # generations between two calls of the method's `refresh`
+
+    def asked(self, carry: Carry, keys: Array, start: Array, g: Array) -> Asked:
+        """What generation g asks for."""
+        state = carry.state
+        if self.period is not None:
+            state = lax.cond(g % self.period == 0, partial(lax.map, self.method.refresh), lambda s: s, state)  # type: ignore[attr-defined]
+        counts = jnp.where(carry.ending == RUNNING, self._due(state, len(keys)), 0)
+        x, state = lax.map(lambda ks: self.method.ask(jax.random.fold_in(ks[0], g), ks[1]), (keys, state))
+        if start.shape[0]:
+            x = jnp.where(g == 0, x.at[:, : start.shape[0]].set(start), x)
+        return Asked(state, x, counts)
+
+    def told(self, carry: Carry, asked: Asked, f: Array, limits: Limits) -> Carry:
+        """The carry after the generation that was asked for and has the costs f (runs, rows)."""
+        active = carry.ending == RUNNING
+        state, info = lax.map(lambda told: self.method.tell(*told), (asked.state, asked.x, f))
+        new = self._counted(carry._replace(state=state), asked.x, f, asked.counts, info, limits)
+        return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), new, carry)
+
+    def _due(self, state: Any, runs: int) -> Array:
+        """Evaluations (runs,) of the next generation."""
+        live = getattr(self.method, "live", None)
+        return jnp.full(runs, self.rows) if live is None else jnp.clip(jax.vmap(live)(state), 1, self.rows)
+
+    def _counted(
+        self, carry: Carry, x: Array, f: Array, counts: Array, info: dict[str, Array], limits: Limits
+    ) -> Carry:
+        """The carry with the best of candidates x (runs, rows, d) of costs f (runs, rows), and how runs end with
+        them."""
+        no = jnp.zeros(len(counts), bool)
+        row = jnp.argmin(f, axis=1)
+        lowest = jnp.take_along_axis(f, row[:, None], axis=1)[:, 0]
+        better = lowest < carry.best_f
+        best_f = jnp.where(better, lowest, carry.best_f)
+        best_x = jnp.where(better[:, None], jnp.take_along_axis(x, row[:, None, None], axis=1)[:, 0], carry.best_x)
+        evaluations = carry.evaluations + counts
+        improved_at = jnp.where(better, evaluations, carry.improved_at)
+        stale = info.get("stagnated", no) | (evaluations - improved_at >= limits.patience)
+        spent = evaluations + self._due(carry.state, len(counts)) > limits.budget
+        ends = [best_f <= limits.target, info.get("stop", no), stale, spent]
+        ending = jnp.select(ends, [TARGET, CONVERGED, STAGNATED, BUDGET], RUNNING)
+        failures = carry.failures + counts - jnp.sum(jnp.isfinite(f), axis=1)
+        return Carry(carry.state, best_x, best_f, evaluations, improved_at, failures, ending)
+
+
+@dataclass(frozen=True)
+class Scores:
+    """Costs of the candidates of a generation; with `of_data` they take data beside them."""
+
+    costs: Callable
+    of_data: bool
+    rows: int
+    dimension: int
+
+    def evaluated(self, x: Array, counts: Array, data: Any) -> Array:
+        """Costs (runs, rows) of the first `counts` candidates of each run, +inf for the others."""
+        flat, size = x.reshape(-1, self.dimension), chunk_of(self.rows)
+        live = (jnp.arange(self.rows) < counts[:, None]).reshape(-1)
+        place = jnp.cumsum(live) - 1
+        padded = -(-len(flat) // size) * size
+        source = jnp.zeros(padded, int).at[jnp.where(live, place, padded)].set(jnp.arange(len(flat)), mode="drop")
+
+        def chunk(i: Array, f: Array) -> Array:
+            return f.at[i].set(self._chunk_costs(flat[lax.dynamic_slice_in_dim(source, i * size, size)], data))
+
+        # a loop whose length is data: XLA compiles one body, so a run has the same bits in any company
+        f = lax.fori_loop(0, -(-jnp.sum(live) // size), chunk, jnp.full((padded // size, size), jnp.inf))
+        f = jnp.where(live, f.reshape(-1)[place], jnp.inf).reshape(x.shape[:2])
+        return jnp.where(jnp.isfinite(f), f, jnp.inf)
+
+    def _chunk_costs(self, x: Array, data: Any) -> Array:
+        f = self.costs(x, data) if self.of_data else self.costs(x)
+        if f.shape != (len(x),):
+            raise SearchError(
+                f"The cost returned shape {f.shape} for {len(x)} candidates; it must return one cost for each."
+            )
+        return f
 
 
 @dataclass(frozen=True)
 class Generations:
-    """Generations of one method on one cost; with `of_data` the costs take data beside the candidates."""
+    """Generations of one method on one cost, as one program."""
 
-    costs: Callable
-    of_data: bool
-    method: Population
-    rows: int  # candidates of a generation
-    dimension: int
-    period: int | None  # generations between two calls of the method's `refresh`
-
-    def of_method(self) -> "Generations":
-        """The same without its cost, which only `evaluated` needs."""
-        return replace(self, costs=_no_costs, of_data=False)
+    steps: Steps
+    scores: Scores
 
     def advance(
         self,
@@ -211,72 +280,5 @@ class Generations:
 
     def _generation(self, carry: Carry, g: Array, given: Given) -> Carry:
         """The carry after generation g."""
-        asked = self.asked(carry, given.keys, given.start, g)
-        return self.told(carry, asked, self.evaluated(asked.x, asked.counts, given.data), given.limits)
-
-    def asked(self, carry: Carry, keys: Array, start: Array, g: Array) -> Asked:
-        """What generation g asks for."""
-        state = carry.state
-        if self.period is not None:
-            state = lax.cond(g % self.period == 0, partial(lax.map, self.method.refresh), lambda s: s, state)  # type: ignore[attr-defined]
-        counts = jnp.where(carry.ending == RUNNING, self._due(state, len(keys)), 0)
-        x, state = lax.map(lambda ks: self.method.ask(jax.random.fold_in(ks[0], g), ks[1]), (keys, state))
-        if start.shape[0]:
-            x = jnp.where(g == 0, x.at[:, : start.shape[0]].set(start), x)
-        return Asked(state, x, counts)
-
-    def told(self, carry: Carry, asked: Asked, f: Array, limits: Limits) -> Carry:
-        """The carry after the generation that was asked for and has the costs f (runs, rows)."""
-        active = carry.ending == RUNNING
-        state, info = lax.map(lambda told: self.method.tell(*told), (asked.state, asked.x, f))
-        new = self._counted(carry._replace(state=state), asked.x, f, asked.counts, info, limits)
-        return jax.tree.map(lambda a, b: jnp.where(active.reshape(-1, *[1] * (a.ndim - 1)), a, b), new, carry)
-
-    def _due(self, state: Any, runs: int) -> Array:
-        """Evaluations (runs,) of the next generation."""
-        live = getattr(self.method, "live", None)
-        return jnp.full(runs, self.rows) if live is None else jnp.clip(jax.vmap(live)(state), 1, self.rows)
-
-    def evaluated(self, x: Array, counts: Array, data: Any) -> Array:
-        """Costs (runs, rows) of the first `counts` candidates of each run, +inf for the others."""
-        flat, size = x.reshape(-1, self.dimension), chunk_of(self.rows)
-        live = (jnp.arange(self.rows) < counts[:, None]).reshape(-1)
-        place = jnp.cumsum(live) - 1
-        padded = -(-len(flat) // size) * size
-        source = jnp.zeros(padded, int).at[jnp.where(live, place, padded)].set(jnp.arange(len(flat)), mode="drop")
-
-        def chunk(i: Array, f: Array) -> Array:
-            return f.at[i].set(self._chunk_costs(flat[lax.dynamic_slice_in_dim(source, i * size, size)], data))
-
-        # a loop whose length is data: XLA compiles one body, so a run has the same bits in any company
-        f = lax.fori_loop(0, -(-jnp.sum(live) // size), chunk, jnp.full((padded // size, size), jnp.inf))
-        f = jnp.where(live, f.reshape(-1)[place], jnp.inf).reshape(x.shape[:2])
-        return jnp.where(jnp.isfinite(f), f, jnp.inf)
-
-    def _chunk_costs(self, x: Array, data: Any) -> Array:
-        f = self.costs(x, data) if self.of_data else self.costs(x)
-        if f.shape != (len(x),):
-            raise SearchError(
-                f"The cost returned shape {f.shape} for {len(x)} candidates; it must return one cost for each."
-            )
-        return f
-
-    def _counted(
-        self, carry: Carry, x: Array, f: Array, counts: Array, info: dict[str, Array], limits: Limits
-    ) -> Carry:
-        """The carry with the best of candidates x (runs, rows, d) of costs f (runs, rows), and how runs end with
-        them."""
-        no = jnp.zeros(len(counts), bool)
-        row = jnp.argmin(f, axis=1)
-        lowest = jnp.take_along_axis(f, row[:, None], axis=1)[:, 0]
-        better = lowest < carry.best_f
-        best_f = jnp.where(better, lowest, carry.best_f)
-        best_x = jnp.where(better[:, None], jnp.take_along_axis(x, row[:, None, None], axis=1)[:, 0], carry.best_x)
-        evaluations = carry.evaluations + counts
-        improved_at = jnp.where(better, evaluations, carry.improved_at)
-        stale = info.get("stagnated", no) | (evaluations - improved_at >= limits.patience)
-        spent = evaluations + self._due(carry.state, len(counts)) > limits.budget
-        ends = [best_f <= limits.target, info.get("stop", no), stale, spent]
-        ending = jnp.select(ends, [TARGET, CONVERGED, STAGNATED, BUDGET], RUNNING)
-        failures = carry.failures + counts - jnp.sum(jnp.isfinite(f), axis=1)
-        return Carry(carry.state, best_x, best_f, evaluations, improved_at, failures, ending)
+        asked = self.steps.asked(carry, given.keys, given.start, g)
+        return self.steps.told(carry, asked, self.scores.evaluated(asked.x, asked.counts, given.data), given.limits)
