@@ -3,7 +3,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any
-from weakref import WeakSet
 
 import numpy as np
 
@@ -19,8 +18,6 @@ Group = tuple[np.ndarray, np.ndarray]  # residuals (k,) and derivatives (k, q) o
 CHUNKS = (64, 16)  # candidates per compiled evaluation: two shapes for any number of points
 TOGETHER = 4  # points with derivatives in one call: of searches side by side few are under way most of the time
 ALONE = 200  # points in a row that came alone, from which on those that fill up cost more than to compile without them
-
-_SINGLE: WeakSet[Callable] = WeakSet()  # `batch_rows` that are compiled for a point alone, too
 
 
 class BudgetSpent(Exception):
@@ -148,9 +145,7 @@ class Counter:
         assert self.objective.batch_rows is not None
         self._charge(len(x) * self.objective.jacobian_charge)
         self._alone = self._alone + 1 if len(x) == 1 else 0
-        if self._alone > ALONE:
-            _SINGLE.add(self.objective.batch_rows)
-        size = 1 if len(x) == 1 and self.objective.batch_rows in _SINGLE else min(width, TOGETHER)
+        size = 1 if self._alone > ALONE else min(width, TOGETHER)
         found = [self.objective.batch_rows(_filled(x[i : i + size], size)) for i in range(0, len(x), size)]
         r, jacobian = found[0] if len(found) == 1 else map(np.concatenate, zip(*found, strict=True))
         return self._taken(Rows(r, jacobian, x), self.objective.jacobian_charge, len(x))
