@@ -50,17 +50,25 @@ def test_both_dead_times_are_told_where_the_record_cannot_tell(seed, true):
     assert 'hold = { u = "previous" } or hold = { u = "linear" }' in sentence
 
 
-@pytest.mark.parametrize("true", ["previous", "linear"])
-def test_a_long_record_with_little_noise_tells_a_wrong_hold_and_says_nothing_of_a_right_one(true):
-    exact = recorded(1, true, noise=1e-3, n=600, fine=40)
-    wrong = problem(exact, {"u": "linear" if true == "previous" else "previous"})
-    wrong.holds_stated = frozenset()
-    right = problem(exact, {"u": true})
-    right.holds_stated = frozenset()
-    [sentence] = told(pf.fit(wrong, seed=1))
-    assert "the other way fits better" in sentence
-    assert f'Write hold = {{ u = "{true}" }} under [model]' in sentence
-    assert told(pf.fit(right, seed=1)) == []
+def test_a_long_record_with_little_noise_tells_straight_lines():
+    [sentence] = told(pf.fit(problem(recorded(1, "linear", noise=1e-3, n=600, fine=40)), seed=1))
+    assert "straight lines fit better" in sentence
+    assert 'Write hold = { u = "linear" } under [model]' in sentence
+
+
+def test_nothing_is_said_where_a_long_record_tells_that_the_input_is_held():
+    assert told(pf.fit(problem(recorded(1, "previous", noise=1e-3, n=600, fine=40)), seed=1)) == []
+
+
+def test_dead_times_of_several_recordings_share_one_sentence():
+    records = {"first": recorded(7, "linear"), "second": recorded(12, "linear")}
+    whole = problem(records["first"])
+    own = {n: pf.Parameter(p.bounds, per_recording=n == "Td") for n, p in whole.space.parameters.items()}
+    answer = pf.fit(pf.Problem(whole.model, records, own), seed=1)
+    [sentence] = told(answer)
+    assert sentence.startswith(("Td[first] rests on how u goes on", "Td[second] rests on how u goes on"))
+    [look] = [look for look in answer.findings["data"] if look["kind"] == "hold"]
+    assert look["figures"]["linear"] == pytest.approx(DEAD, abs=0.6)
 
 
 def test_what_is_stated_is_believed():

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.native.kept_programs import Kept, described
+from plantfit.native.kept_programs import kept
 from plantfit.native.scan import native_scan
 from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.simulate.steps.vector import VectorModel
@@ -37,7 +37,7 @@ class Course:
             _, states = native_scan(body, tuple(x), rows, keep=True, fallback=True)
             return jnp.stack(states, axis=1)
 
-        self.compiled = Kept(jax.vmap(block), "course", described((vector.model, stepper)))
+        self.compiled = kept(jax.vmap(block), "course", (vector.model, stepper))
 
     def states(self, x0: np.ndarray, u0: np.ndarray, u1: np.ndarray, length: np.ndarray, values: Any) -> np.ndarray:
         """States (C, K + 1, n) at all ends of steps; from one on that cannot be taken they are not finite.

@@ -85,18 +85,16 @@ def check_holds(problem: Problem, z: np.ndarray, inputs: Sequence[str] | None = 
     return found
 
 
-def beside_other(problem: Problem, z: np.ndarray, jacobian: np.ndarray, name: str) -> tuple[HoldFit, np.ndarray]:
-    """Both holds of an input where its own was fitted to z (d,): what they tell, and the answer (d,) with the other.
+def beside_linear(problem: Problem, z: np.ndarray, jacobian: np.ndarray, name: str) -> tuple[HoldFit, np.ndarray]:
+    """Both holds of an input that was held when the problem was fitted to z (d,): what they tell, and the answer (d,)
+    with straight lines.
 
     `jacobian` (m, d) is that of the fit. It serves the other hold too, so that only residuals are compiled.
     """
-    simulator = problem.predictor.stepping()
-    own = {n: Held.LINEAR if n in simulator.interpolated else Held.PREVIOUS for n in simulator.vector.model.inputs}
-    kind = Held.PREVIOUS if own[name] == Held.LINEAR else Held.LINEAR
-    other = _held(problem, {**own, name: kind})
-    residuals, (best, at) = np.asarray(problem.unsmoothed.residuals(z)), _followed(other, z, jacobian)
-    pair = (residuals, best) if own[name] == Held.PREVIOUS else (best, residuals)
-    return _compared(name, *pair), at
+    own = dict.fromkeys(problem.predictor.stepping().interpolated, Held.LINEAR)
+    linear = _held(problem, {**own, name: Held.LINEAR})
+    residuals, at = _followed(linear, z, jacobian)
+    return _compared(name, np.asarray(problem.unsmoothed.residuals(z)), residuals), at
 
 
 def _followed(problem: Problem, z: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -162,4 +160,4 @@ def _standard_error(values: np.ndarray) -> float:
     return float(np.sqrt(max(total, 0.0))) / n
 
 
-__all__ = ["HoldFit", "beside_other", "check_holds"]
+__all__ = ["HoldFit", "beside_linear", "check_holds"]

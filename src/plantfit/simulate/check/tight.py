@@ -20,7 +20,7 @@ import numpy as np
 import scipy  # scipy.integrate is loaded at its first use
 
 import plantfit.runtime  # noqa: F401
-from plantfit.native.kept_programs import Kept, described
+from plantfit.native.kept_programs import kept
 from plantfit.simulate.check.modes import Modes
 from plantfit.simulate.check.on_floats import plain_rate
 from plantfit.simulate.simulator import Drive, Simulator
@@ -233,9 +233,7 @@ def _compiled(simulator: Simulator) -> _Compiled:
 
     settings = simulator.vector.model, simulator.stepper, simulator.substeps, simulator.interpolated
     output = jax.vmap(simulator.vector.output, in_axes=(0, 0, None))
-    return _Compiled(
-        *(Kept(f, f"tight {name}", described(settings)) for name, f in (("record", record), ("output", output)))
-    )
+    return _Compiled(*(kept(f, f"tight {name}", settings) for name, f in (("record", record), ("output", output))))
 
 
 def simulated(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> dict[str, np.ndarray]:

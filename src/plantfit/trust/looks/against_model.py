@@ -11,7 +11,7 @@ import numpy as np
 
 from plantfit import units
 from plantfit.models.model import Model
-from plantfit.native.kept_programs import Kept, described
+from plantfit.native.kept_programs import kept
 from plantfit.problem.measure.experiment import Experiment, before_in_units
 from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
@@ -64,7 +64,7 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
         found += [look for u, y in pairs if (look := feedback_look(recording, u, y, off.get(u, 0.0))) is not None]
         found += _times(problem, recording, determined)
         if not any(_steps_at_start(e, model, u) for u in e.before) and (
-            set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, e)
+            set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, recording)
         ):
             found += _start(problem, model, recording)
     return found
@@ -200,15 +200,14 @@ def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Loo
             )  # fmt: skip
 
 
-def _begins_at_rest(problem: Problem, model: Model, e: Experiment) -> bool:
+def _begins_at_rest(problem: Problem, model: Model, recording: Recording) -> bool:
     """Whether the model itself rests at its initial values under the first sample's inputs; one that moves foretells
     that outputs do."""
-    recording = e.recording
     if model.derivative is None:
         return False
     moves = [int(m[0]) + 1 for u in model.inputs if len(m := np.flatnonzero(np.diff(recording[u])))]
     seconds = float(recording.t[min(moves, default=len(recording)) - 1] - recording.t[0])
-    derivative = Kept(model.derivative, "derivative", described(model))
+    derivative = kept(model.derivative, "derivative", model)
     for p, x in _beginnings(problem, model, recording):
         u = _first_inputs(model, recording)
         late = {d.channel: u[d.input] for d in model.delays} | {d.channel: x[d.state] for d in model.state_delays}

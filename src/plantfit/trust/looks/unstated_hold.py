@@ -16,59 +16,69 @@ from plantfit.recording.looks import Look
 
 Row = Mapping[str, Any]
 LEVEL = 0.5  # of the samples that are those before them, from which on an input stays level and jumps
-LIKELY = 2.0  # standard errors by which a hold fits better, from which on the other one is not spoken of
+LIKELY = 2.0  # standard errors by which the held input fits better, from which on straight lines are not spoken of
 
 
 def hold_looks(problem: Problem, z: np.ndarray, rows: Sequence[Row]) -> list[Look]:
-    """One for each input whose hold is not stated, where the other hold moves a dead time out of its interval and fits
-    as well or better. `z` (d,) is the answer, `rows` its parameters. An input that stays level and jumps is held."""
+    """One for each input whose hold is not stated, so that it is held, where straight lines between its samples move a
+    dead time out of its interval and fit as well or better.
+
+    `z` (d,) is the answer, `rows` its parameters. An input that stays level and jumps is held for sure.
+    """
     model = problem.model
     if not isinstance(model, Model) or problem.smoothing is not None:
         return []
     late = {
-        d.input: row
-        for d in model.delays
-        for row in rows
-        if row["name"].partition("[")[0] == d.parameter
-        and row["status"] in ("determined", "weak")
-        and row["low"] is not None
-        and row["high"] is not None
+        u: [
+            row
+            for row in rows
+            if any(d.input == u and row["name"].partition("[")[0] == d.parameter for d in model.delays)
+            and row["status"] in ("determined", "weak")
+            and None not in (row["low"], row["high"])
+        ]
+        for u in model.inputs
+        if u not in problem.holds_stated and _moves(problem, u)
     }
-    moving = [u for u in late if u not in problem.holds_stated and _moves(problem, u)]
-    if not moving:
+    if not any(late.values()):
         return []
     z = np.asarray(z, dtype=float)
     jacobian = residuals_and_jacobian(problem, z)[1]
-    return [look for u in moving if (look := _look(problem, z, jacobian, u, late[u])) is not None]
+    looks = (_look(problem, z, jacobian, u, own) for u, own in late.items() if own)
+    return [look for look in looks if look is not None]
 
 
 def _moves(problem: Problem, u: str) -> bool:
     """Whether an input changes from sample to sample, most of the time."""
-    steps = [np.diff(e.recording[u]) for e in problem.experiments.values() if np.any(e.mask("fit"))]
-    return float(np.mean(np.concatenate(steps) == 0.0)) < LEVEL
+    steps = np.concatenate([np.diff(e.recording[u]) for e in problem.experiments.values() if np.any(e.mask("fit"))])
+    return len(steps) > 0 and float(np.mean(steps == 0.0)) < LEVEL
 
 
-def _look(problem: Problem, z: np.ndarray, jacobian: np.ndarray, u: str, row: Row) -> Look | None:
-    from plantfit.problem.measure.hold_check import beside_other  # a check before the fit needs nothing of scipy
+def _look(problem: Problem, z: np.ndarray, jacobian: np.ndarray, u: str, late: Sequence[Row]) -> Look | None:
+    """Of the dead times `late` of the input the one that its hold moves most, in widths of its interval."""
+    from plantfit.problem.measure.hold_check import beside_linear  # a check before the fit needs nothing of scipy
 
-    own = "linear" if u in problem.predictor.stepping().interpolated else "previous"
-    fit, at = beside_other(problem, z, jacobian, u)
-    other = float(problem.space.physical(at)[problem.space.names.index(row["name"])])
-    for_own = -fit.standard_errors if own == "previous" else fit.standard_errors
-    if row["low"] <= other <= row["high"] or fit.better == own or for_own > LIKELY:
+    fit, at = beside_linear(problem, z, jacobian, u)
+    straight = dict(zip(problem.space.names, problem.space.physical(at).tolist(), strict=True))
+
+    def moved(row: Row) -> float:
+        return abs(straight[row["name"]] - row["value"]) / max(row["high"] - row["low"], 1e-300)
+
+    row = max(late, key=moved)
+    name, held, other = row["name"], row["value"], straight[row["name"]]
+    if row["low"] <= other <= row["high"] or fit.standard_errors < -LIKELY:
         return None
-    values = {own: row["value"], "linear" if own == "previous" else "previous": other}
     unit = f" {row['unit']}" if row["unit"] else ""
     text = (
-        f"The study does not say how {u} goes on between its samples: {row['name']} is "
-        f"{values['previous']:.4g}{unit} if it is held until the next one, {values['linear']:.4g}{unit} if it goes "
-        "straight to it."
+        f"The study does not say how {u} goes on between its samples: {name} is {held:.4g}{unit} if it is held until "
+        f"the next one, {other:.4g}{unit} if it goes straight to it."
     )
     first = next(iter(problem.experiments))
     t = problem.experiments[first].recording.t
-    figures: dict[str, int | float | None] = {**values, "standard_errors": fit.standard_errors, "power": fit.power}
-    write = "" if fit.better is None else f'hold = {{ {u} = "{fit.better}" }}'
-    return Look("hold", "warning", first, u, text, float(t[0]), float(t[-1]), write, figures, other=row["name"])
+    figures: dict[str, int | float | None] = {
+        "previous": held, "linear": other, "standard_errors": fit.standard_errors, "power": fit.power
+    }  # fmt: skip
+    write = "" if fit.better is None else f'hold = {{ {u} = "linear" }}'
+    return Look("hold", "warning", first, u, text, float(t[0]), float(t[-1]), write, figures, other=name)
 
 
 __all__ = ["hold_looks"]

@@ -50,9 +50,9 @@ def hold_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         held, straight = (with_unit(figures[kind], units[name]) for kind in ("previous", "linear"))
         if look["write"]:
             text = (
-                f"How {u} goes on between its samples is not said, and the other way fits better "
-                f"({number(abs(figures['standard_errors']))} standard errors): {name} is {held} if {u} is held until "
-                f"the next sample, {straight} if it goes straight to it. Write {look['write']} under [model]."
+                f"{u} is held between its samples, as nobody said how it goes on, and straight lines fit better "
+                f"({number(figures['standard_errors'])} standard errors): {name} is then {straight}, and not {held}. "
+                f"Write {look['write']} under [model]."
             )
         else:
             text = (
