@@ -193,6 +193,23 @@ def test_a_position_that_sums_up_what_drives_it_is_among_the_candidates(tmp_path
     assert 'unit = "deg/s/V"' in text
 
 
+@pytest.mark.parametrize("word", ["Err", ""])
+def test_an_input_with_cells_without_a_number_is_held_over_them(tmp_path, capsys, monkeypatch, word):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(4)
+    u = prbs(rng, 400, 20, 0, 10)
+    y = 20 + lag(u, 1.0, 8.0, 0.8) + rng.normal(0, 0.05, 400)
+    cells = [f"{p:g}" for p in u]
+    cells[50], cells[201] = word, word
+    rows = "\n".join(f"{k},{p},{q:.3f}" for k, (p, q) in enumerate(zip(cells, y, strict=True)))
+    (tmp_path / "plant.csv").write_text(f"t [s],u [V],y [degC]\n{rows}\n", "utf-8")
+    assert call(capsys, monkeypatch, "init", "plant.csv", "--yes").code == 0
+    [experiment] = spec.load(tmp_path / "plant.toml").problem.experiments.values()
+    filled = experiment.recording["u"]
+    assert filled[[50, 201]].tolist() == filled[[49, 200]].tolist()
+    assert ('missing = ["Err"]' in (tmp_path / "plant.toml").read_text("utf-8")) == bool(word)
+
+
 def test_a_file_without_an_output_and_a_folder_that_is_missing_are_told(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rows = "\n".join(f"{0.1 * k:.1f},{k % 7},2" for k in range(50))

@@ -18,7 +18,7 @@ from benchmarks.equal_models import apart
 from plantfit.trust.which_model.candidates import Candidate
 from plantfit.trust.which_model.common_data import Series
 from plantfit.trust.which_model.comparison import compared
-from plantfit.trust.which_model.paired_losses import paired_difference
+from plantfit.trust.which_model.paired_losses import _at_worst, paired_difference
 from plantfit.trust.which_model.sentences import told_apart
 
 N = 1000
@@ -187,3 +187,31 @@ def test_a_linear_model_that_does_better_is_a_warning_and_one_that_does_not_is_n
         found = record(y, fitted, Candidate("mine", 1, 1.0, (own,)), linear)
         assert found.verdict[-1].level == level
         assert found.verdict[-1].sentence.startswith("A linear model of order 1")
+
+
+def slow(rng, memory, n):
+    """An AR(1) (n,) of standard deviation 1."""
+    e, x = rng.normal(size=n + 400) * np.sqrt(1 - memory**2), np.zeros(n + 400)
+    for k in range(1, n + 400):
+        x[k] = memory * x[k - 1] + e[k]
+    return x[400:]
+
+
+@pytest.mark.parametrize("memory", [0.98, 0.995])
+def test_a_model_ten_times_worse_is_told_however_slow_its_errors(memory):
+    told = 0
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        noise = 0.3 * rng.normal(size=60)
+        told += paired_difference([noise], [noise + 3.0 * slow(rng, memory, 60)], 6).told
+    assert told >= 0.6 * 60  # 7 to 15 % by as many numbers for both
+
+
+def test_errors_worth_few_numbers_each_are_not_told_by_their_ratio():
+    """Both models drift: of equally good ones the ratio of mean squares leaves F(1, 1) in 5 %, F(1, 20) in 5 %."""
+    rng = np.random.default_rng(1)
+    for other, own in ((1, 1), (1, 20), (3, 3)):
+        ratios = (rng.chisquare(other, 4000) / other) / (rng.chisquare(own, 4000) / own)
+        least = [_at_worst(1.0, r, (own, other), 1)[0] for r in ratios]
+        told = np.mean(np.sqrt(ratios) - 1.0 > np.array(least))
+        assert 0.015 <= told <= 0.035  # one side of 5 %

@@ -75,7 +75,7 @@ def described(content: Table) -> Description:
 
 
 def _summary(found: Table, column: Column, is_time: bool) -> ColumnSummary:
-    values, text, _ = casted(found, column.cells)
+    values, text, *_ = casted(found, column.cells)
     cells = clean_text(column.cells) if column.cells.dtype == pl.String else column.cells
     numeric = mostly_numbers(found, column)
     finite = values[np.isfinite(values)] if numeric else np.zeros(0)

@@ -125,7 +125,7 @@ def _alone(content: Table, column: Column, is_time: bool) -> tuple[Role, np.ndar
             None,
             0,
         )
-    v = casted(content, column.cells)[0]
+    v = casted(content, column.cells).values
     there = np.flatnonzero(np.isfinite(v))
     if v[there].min() == v[there].max():
         return replace(base, kind="constant", why=f"{v[there[0]]:g} throughout"), None, 0

@@ -72,11 +72,11 @@ def guess_time(table: Table) -> Column | None:
                 return column
     for column in table.columns:
         if column.name.lower() in _UNITS_ALONE and column.unit is None:
-            values, text, _ = casted(table, column.cells)
+            values, text, *_ = casted(table, column.cells)
             if not len(text) and len(values) > 2 and np.mean(np.diff(values) > 0) > 0.9:
                 return column
     if not table.header and table.columns:
-        values, text, _ = casted(table, table.columns[0].cells)
+        values, text, *_ = casted(table, table.columns[0].cells)
         if not len(text) and len(values) > 2 and np.all(np.diff(values) > 0):
             return table.columns[0]
     return None
@@ -121,7 +121,7 @@ def may_be_milliseconds(table: Table) -> bool:
     column = guess_time(table)
     if column is None or column.cells.dtype.is_temporal():
         return False
-    values, text, _ = casted(table, column.cells)
+    values, text, *_ = casted(table, column.cells)
     try:
         known_by = time_unit_of(column, None)[1]
     except UnitError:

@@ -31,7 +31,7 @@ def widened(table: Table) -> Table:
     names = [name.strip() if name else "" for name in tag.cells.to_list()]
     distinct = list(dict.fromkeys(names))
     counts = [names.count(name) for name in distinct[: MOST + 1]]
-    values, text, _ = casted(table, value.cells)
+    values, text, *_ = casted(table, value.cells)
     if not 2 <= len(distinct) <= MOST or min(counts) < FEWEST or any(map(is_missing, distinct)) or len(text):
         return table
     moments = [str(cell) for cell in time.cells.to_list()]
@@ -40,7 +40,7 @@ def widened(table: Table) -> Table:
     if len(place) > TOGETHER * len(rows) or len({*zip(rows.tolist(), columns.tolist(), strict=True)}) < len(rows):
         return table
     for column in (time, value):  # while their texts still stand side by side
-        if table.decimal == "auto" and casted(table, column.cells)[2]:
+        if table.decimal == "auto" and casted(table, column.cells).comma:
             refuse_both_marks(table, column)
     wide = np.full((len(place), len(distinct)), np.nan)
     wide[rows, columns] = values

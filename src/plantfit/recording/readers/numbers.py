@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import polars as pl
@@ -39,9 +40,8 @@ def clean_text(cells: pl.Series, also: Sequence[str] = ()) -> pl.Series:
 
 def words_in(table: Table, column: Column) -> dict[str, int]:
     """Texts of a column of numbers that are none, and how often each stands there."""
-    _, rows, _ = casted(table, column.cells)
     found: dict[str, int] = {}
-    for row in rows.tolist():
+    for row in casted(table, column.cells).text.tolist():
         word = str(column.cells[row]).strip()
         found[word] = found.get(word, 0) + 1
     return found
@@ -49,11 +49,11 @@ def words_in(table: Table, column: Column) -> dict[str, int]:
 
 def thousands(text: pl.Series, decimal: str = "auto") -> tuple[str, str] | None:
     """What stands between thousands in the numbers of a column of trimmed text, and the decimal mark; None where no
-    number has such a mark, or where it may be the decimal mark itself.
+    number has such a mark, or where it may be the decimal mark itself. Words without a digit are passed over.
 
     A comma or a point parts thousands for sure where the other mark follows it, or where it comes twice in a number.
     """
-    text = text.drop_nulls()
+    text = text.filter(text.str.contains(r"\d").fill_null(False))
     for mark, ends in _GROUPS.items():
         if not text.str.contains(mark, literal=True).any():
             continue
@@ -67,27 +67,36 @@ def thousands(text: pl.Series, decimal: str = "auto") -> tuple[str, str] | None:
     return None
 
 
-def casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool]:
-    """(values (n,), which may be those of the cells, rows that hold text, whether a decimal comma was read) for text
-    or number cells."""
-    values, text, comma = _casted(table, cells)
+class Cast(NamedTuple):
+    """Cells as numbers: `values` (n,), which may be those of the cells, the rows that hold text, whether a decimal
+    `comma` was read, and the mark that was read between `thousands`, "" for none."""
+
+    values: np.ndarray
+    text: np.ndarray
+    comma: bool = False
+    thousands: str = ""
+
+
+def casted(table: Table, cells: pl.Series) -> Cast:
+    """Text or number cells as numbers, NaN for what is missing."""
+    found = _casted(table, cells)
     codes = [float(word) for word in table.missing if is_number(word)]
-    return (np.where(np.isin(values, codes), np.nan, values) if codes else values), text, comma
+    return found._replace(values=np.where(np.isin(found.values, codes), np.nan, found.values)) if codes else found
 
 
-def _casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, bool]:
+def _casted(table: Table, cells: pl.Series) -> Cast:
     if cells.dtype != pl.String:
         if not (cells.dtype.is_numeric() or cells.dtype == pl.Boolean or cells.dtype == pl.Null):
-            return np.full(len(cells), np.nan), np.flatnonzero(cells.is_not_null().to_numpy()), False
+            return Cast(np.full(len(cells), np.nan), np.flatnonzero(cells.is_not_null().to_numpy()))
         values = cells.cast(pl.Float64)
-        return (values.fill_null(np.nan) if values.null_count() else values).to_numpy(), np.zeros(0, dtype=int), False
+        return Cast((values.fill_null(np.nan) if values.null_count() else values).to_numpy(), np.zeros(0, dtype=int))
     text = clean_text(cells, table.missing)
     point = (
         text.cast(pl.Float64, strict=False) if table.decimal != "," else pl.Series([None] * len(text), dtype=pl.Float64)
     )
     bad = (point.is_null() & text.is_not_null()).to_numpy()
     pointed = text.str.contains(".", literal=True).fill_null(False)
-    comma_read = False
+    comma_read, between = False, ""
     # one column must not mix the two marks: 1.5 and 1,5 could differ by a thousand
     if table.decimal == "," or (table.decimal == "auto" and bad.any() and not pointed.any()):
         comma = text.str.replace(",", ".", literal=True).cast(pl.Float64, strict=False)
@@ -95,24 +104,25 @@ def _casted(table: Table, cells: pl.Series) -> tuple[np.ndarray, np.ndarray, boo
         bad = (point.is_null() & text.is_not_null()).to_numpy()
         comma_read = bool(text.str.contains(",", literal=True).any())
     if bad.any() and (marks := thousands(text, table.decimal)) is not None:
-        mark, end = marks
-        plain = text.str.replace_all(mark, "", literal=True).str.replace(end, ".", literal=True)
-        return plain.cast(pl.Float64, strict=False).fill_null(np.nan).to_numpy(), np.zeros(0, dtype=int), False
-    return point.fill_null(np.nan).to_numpy(), np.flatnonzero(bad), comma_read
+        between, end = marks
+        plain = text.str.replace_all(between, "", literal=True).str.replace(end, ".", literal=True)
+        point, comma_read = plain.cast(pl.Float64, strict=False), False
+        bad = (point.is_null() & text.is_not_null()).to_numpy()
+    return Cast(point.fill_null(np.nan).to_numpy(), np.flatnonzero(bad), comma_read, between)
 
 
 def mostly_numbers(table: Table, column: Column) -> bool:
     """Whether at least half of the cells that are there, and at least one, are numbers."""
     if column.cells.dtype.is_numeric():
         return bool(column.cells.cast(pl.Float64).is_finite().any())
-    values, text, _ = casted(table, column.cells)
-    count = int(np.isfinite(values).sum())
-    return count > 0 and count >= len(text)
+    found = casted(table, column.cells)
+    count = int(np.isfinite(found.values).sum())
+    return count > 0 and count >= len(found.text)
 
 
 def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, list[str]]:
     """Values (n,) and log sentences; raises RecordingError at the first text, with its place."""
-    values, text, comma = casted(table, column.cells)
+    values, text, comma, between = casted(table, column.cells)
     if len(text):
         row = int(text[0])
         raise RecordingError(
@@ -124,10 +134,7 @@ def numbers(table: Table, column: Column, purpose: str) -> tuple[np.ndarray, lis
         refuse_both_marks(table, column)
         _refuse_thousands(table, column, values)
     log = [f"Column {column.header!r} was read with a decimal comma."] if comma else []
-    if column.cells.dtype == pl.String and not comma:
-        marks = thousands(clean_text(column.cells, table.missing), table.decimal)
-        if marks is not None:
-            log.append(f"Column {column.header!r} was read with {marks[0]!r} between thousands.")
+    log += [f"Column {column.header!r} was read with {between!r} between thousands."] if between else []
     with np.errstate(over="ignore", invalid="ignore"):
         if np.isfinite(values.sum()):  # nothing is missing
             return values, log

@@ -20,7 +20,7 @@ from plantfit.trust.verdict.words import FEW, Sentence, say, span, with_unit, wo
 def fit_sentences(findings: Findings) -> Iterator[Sentence]:
     """How well the fitted samples are followed."""
     outliers = decided_by_outliers(findings)
-    at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR} - set(outliers)
+    at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR}
     rows = [
         {
             **r,
@@ -30,7 +30,31 @@ def fit_sentences(findings: Findings) -> Iterator[Sentence]:
         for r in findings["scores"]
         if r["part"] == "fit"
     ]
-    yield from each_output(findings, rows, _fit, _fits)
+    yield from each_output(findings, [r for r in rows if r["outliers"]], _by_outliers, _many_by_outliers)
+    yield from each_output(findings, [r for r in rows if not r["outliers"]], _fit, _fits)
+
+
+def _by_outliers(findings: Findings, row: Row) -> Sentence:
+    """Fitted samples of which a few decide what is left."""
+    (count, share), percent = row["outliers"], row["fit_percent"]
+    which, them = (f"{count} outliers hold", "them") if count > 1 else ("one outlier holds", "it")
+    text = (
+        f"The model follows {place(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the "
+        f"fitted samples{'' if percent is None else f', a fit of {percent:.1f} %'}; {which} {100 * share:.0f} % of the "
+        f"squares of what is left: take {them} out before you judge the model."
+    )
+    return say("warning", text, rmse=row["rmse"], outliers=count, share=share)
+
+
+def _many_by_outliers(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    counts, shares = zip(*(r["outliers"] for r in rows), strict=True)
+    rmse = span([r["rmse"] for r in rows], rows[0]["unit"])
+    text = (
+        f"The model follows {output} of {len(rows)} recordings ({recordings_named(rows)}) with an RMSE of {rmse} on "
+        f"the fitted samples; in each of them outliers, {sum(counts)} in all, hold {100 * min(shares):.0f} % or more "
+        "of the squares of what is left: take them out before you judge the model."
+    )
+    yield say("warning", text, rmse=max(r["rmse"] for r in rows), outliers=sum(counts), share=min(shares))
 
 
 _MUST = "no more than the free parameters that follow them, so that this shows nothing: give more samples of"
@@ -53,13 +77,6 @@ def _fit(findings: Findings, row: Row) -> Sentence:
         text += f", but these {row['n']} are {_MUST} {row['output']}."
         return say("warning", text, rmse=row["rmse"], samples=row["n"])
     text += f", a fit of {percent:.1f} %" if percent is not None else ""
-    if row["outliers"]:
-        count, share = row["outliers"]
-        which = f"{count} outliers hold" if count > 1 else "one outlier holds"
-        text += (
-            f"; {which} {100 * share:.0f} % of the squares of what is left: take {'them' if count > 1 else 'it'} out"
-        )
-        return say("warning", f"{text} before you judge the model.", rmse=row["rmse"], outliers=count, share=share)
     text += (
         "; what is left is its noise from sample to sample."
         if percent is not None and percent < GOOD and row["at_floor"]

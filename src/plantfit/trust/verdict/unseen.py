@@ -34,8 +34,29 @@ def unseen_sentences(findings: Findings) -> Iterator[Sentence]:
             "Nothing was kept unseen, so nothing shows yet that the "
             "model holds on new data: give a split or a second recording.",
         )
+    spoiled = {output for _, output in decided_by_outliers(findings)}
+    simulated = [r for r in unseen if not _lost(r)]
     yield from each_output(findings, [r for r in unseen if _lost(r)], _lost_one, _lost_many)
-    yield from each_output(findings, [r for r in unseen if not _lost(r)], _unseen, _unseens)
+    yield from each_output(
+        findings, [r for r in simulated if r["output"] in spoiled], _beside_outliers, _many_beside_outliers
+    )
+    yield from each_output(findings, [r for r in simulated if r["output"] not in spoiled], _unseen, _unseens)
+
+
+_LITTLE = "the fitted samples, that it would be compared with, are decided by outliers, so that this tells little"
+
+
+def _beside_outliers(findings: Findings, row: Row) -> Sentence:
+    """Unseen samples where outliers decide how far the fitted ones are off."""
+    rmse = with_unit(row["rmse"], row["unit"])
+    text = f"On samples it has not seen, the RMSE of {place(findings, row)} is {rmse}; {_LITTLE}."
+    return say("info", text, rmse=row["rmse"])
+
+
+def _many_beside_outliers(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
+    rmse = span([r["rmse"] for r in rows], rows[0]["unit"])
+    text = f"On samples it has not seen, the RMSE of {output} in {len(rows)} recordings is {rmse}; {_LITTLE}."
+    yield say("info", text, rmse=max(r["rmse"] for r in rows), recordings=len(rows))
 
 
 def _lost(row: Row) -> bool:
@@ -122,7 +143,10 @@ def _is_foretold(findings: Findings, row: Row, level: str) -> bool:
 def failing(findings: Findings) -> list[str]:
     """Outputs of which the verdict says that the model does not hold on unseen samples."""
     found: dict[str, None] = {}
+    spoiled = {output for _, output in decided_by_outliers(findings)}
     for row in findings.get("scores", ()):
+        if row["output"] in spoiled:
+            continue
         if row["part"] == "validation" and _lost(row):
             found[row["output"]] = None
             continue
@@ -171,9 +195,6 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
     if not base:
         return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
     ratio, begun = row["rmse"] / base, _off(row) / base
-    if any(output == row["output"] for _, output in decided_by_outliers(findings)):
-        text += f", {ratio:.2f} times that of the fitted samples, which outliers decide: this tells little."
-        return say("info", text, rmse=row["rmse"], ratio=ratio)
     level = _held_level(row, begun)
     if ratio >= HOLDS > begun and not _exact(row):
         text += (

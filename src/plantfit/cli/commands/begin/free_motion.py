@@ -5,27 +5,13 @@ from typing import Literal
 
 import numpy as np
 
-from plantfit.cli.commands.begin.study_text import Signal, quoted
+from plantfit.cli.commands.begin.study_text import HEAD, SEARCH, Signal, quoted
 from plantfit.units import compatible, factor_offset
 
 Motion = Literal["oscillation", "decay"]
 MOST = 20_000  # samples that are looked at
 
-_TEMPLATE = """\
-# A study for plantfit, made by `plantfit init {source}`. Run it with:  plantfit run {spec}
-# Its model is of {words} without an input: a start that runs. Change the equations to your plant;
-# `plantfit check {spec}` tells what it understands.
-
-name = {name}
-
-# ---- what was measured ----------------------------------------------------------------------
-# Columns of the file:
-{columns}
-[recording.data]
-file = {path}
-{time}
-signals = {{ {y} = {header} }}
-{units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
+_MIDDLE = """\
 # fit = [2.0, 20.0]    # in place of split: from where the motion was let go to where it is at rest, in s
 # clean = [{{ step = "drop_outliers", signal = "{y}", window = 11, threshold = 4.0 }}]
 
@@ -39,11 +25,6 @@ outputs = {{ {y} = {unit} }}
 
 # ---- what is unknown, and within which bounds --------------------------------------------------
 {parameters}
-# ---- how to search ---------------------------------------------------------------------------
-[search]
-methods = ["auto"]     # more, to compare: ["auto", "cmaes", "pso"]; see `plantfit methods`
-runs = 1
-seed = 1
 """
 WORDS: dict[Motion, str] = {"oscillation": "a damped oscillation", "decay": "an exponential decay"}
 
@@ -115,10 +96,11 @@ def free_text(
         + f"sentence = {quoted(told)}\n\n"
         for n, bounds, u, told, log in rows
     )
-    text = _TEMPLATE.format(
-        source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[motion], name=quoted(name),
+    text = (HEAD + _MIDDLE + SEARCH).format(
+        source=" ".join(source.split()), spec=" ".join(spec.split()), words=f"{WORDS[motion]} without an input",
+        name=quoted(name),
         columns="".join(f"#   {c}\n" for c in columns), path=quoted(path), time=time, y=y.symbol,
-        header=quoted(y.header),
+        signals=f"{y.symbol} = {quoted(y.header)}",
         units=f"units = {{ {y.symbol} = {quoted(stated)} }}    # by the name of the column: correct it\n"
         if y.named
         else "# units = { ... }      # for a column whose header gives none\n" if not y.unit else "",

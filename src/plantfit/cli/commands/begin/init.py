@@ -54,25 +54,14 @@ def init(
     from plantfit.recording.readers.any_format import table
     from plantfit.recording.readers.clock import may_be_milliseconds
     from plantfit.recording.readers.long_tables import widened
-    from plantfit.recording.roles import UNMOVED, roles_of
+    from plantfit.recording.roles import roles_of
 
     source = Path(file)
     if source.is_dir():
         raise RecordingError(f"{file!r} is a folder; name a file in it.")
     name = source.name.split(".")[0]
     target = Path(place) if place else source.with_name(f"{name}.toml")
-    kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
-    targets: dict[Kind, Path] = {
-        kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds
-    }
-    if not target.parent.is_dir():
-        raise SpecError(
-            f"There is no folder {str(target.parent)!r} to write "
-            f"{target.name!r} into; make it, or give another place with --out."
-        )
-    there = next((t for t in targets.values() if t.exists()), None)
-    if there is not None and not force:
-        raise SpecError(f"{str(there)!r} exists already; give another name with --out, or --force to overwrite it.")
+    targets = _targets(target, candidates, force)
     content = table(file)
     found, roles = described(content), roles_of(content)
     if found.problem:
@@ -101,10 +90,8 @@ def init(
     chosen_in, chosen_out = _chosen(source.name, roles, known, inputs, outputs, ask)
     links = _links(roles, known, chosen_in, chosen_out)
     period = found.period or 1.0
-    told = [
-        f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
-    ]
-    read = [s.header for k in links for s in (*k.inputs, k.output) if s.header in known]
+    told = _columns(found, roles)
+    read = [c.header for k in links for s in (*k.inputs, k.output) for c in s.read]
     clock = clock_line(found) + words_line(content, read, json)
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
@@ -120,27 +107,58 @@ def init(
         return _compared(list(targets.values()), json)
     if json:
         return print_json(_record(str(target), links, found, roles))
+    _say_links(links, roles, sure=bool(inputs or outputs))
+    if found.time is None and not found.period:
+        out.print(_NO_CLOCK, markup=False)
+    out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
+    out.print(f"Next: plantfit check {target}", markup=False)
+
+
+def _targets(target: Path, candidates: bool, force: bool) -> dict[Kind, Path]:
+    """The file to write for each kind of model."""
+    kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
+    targets: dict[Kind, Path] = {
+        kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds
+    }
+    if not target.parent.is_dir():
+        raise SpecError(
+            f"There is no folder {str(target.parent)!r} to write "
+            f"{target.name!r} into; make it, or give another place with --out."
+        )
+    there = next((t for t in targets.values() if t.exists()), None)
+    if there is not None and not force:
+        raise SpecError(f"{str(there)!r} exists already; give another name with --out, or --force to overwrite it.")
+    return targets
+
+
+def _columns(found: "Description", roles: "Roles") -> list[str]:
+    """What each column seems to be, for the comments of a study file."""
+    return [
+        f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
+    ]
+
+
+def _say_links(links: list[Link], roles: "Roles", sure: bool) -> None:
+    """What answers to what, and of which columns the user should be asked where nobody named them (`sure`)."""
+    from plantfit.recording.roles import UNMOVED
+
     unmoved = {r.header for r in roles.columns if UNMOVED in r.why}
     for link in links:
         of = " and ".join(u.symbol for u in link.inputs)
-        if link.output.header in unmoved and not (inputs or outputs):
+        if link.output.header in unmoved and not sure:
             way = f"--input {link.output.header!r}"
             told = f"{link.output.symbol} does not seem to answer to {of}: leave it out, or make it an input ({way})."
         else:
             told = f"{link.output.symbol} answers to {of}."
         out.print(told, markup=False)
     unsure = [r for r in roles.unsure if r.kind in ("input", "output")]
-    if unsure and not (inputs or outputs):
+    if unsure and not sure:
         listed = ", ".join(f"{r.header!r} ({r.kind})" for r in unsure)
         out.print(
             f"Not sure of {listed}: change it in the file, or name them with --input and --output. Does nothing drive "
             "the plant, as a pendulum that was let go? Then --input none.",
             markup=False,
         )
-    if found.time is None and not found.period:
-        out.print(_NO_CLOCK, markup=False)
-    out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
-    out.print(f"Next: plantfit check {target}", markup=False)
 
 
 def _free(
@@ -189,12 +207,10 @@ def _free_motion(
     from plantfit.recording.readers.numbers import casted
 
     table = widened(content)
-    values = casted(table, table.column(header, "an output").cells)[0]
+    values = casted(table, table.column(header, "an output").cells).values
     by_header, period = {c.header: c for c in found.columns}, found.period or 1.0
     y = _links(roles, by_header, [], [header])[0].output
-    told = [
-        f"{c.header!r}{_unit(c)}: {_words(r)}{_range(c)}" for c, r in zip(found.columns, roles.columns, strict=True)
-    ]
+    told = _columns(found, roles)
     path = os.path.relpath(source, target.parent)
 
     def made(clock: str) -> Any:
@@ -292,8 +308,7 @@ def _chosen(
     if len(moving) < 2:
         words = [repr(r.header) for r in roles.columns if _in_words(r, known)]
         told = (
-            f" Not made of numbers: {', '.join(words)}; write 1 and 0 for words as ON and OFF, and numbers without "
-            "marks of thousands and without 0x."
+            f" Not made of numbers: {', '.join(words)}; write 1 and 0 for words as ON and OFF, and numbers without 0x."
         )
         raise RecordingError(
             f"{source}: a study needs an input and an output, two columns of changing numbers besides the time; "
@@ -375,7 +390,8 @@ def _links(roles: "Roles", known: "dict[str, ColumnSummary]", inputs: list[str],
             )
         first = float(c.first_number if c.first_number is not None else c.minimum)
         named = gauge(c.unit) if c.unit else unit_in_name(header)  # the numbers of bar(g) are taken as bar
-        return Signal(symbols[header], header, named or c.unit, c.minimum, c.maximum, first, named is not None)
+        gaps = c.missing + c.texts > 0
+        return Signal(symbols[header], header, named or c.unit, c.minimum, c.maximum, first, named is not None, gaps)
 
     signals = {h: signal(h) for h in (*inputs, *outputs)}
     for h in inputs:
@@ -394,7 +410,7 @@ def _signed(of: Signal, way: Signal, taken: set[str]) -> Signal:
     while name in taken:
         name += "_"
     return Signal(name, f"{of.header} and {way.header}", of.unit, -of.high, of.high,
-                  of.first if way.first == way.high else -of.first, of.named, (of, way))  # fmt: skip
+                  of.first if way.first == way.high else -of.first, of.named, False, (of, way))  # fmt: skip
 
 
 _LETTERS = str.maketrans(

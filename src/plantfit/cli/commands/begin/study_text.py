@@ -17,7 +17,7 @@ WORDS: dict[Kind, str] = {
     "integrating": "first order in the rate, which the output sums up, with dead time",
 }
 
-_TEMPLATE = """\
+HEAD = """\
 # A study for plantfit, made by `plantfit init {source}`. Run it with:  plantfit run {spec}
 # Its model is of {words}: a start that runs. Change the equations to your plant;
 # `plantfit check {spec}` tells what it understands.
@@ -32,6 +32,15 @@ file = {path}
 {time}
 signals = {{ {signals} }}
 {units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
+"""
+SEARCH = """\
+# ---- how to search ---------------------------------------------------------------------------
+[search]
+methods = ["auto"]     # more, to compare: ["auto", "cmaes", "pso"]; see `plantfit methods`
+runs = 1
+seed = 1
+"""
+_MIDDLE = """\
 # before = {{ {input} = {first:.4g} }}    # the input before the first sample, if it differed from the first value
 # skip = 0.0           # seconds at the start of each part that are simulated but not scored
 {clean} = [{{ step = "drop_outliers", signal = "{output}", window = 11, threshold = 4.0 }},
@@ -56,11 +65,6 @@ outputs = {{ {outputs} }}
 # limit = 1.0            # half width from the data sheet
 # unit = "%"
 
-# ---- how to search ---------------------------------------------------------------------------
-[search]
-methods = ["auto"]     # more, to compare: ["auto", "cmaes", "pso"]; see `plantfit methods`
-runs = 1
-seed = 1
 """
 
 
@@ -69,9 +73,11 @@ AWAY = 0.1  # of the range of an input: farther from zero it has not been there
 
 @dataclass(frozen=True)
 class Signal:
-    """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value;
-    `named` where the unit is the end of its name. `of` a column without sign and the one that gives it its sign, where
-    it is made of both."""
+    """A column as a signal of the study: `symbol` in the equations, its header, unit, extremes and first value.
+
+    `named` where the unit is the end of its name, `gaps` where cells hold no number. `of` a column without sign and the
+    one that gives it its sign, where it is made of both.
+    """
 
     symbol: str
     header: str
@@ -80,6 +86,7 @@ class Signal:
     high: float
     first: float
     named: bool = False
+    gaps: bool = False
     of: "tuple[Signal, Signal] | None" = None
 
     @property
@@ -115,20 +122,27 @@ def study_text(
     states = [(x, p) for p in plants for x in p.states]
     bare = not any(s.unit for s in (*inputs, *outputs))
     read = list({s.symbol: s for made in (*inputs, *outputs) for s in made.read}.values())
-    signs = [
+    # an input needs a value everywhere
+    steps = [
+        f'{{ step = "fill_gaps", signal = "{c.symbol}", longest = {5 * period:.3g}, method = "previous" }}'
+        for u in inputs
+        for c in u.read
+        if c.gaps
+    ]
+    steps += [
         f'{{ step = "signed", signal = "{u.of[0].symbol}", direction = "{u.of[1].symbol}", name = "{u.symbol}" }}'
         for u in inputs
         if u.of
     ]
-    return _TEMPLATE.format(
+    return (HEAD + _MIDDLE + SEARCH).format(
         source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[kind], name=quoted(name),
         path=quoted(path),
         time=time, gap=5 * period,
         columns="".join(f"#   {c}\n" for c in columns),
         signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in read),
         units=_units([s for s in read if s.named], bare)
-        + (f"clean = [{', '.join(signs)}]    # the direction gives it its sign\n" if signs else ""),
-        clean="# further steps of clean" if signs else "# clean",
+        + (f"clean = [{', '.join(steps)}]\n" if steps else ""),
+        clean="# further steps of clean" if steps else "# clean",
         input=inputs[0].symbol, first=inputs[0].first, output=outputs[0].symbol,
         equations="\n".join(line for p in plants for line in p.equations),
         inputs=", ".join(f"{s.symbol} = {quoted(s.unit or '1')}" for s in inputs),
