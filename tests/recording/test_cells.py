@@ -4,9 +4,10 @@ import numpy as np
 import polars as pl
 import pytest
 
-from plantfit.errors import RecordingError
+from plantfit.errors import RecordingError, SpecError
 from plantfit.recording import read, read_csv
 from plantfit.recording.readers.numbers import thousands
+from plantfit.spec import parse
 
 VALUES = [0.5, 999.25, 1000.0, 1234.5, 98765.25, 1234567.5, -4321.0]
 MARKS = [(",", "."), (".", ","), (" ", "."), (" ", ","), ("\u00a0", ","), ("\u202f", ","), ("'", "."), ("\u2019", ".")]
@@ -94,3 +95,25 @@ def test_words_beside_marks_between_thousands(tmp_path):
 def test_words_beside_marks_between_thousands_that_nobody_named(tmp_path):
     with pytest.raises(RecordingError, match="line 3, column 'y': 'Bad' is not a number"):
         table(tmp_path, ["1,234.5", "Bad", "999.0"], signals=["y"])
+
+
+@pytest.mark.parametrize(("given", "told"), [("[true]", "missing"), ('["Bad", 1.5, -999]', None), ('"Bad"', "missing")])
+def test_a_study_file_names_what_stands_for_no_value(tmp_path, given, told):
+    (tmp_path / "log.csv").write_text("t [s],u,y\n0,1,1.0\n1,2,Bad\n2,1,-999\n3,2,1.5\n4,1,2.0\n", "utf-8")
+    text = f"""name = "a"
+[recording.data]
+file = "log.csv"
+missing = {given}
+[model]
+equations = "y = k*u"
+inputs = ["u"]
+outputs = ["y"]
+[parameters.k]
+bounds = [0, 5]
+"""
+    if told is not None:
+        with pytest.raises(SpecError, match=told):
+            parse(text, tmp_path / "a.toml")
+        return
+    [experiment] = parse(text, tmp_path / "a.toml").problem.experiments.values()
+    assert np.isnan(experiment.recording["y"]).tolist() == [False, True, True, True, False]

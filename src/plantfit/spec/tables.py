@@ -7,7 +7,16 @@ from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union, get_args, get_origin
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    StrictFloat,
+    StrictInt,
+    StrictStr,
+    ValidationError,
+)
 
 from plantfit.control.tune.forms.names import CONTROLLERS, REGULATOR
 from plantfit.errors import SpecError
@@ -72,7 +81,7 @@ class RecordingTable(_Table):
     signals: dict[str, str | int] | None = None
     units: dict[str, str] = {}
     sheet: str | int | None = None
-    missing: list[str | float] = []
+    missing: list[StrictStr | StrictInt | StrictFloat] = []  # true would be the number 1
     fit: Pair | Literal[False] | None = None
     validate_: Pair | Literal[True] | None = Field(None, alias="validate")
     split: float | None = Field(None, gt=0, lt=1)
