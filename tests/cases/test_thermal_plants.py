@@ -1,5 +1,7 @@
 """The heat exchanger, the heater board and the thermal plant: real data against figures of separate programs."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from plantfit.cases.exchanger.demo import after_steps
 from plantfit.cases.exchanger.sections import settled
 from plantfit.cases.shared.files import unpack
 from plantfit.cases.shared.fitting import fit_file, residual, rms
+from plantfit.cases.thermal.demo import _span
 from plantfit.recording.record import Recording, Signal
 from plantfit.spec import load
 from plantfit.trust.validate.dead_time import dead_time
@@ -39,6 +42,15 @@ def test_dead_time_of_the_thermal_plant_is_not_told(folder):
     assert found.interval[1] > 0.522  # the authors' value is inside
     assert answer.values["K"] == pytest.approx(1.158, rel=0.02)
     assert answer.values["tau"] == pytest.approx(35.4, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("lower", "upper", "said"),
+    [(False, False, "1.5 (1 to 2)"), (True, False, "1.5 (below 2)"), (False, True, "1.5 (above 1)"),
+     (True, True, "1.5 (not told)")],
+)  # fmt: skip
+def test_a_bound_of_the_search_is_no_end_of_an_interval(lower, upper, said):
+    assert _span(SimpleNamespace(value=1.5, low=1.0, high=2.0, at_lower=lower, at_upper=upper)) == said  # type: ignore[arg-type]
 
 
 def test_steps_of_the_exchanger_that_tell_nothing_are_those_above_1_5(folder):

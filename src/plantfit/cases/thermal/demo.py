@@ -113,4 +113,7 @@ def _sentences(answers: Mapping[str, Answer], late: Mapping[str, DeadTime], gain
 
 
 def _span(p: Profile) -> str:
-    return f"{p.value:.3g} ({p.low:.3g} to {p.high:.3g})"
+    """The value with its interval; a bound of the search is no end of it."""
+    if p.at_upper:
+        return f"{p.value:.3g} (not told)" if p.at_lower else f"{p.value:.3g} (above {p.low:.3g})"
+    return f"{p.value:.3g} ({f'below {p.high:.3g}' if p.at_lower else f'{p.low:.3g} to {p.high:.3g}'})"

@@ -73,9 +73,9 @@ def models_page(found: ComparisonOfModels) -> dict[str, Any]:
     tables = [{"caption": "Models", "columns": head, "rows": rows, "note": NOTE}]
     if pairs:
         note = (
-            "Paired losses in blocks of at least five times the correlation time of their difference; the level is "
-            "shared by all pairs of "
-            "models. Differences under 0.5 % of the RMSE are not told apart: simulations are no more exact."
+            "Paired losses; ± by Student's t, whose degrees of freedom fall with the correlation of what differs. The "
+            "level is shared by all pairs of models. Differences under 0.5 % of the RMSE are not told apart: "
+            "simulations are no more exact."
         )
         tables.append({"caption": "Differences", "columns": pairs_head, "rows": pairs, "note": note})
     points = min(MOST_POINTS, max(FEWEST_POINTS, POINTS_IN_FILE // max(1, len(found.series) * (2 * len(names) + 1))))
