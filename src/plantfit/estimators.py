@@ -1,10 +1,11 @@
-"""Parameters by maximum likelihood and Kalman filters beside least squares: what `plantfit estimate` does."""
+"""Parameters by generalised least squares, maximum likelihood and Kalman filters beside least squares: what `plantfit
+estimate` does."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,7 @@ from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood
 from plantfit.estimate.filters.noise import Noise
 from plantfit.estimate.methods.agreement import Estimated, agreement
 from plantfit.estimate.methods.estimates_record import (
+    GENERALISED,
     LEAST_SQUARES,
     LIKELIHOOD,
     filter_findings,
@@ -25,11 +27,13 @@ from plantfit.estimate.methods.estimates_record import (
     parameter_estimates,
 )
 from plantfit.estimate.methods.filtered import FILTERS, filtered
+from plantfit.estimate.methods.generalised import generalised_least_squares
 from plantfit.estimate.methods.levels import Asked, asked
 from plantfit.estimate.methods.likely import likely
+from plantfit.estimate.methods.over_records import Runs
 from plantfit.estimate.methods.proposals import Scales, filterable, proposed, scales_at, stepped_evenly
 from plantfit.estimate.methods.told import verdict_of
-from plantfit.findings.results.estimated import EstimatesByMethod
+from plantfit.findings.results.estimated import EstimatesByMethod, NoiseLevel
 from plantfit.findings.results.result import Result
 from plantfit.fitting import fit
 from plantfit.problem.problem import Problem
@@ -59,7 +63,7 @@ class Estimators(Result[EstimatesByMethod]):
     answer: Answer = field(repr=False)
     problem: Problem = field(repr=False)
     noise: Noise
-    scales: Scales = field(repr=False)
+    scales: Scales | None = field(repr=False)
     likelihood: MaximumLikelihood | None
     runs: Mapping[str, Mapping[str, FilterRun]] = field(repr=False)
     values: Mapping[str, float]
@@ -143,8 +147,8 @@ def estimate_parameters(
     table: Mapping[str, Any] | None = None,
     **wishes: Any,
 ) -> Estimators:
-    """The parameters of a study by maximum likelihood, EKF and UKF beside least squares, with 95 % intervals, and
-    whether they agree.
+    """The parameters of a study by maximum likelihood, EKF and UKF, or by generalised least squares, beside least
+    squares, with 95 % intervals, and whether they agree.
 
     `study`: an answer, or a study or problem that is fitted first. `wishes` are the keys of the study file's [estimate]
     table (docs/study-file.md), such as methods=["ekf"], measurement={"w": "2 rad/s"}, process={"i": (0.01, 10)},
@@ -161,6 +165,63 @@ def estimate_parameters(
     if not isinstance(study, Answer):
         say("least squares")
     answer = _answer(study)
+    least = _least_squares(answer)
+    estimates, general, filters = {LEAST_SQUARES: least}, None, None
+    if GENERALISED in checked.methods:
+        say(GENERALISED)
+        general = generalised_least_squares(answer.problem, answer.values)
+        estimates[GENERALISED] = general.estimated
+    if _need_noise(checked):
+        filters = _by_filters(answer, least[0], checked, told, say)
+        estimates |= filters.estimates
+    truth = told.truth or known_truth(answer)
+    say("comparing")
+    tested = agreement(estimates, None if general is None else general.differs)
+    leaning = None if filters is None or filters.likelihood is None else filters.likelihood.at_bound
+    made = EstimatesByMethod(
+        name=answer.problem.name,
+        methods=list(estimates),
+        parameters=parameter_estimates(answer.problem, estimates, truth, leaning or ()),
+        noise=[] if filters is None else list(filters.levels),
+        filters=[] if filters is None else [filter_findings(m, r) for m, r in filters.runs.items()],
+        correlated=[] if general is None else list(general.noises),
+        agreement=tested,
+        assumed=[*(general.remarks if general is not None else ()), *(filters.assumed if filters is not None else ())],
+        log_likelihood=filters.likelihood.log_likelihood if filters is not None and filters.likelihood else None,
+        agree=not any(p.differs for p in tested) if tested else None,
+    )
+    made = made.having(verdict=verdict_of(made, leaning))
+    if filters is None:
+        problem, worth = answer.problem, estimates.get(GENERALISED, least)[0]
+        covariance = _square(problem, worth)
+        return Estimators(made, answer, problem, Noise({}, {}, {}), None, None, {}, worth.named, covariance)
+    runs = {FILTERS[m]: dict(r.runs) for m, r in filters.runs.items()}
+    covariance = _square(filters.problem, filters.worth)
+    return Estimators(
+        made, answer, filters.problem, filters.noise, filters.scales, filters.likelihood, runs, filters.believed,
+        covariance,
+    )  # fmt: skip
+
+
+class _Filters(NamedTuple):
+    """What likelihood and filters found on the `problem` that they ran on; fields as in `Estimators`."""
+
+    problem: Problem
+    noise: Noise
+    scales: Scales
+    likelihood: MaximumLikelihood | None
+    believed: Mapping[str, float]
+    worth: Estimate
+    estimates: dict[str, Estimated]
+    runs: dict[str, Runs]
+    levels: Sequence[NoiseLevel]
+    assumed: Sequence[str]
+
+
+def _by_filters(
+    answer: Answer, least: Estimate, checked: EstimateTable, told: Asked, say: Callable[[str], None]
+) -> _Filters:
+    """Maximum likelihood where it is asked for or a level of noise is free, then the filters."""
     values = answer.values
     problem = stepped_evenly(answer.problem, values)
     scales = scales_at(problem, values)
@@ -172,34 +233,21 @@ def estimate_parameters(
         likelihood, left_out = likely(problem, proposal, values, checked.budget, checked.seed)
     noise = proposal.noise if likelihood is None else likelihood.noise
     believed = values if likelihood is None else likelihood.parameters
-    least = _least_squares(answer)
-    worth = least[0] if likelihood is None else likelihood.estimate
+    worth = least if likelihood is None else likelihood.estimate
     errors = dict(zip(worth.names, worth.standard_error.tolist(), strict=True))
-    filters, remarks = filtered(problem, noise, checked, told, (believed, errors), say)
-    estimates = {LEAST_SQUARES: least}
+    runs, remarks = filtered(problem, noise, checked, told, (believed, errors), say)
+    estimates: dict[str, Estimated] = {}
     if likelihood is not None and LIKELIHOOD in checked.methods:
         estimates[LIKELIHOOD] = _of_likelihood(likelihood)
-    estimates |= {FILTERS[m]: (r.estimate, r.interval) for m, r in filters.items() if m != "kalman"}
-    truth = told.truth or known_truth(answer)
-    say("comparing")
-    tested = agreement(estimates)
-    made = EstimatesByMethod(
-        name=problem.name,
-        methods=list(estimates),
-        parameters=parameter_estimates(
-            problem, estimates, truth, likelihood.at_bound if likelihood is not None else ()
-        ),
-        noise=noise_levels(problem, noise, likelihood, proposal.proposed),
-        filters=[filter_findings(m, r) for m, r in filters.items()],
-        agreement=tested,
-        assumed=[*proposal.assumed, *left_out, *remarks],
-        log_likelihood=None if likelihood is None else likelihood.log_likelihood,
-        agree=not any(p.differs for p in tested) if tested else None,
-    )
-    made = made.having(verdict=verdict_of(made, None if likelihood is None else likelihood.at_bound))
-    runs = {FILTERS[m]: dict(r.runs) for m, r in filters.items()}
-    matrix = _square(problem, worth)
-    return Estimators(made, answer, problem, noise, scales, likelihood, runs, believed, matrix)
+    estimates |= {FILTERS[m]: (r.estimate, r.interval) for m, r in runs.items() if m != "kalman"}
+    levels = noise_levels(problem, noise, likelihood, proposal.proposed)
+    assumed = [*proposal.assumed, *left_out, *remarks]
+    return _Filters(problem, noise, scales, likelihood, believed, worth, estimates, runs, levels, assumed)
+
+
+def _need_noise(checked: EstimateTable) -> bool:
+    """Whether a method is asked for that takes the plant apart into states with noise."""
+    return any(m != GENERALISED for m in checked.methods)
 
 
 def check_estimable(
@@ -208,7 +256,8 @@ def check_estimable(
     """What is asked for, of a problem that filters work on; raises as `estimate_parameters`, before anything is
     fitted."""
     checked = estimate_table(problem, table, wishes)
-    _refuse(problem)
+    if _need_noise(checked):
+        _refuse(problem)
     if "kalman" in checked.methods:
         states = dict.fromkeys(problem.model.states, 1.0)  # type: ignore[union-attr]
         kalman_filter(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), states))
@@ -265,8 +314,8 @@ def _refuse(problem: Problem) -> None:
         filterable(problem)
     except ModelError as error:
         raise ModelError(
-            f"{error} Write dry friction as tanh(v/width) and leave backlash "
-            "and resets out; `plantfit run` fits the model as it is."
+            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out. `plantfit run` fits the "
+            f'model as it is, and so does `plantfit estimate --method "{GENERALISED}"`.'
         ) from None
 
 

@@ -85,7 +85,9 @@ class Tracker:
         if not 0 < false_alarm < 1:
             raise SearchError(f"false_alarm = {false_alarm:g}; give a chance between 0 and 1, such as 0.01.")
         problem, scales = found.problem, found.scales
-        self.period = scales.period
+        if scales is None:
+            raise SearchError("These estimates hold no levels of noise; give pf.track the answer in their place.")
+        self.scales, self.period = scales, scales.period
         if every is not None and not every > 0:
             raise SearchError(f"every = {every:g}; give seconds above 0.")
         length = (
@@ -167,8 +169,8 @@ class Tracker:
             slope = 1.0 / v if space.log[i] else (high - low) / (max(v - low, edge) * max(high - v, edge))
             self.wide[k] = 0.25 * math.log(high / low) if space.log[i] else 1.5
             prior[k] = min(self.size[self.watched.index(name)] * slope, self.wide[k])
-            drift[k] = given.get(name, prior[k] / math.sqrt(found.scales.span))
-        first = [max(float(found.noise.initial.get(n, 0.0)), found.scales.spread[n]) for n in model.states]  # type: ignore[union-attr]
+            drift[k] = given.get(name, prior[k] / math.sqrt(self.scales.span))
+        first = [max(float(found.noise.initial.get(n, 0.0)), self.scales.spread[n]) for n in model.states]  # type: ignore[union-attr]
         return BlockFilter(
             self.problem,
             found.noise,
@@ -378,6 +380,8 @@ def track(
     `false_alarm` is the chance that a healthy plant ever raises an alarm (docs/kalman.md). Dead times are held at their
     values, and watched. Raises as `estimate_parameters`.
     """
+    if isinstance(study, Estimators) and study.scales is None:
+        study = study.answer  # generalised least squares alone knows no noise of the plant
     if not isinstance(study, Estimators):
         study = estimate_parameters(study, progress=progress, table=table, methods=["maximum likelihood"])
     if progress is not None:

@@ -257,9 +257,9 @@ class EstimateTable(_Table):
     """What `plantfit estimate` and `plantfit track` ask for; levels that are left out are proposed from the
     recordings."""
 
-    methods: Annotated[list[Literal["maximum likelihood", "ekf", "ukf", "kalman"]], Field(min_length=1)] = [
-        "maximum likelihood", "ekf", "ukf"
-    ]  # fmt: skip
+    methods: Annotated[
+        list[Literal["maximum likelihood", "generalised least squares", "ekf", "ukf", "kalman"]], Field(min_length=1)
+    ] = ["maximum likelihood", "ekf", "ukf"]
     process: dict[str, Level] = {}
     measurement: dict[str, Level] = {}
     initial: dict[str, Quantity] = {}

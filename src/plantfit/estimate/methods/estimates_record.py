@@ -23,7 +23,7 @@ from plantfit.findings.results.estimated import (
 from plantfit.problem.problem import Problem
 
 RARE = 2.576  # standard deviations that a normal variable exceeds, either way, in 1 % of draws
-LEAST_SQUARES, LIKELIHOOD = "least squares", "maximum likelihood"
+LEAST_SQUARES, GENERALISED, LIKELIHOOD = "least squares", "generalised least squares", "maximum likelihood"
 
 
 def parameter_estimates(

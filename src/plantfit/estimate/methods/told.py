@@ -3,8 +3,17 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
+from plantfit.estimate.methods.correlated_noise import FEW
+from plantfit.estimate.methods.estimates_record import GENERALISED, LEAST_SQUARES, RARE
 from plantfit.findings.record import Level
-from plantfit.findings.results.estimated import EstimatedParameter, EstimatesByMethod
+from plantfit.findings.results.estimated import (
+    CorrelatedNoise,
+    EstimatedParameter,
+    EstimateOfMethod,
+    EstimatesByMethod,
+)
 from plantfit.findings.verdict import Sentence
 from plantfit.recording.told import listed
 
@@ -53,10 +62,68 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
             f"Held at a bound of its range: {listed(list(at_bound))}; "
             "what stands beside it looks better known than it is.",
         )
+    for noise in record.correlated:
+        say("info", _taken(noise))
+        if noise.independent < FEW:
+            say(
+                "warning",
+                f"That is too few to know how slow the noise of {noise.output} is, so {GENERALISED} has no intervals. "
+                "Residuals so slow mostly show that the model lacks something (`plantfit diagnose`).",
+            )
+        elif abs(noise.left) > max(MEMORY, RARE / np.sqrt(noise.samples)):
+            say(
+                "warning",
+                f"Neighbouring residuals of {noise.output} are still correlated ({noise.left:.2f}) when this is taken "
+                f"out: intervals of {GENERALISED} are {'too narrow' if noise.left > 0 else 'too wide'}.",
+            )
+    if shorter := _shorter(record):
+        say("info", shorter)
     known = [p for p in record.parameters if p.truth is not None]
     for methods, held in _alike({method: _held(known, method) for method in record.methods} if known else {}):
         say("info", f"{'By each of' if len(methods) > 1 else 'Of'} {listed(methods)}, {held}.")
     return told
+
+
+def _taken(noise: CorrelatedNoise) -> str:
+    """What generalised least squares takes the noise of an output for."""
+    unit = f" {noise.unit}" if noise.unit and noise.unit != "1" else ""
+    said = f"{GENERALISED.capitalize()}: the noise of {noise.output} is {noise.deviation:.3g}{unit}"
+    if noise.form is not None and noise.shared is not None:
+        size = f"{100 * noise.shared:.2g} %" if noise.form.endswith("proportion") else f"{noise.shared:.3g}{unit}"
+        what = "the edges between neighbouring numbers" if noise.form.startswith("edges") else "samples of one number"
+        said += f" beside errors of {size} that {what} of its shared errors have"
+    if noise.order == 0:
+        return f"{said}, and white."
+    worth = (
+        f"{noise.samples} samples tell as much as {noise.independent:.0f} independent ones"
+        if noise.independent < 0.95 * noise.samples
+        else "which costs no information"
+    )
+    return f"{said}, and correlated between neighbours ({noise.correlation:.2f}, order {noise.order}): {worth}."
+
+
+def _shorter(record: EstimatesByMethod) -> str:
+    """How long intervals of generalised least squares are beside those of least squares, and on what condition."""
+    ratios = []
+    for p in record.parameters:
+        own, least = p.estimates.get(GENERALISED), p.estimates.get(LEAST_SQUARES)
+        widths = [_width(e) for e in (own, least)]
+        if widths[0] is not None and widths[1]:
+            ratios.append(widths[0] / widths[1])
+    if not ratios:
+        return ""
+    shown = f"{min(ratios):.2g}" if len(ratios) == 1 else f"{min(ratios):.2g} to {max(ratios):.2g}"
+    return (
+        f"Intervals of {GENERALISED} are {shown} times as long as those of least squares. They hold if what is "
+        "correlated is noise; residuals of a model that lacks something are correlated too (`plantfit diagnose`)."
+    )
+
+
+def _width(estimate: EstimateOfMethod | None) -> float | None:
+    """How long an interval is; None where an end is not known."""
+    if estimate is None or estimate.low is None or estimate.high is None:
+        return None
+    return estimate.high - estimate.low
 
 
 def _alike(told: Mapping[str, Any]) -> list[tuple[list[str], Any]]:

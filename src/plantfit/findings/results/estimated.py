@@ -63,6 +63,29 @@ class FilterOfEstimate(Record):
     log_likelihood: Number
 
 
+class CorrelatedNoise(Record):
+    """The noise of an output as generalised least squares takes it."""
+
+    output: str
+    unit: str | None
+    deviation: float
+    """Standard deviation of a sample, without what samples share."""
+    order: int
+    """Of the autoregression."""
+    correlation: float
+    """Of neighbouring samples."""
+    samples: int
+    independent: float
+    """How many independent samples they are worth."""
+    left: float
+    """Correlation of neighbours that is left after all this is taken out."""
+    shared: Number
+    """Standard deviation of the errors that samples share (`shared_errors`): a share of the output, or in its unit."""
+    form: Literal["edges in proportion", "edges", "own in proportion", "own"] | None
+    """What is shared: errors of the edges between neighbouring numbers or of each number, in proportion to the output
+    or of one size."""
+
+
 class MethodPair(Record):
     """The test that two methods agree, which counts their estimates as independent."""
 
@@ -85,6 +108,8 @@ class EstimatesByMethod(Printed):
     parameters: list[EstimatedParameter]
     noise: list[NoiseLevel]
     filters: list[FilterOfEstimate]
+    correlated: list[CorrelatedNoise] = []
+    """Of generalised least squares, by output."""
     agreement: list[MethodPair]
     assumed: list[str]
     """What the study file does not say, and how it was taken."""

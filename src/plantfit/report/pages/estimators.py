@@ -11,7 +11,8 @@ MOST_DRAWN = 24  # parameters in a figure
 NOTE = (
     "Value and 95 % interval. Least squares: intervals that follow the valley of the cost. Maximum likelihood: "
     "symmetric on the scale of "
-    "each parameter, errors may be correlated. Filters: what they believe after the last sample."
+    "each parameter, errors may be correlated. Generalised least squares: the same, for the noise that the residuals "
+    "show. Filters: what they believe after the last sample."
 )
 
 
@@ -45,14 +46,15 @@ def estimators_page(record: EstimatesByMethod, runs: Mapping[str, Mapping[str, A
     head, rows = estimators_rows(record)
     noise_head, levels = noise_rows(record)
     tables = [{"caption": "Parameters by method", "columns": head, "rows": rows, "note": NOTE}]
-    tables.append(
-        {
-            "caption": "Noise",
-            "columns": noise_head,
-            "rows": levels,
-            "note": "Process noise: by how much it moves a state in a second.",
-        }
-    )
+    if levels:
+        tables.append(
+            {
+                "caption": "Noise",
+                "columns": noise_head,
+                "rows": levels,
+                "note": "Process noise: by how much it moves a state in a second.",
+            }
+        )
     pairs = [[f"{p.first} and {p.second}", significant(p.statistic, 3), str(p.degrees), _p(p.p), _p(p.p_adjusted),
               "yes" if p.differs else "no"] for p in record.agreement]  # fmt: skip
     if pairs:
@@ -62,7 +64,7 @@ def estimators_page(record: EstimatesByMethod, runs: Mapping[str, Mapping[str, A
                 "columns": ["methods", "chi-squared", "degrees of freedom", "p", "p, corrected", "beyond chance"],
                 "rows": pairs,
                 "note": "Both estimates come from the same samples, and the test counts them as independent: it is "
-                "careful.",
+                "careful. Generalised least squares and least squares are compared by Hausman's test, which does not.",
             }
         )
     drawn = {m: _tracks(own) for m, own in runs.items()}

@@ -1,0 +1,344 @@
+"""Generalised least squares: against dense matrices and closed forms, truth behind simulated records, and models that
+lack something."""
+
+import numpy as np
+import pytest
+from scipy.linalg import toeplitz
+from scipy.signal import lfilter
+from scipy.stats import multivariate_normal
+
+import plantfit as pf
+from plantfit.errors import ModelError, SearchError
+from plantfit.estimate.methods.correlated_noise import FEW, Noise, Rows, drawn, estimated, in_basis, restricted, shares
+from plantfit.estimate.methods.generalised import generalised_least_squares
+
+GLS = "generalised least squares"
+PARTIAL = np.array([0.7, -0.4])  # an autoregression of order 2: 0.98 and -0.4
+FILTER = np.array([0.7 * 1.4, -0.4])
+FORMS = ("edges in proportion", "edges", "own in proportion", "own")
+
+
+def autoregression(n, filter_, rng):
+    return lfilter([1.0], np.r_[1.0, -np.asarray(filter_)], rng.normal(size=n + 500))[500:]
+
+
+def covariance(n):
+    """Of the autoregression with FILTER and innovations of unit variance, from its Yule-Walker equations."""
+    a, b = FILTER
+    first = a / (1 - b)
+    g = [1 / (1 - a * first - b * (a * first + b))]
+    g.append(first * g[0])
+    for _ in range(2, n):
+        g.append(a * g[-1] + b * g[-2])
+    return toeplitz(g[:n])
+
+
+def dense(rows, noise):
+    """The covariance over the white part's variance."""
+    found, start = np.zeros((sum(rows.lengths),) * 2), 0
+    for n in rows.lengths:
+        found[start : start + n, start : start + n] = covariance(n)
+        start += n
+    if noise.spread is not None:
+        found = found + noise.shared * (noise.spread @ noise.spread.T).toarray()
+    return found
+
+
+@pytest.mark.parametrize("form", [None, *FORMS])
+def test_products_and_likelihood_are_those_of_dense_matrices(form):
+    rng = np.random.default_rng(1)
+    lengths = (17, 1, 2, 20)
+    n = sum(lengths)
+    numbers = (rng.integers(0, 6, 25).astype(float), rng.integers(0, 4, n - 25).astype(float))
+    numbers[0][3] = np.nan
+    rows = Rows("w", lengths, numbers, (rng.uniform(1, 2, 25), rng.uniform(1, 2, n - 25)))
+    noise = Noise(PARTIAL, 0.0 if form is None else 0.8, form, 1.7, rows, None if form is None else rows.spread(form))
+    columns = rng.normal(size=(n, 4))
+    v = dense(rows, noise)
+    gram, logarithm = noise.products(columns)
+    np.testing.assert_allclose(gram, columns.T @ np.linalg.solve(v, columns), rtol=1e-9, atol=1e-9)
+    assert logarithm == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-9)
+    np.testing.assert_allclose(noise.variance_of(columns), 1.7 * columns.T @ v @ columns, rtol=1e-9)
+    # restricted likelihood: the density of what is left of the samples when the columns are projected out
+    slopes, values = columns[:, 1:], columns[:, 0]
+    basis = np.linalg.svd(slopes)[0][:, 3:]
+    value, variance = restricted(noise, in_basis(columns))
+    density = multivariate_normal(cov=variance * basis.T @ v @ basis).logpdf(basis.T @ values)
+    other = Noise(np.zeros(0), 0.0, None, 1.0, rows, None)
+    value0, variance0 = restricted(other, in_basis(columns))
+    density0 = multivariate_normal(cov=variance0 * np.eye(n - 3)).logpdf(basis.T @ values)
+    assert value - value0 == pytest.approx(density - density0, abs=1e-8)
+
+
+def test_edges_are_nothing_over_a_turn_and_their_own_errors_are_not():
+    rows = Rows("w", (8,), (np.arange(8.0),), (np.ones(8),))
+    np.testing.assert_allclose(rows.spread("edges").toarray().sum(axis=0), 0.0)
+    np.testing.assert_allclose(rows.spread("own").toarray(), np.eye(8))
+
+
+def test_the_order_and_the_correlation_are_found():
+    rng, orders, first = np.random.default_rng(2), [], []
+    for _ in range(20):
+        e = autoregression(1500, FILTER, rng)
+        noise = estimated(Rows("y", (1500,)), np.c_[e, np.ones(1500)])
+        orders.append(noise.order)
+        first.append(noise.correlation)
+    assert orders.count(2) >= 17
+    assert np.mean(first) == pytest.approx(0.7, abs=0.02)
+    white = [estimated(Rows("y", (300,)), np.c_[rng.normal(size=300), np.ones(300)]).order for _ in range(40)]
+    assert white.count(0) >= 35
+
+
+def test_restricted_likelihood_has_no_bias_for_parameters():
+    """Five columns of a hundred samples: the residuals alone show a quarter less correlation."""
+    rng, found, plain = np.random.default_rng(3), [], []
+    x = np.vander(np.linspace(-1, 1, 100), 5)
+    for _ in range(100):
+        e = autoregression(100, [0.6], rng)
+        found.append(estimated(Rows("y", (100,)), np.c_[e, x]).correlation)
+        left = e - x @ np.linalg.lstsq(x, e, rcond=None)[0]
+        plain.append(left[1:] @ left[:-1] / (left @ left))
+    assert np.median(plain) < 0.5
+    assert np.median(found) == pytest.approx(0.6, abs=0.05)
+
+
+def test_draws_stand_for_what_is_known_of_the_noise():
+    rng = np.random.default_rng(4)
+    noise = estimated(rows := Rows("y", (400,)), columns := np.c_[autoregression(400, [0.8], rng), np.ones(400)])
+    made, logs = drawn(noise, columns)
+    weights = shares(logs)
+    own = np.array([n.correlation for n in made])
+    spread = np.sqrt(weights @ (own - weights @ own) ** 2)
+    assert spread == pytest.approx(np.sqrt((1 - 0.8**2) / 400), rel=0.25)
+    assert rows.errors == ()
+    again, _ = drawn(noise, columns)
+    assert [n.correlation for n in again] == own.tolist()
+
+
+# -- on problems ------------------------------------------------------------------------------------
+
+
+def lag(seed, correlation=0.9, second=None, n=400, name="oven", errors=None):
+    """A first-order oven under steps, sampled every second; `second` is a second time constant that the model lacks."""
+    rng = np.random.default_rng(seed)
+    u = np.repeat(rng.choice([20.0, 40.0, 60.0, 80.0], size=n // 20), 20)
+    x, drive = np.zeros(n), u
+    if second:
+        p = np.exp(-1 / second)
+        drive = np.r_[0.0, lfilter([1 - p], [1, -p], u)[:-1]]
+    p = np.exp(-1 / 30.0)
+    x = np.r_[0.0, lfilter([1.7 * (1 - p)], [1, -p], drive)[:-1]]
+    e = 0.8 * np.sqrt(1 - correlation**2) * autoregression(n, [correlation], rng)
+    model = pf.equations(
+        "x' = (K*u - x)/tau\ny = x + c", inputs=["u"], states={"x": {"initial": 0}}, outputs=["y"],
+        parameters=["K", "tau", "c"],
+    )  # fmt: skip
+    recording = pf.Recording(np.arange(n) * 1.0, {"u": pf.Signal(u), "y": pf.Signal(x + 22.0 + e)}, name)
+    bounds = {"K": (0.1, 10), "tau": (1, 300), "c": (0, 50)}
+    return pf.Problem(model, recording, bounds, hold={"u": "previous"}, standard_errors=errors)
+
+
+TRUTH = {"K": 1.7, "tau": 30.0, "c": 22.0}
+
+
+def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_lacks_is_told():
+    held, errors, alarms = [], [], 0
+    for seed in range(40):
+        answer = pf.fit(lag(seed, n=600), runs=1, seed=seed)
+        found = generalised_least_squares(answer.problem, answer.values)
+        estimate, interval = found.estimated
+        held += [interval[n][0] <= v <= interval[n][1] for n, v in TRUTH.items()]
+        truth = np.array(list(TRUTH.values()))
+        errors.append(np.stack([estimate.values, [answer.values[n] for n in estimate.names]]) - truth)
+        alarms += found.differs is not None and found.differs.differs
+        assert found.noises[0].order >= 1
+        assert found.noises[0].independent < 100
+    assert np.mean(held) >= 0.88  # 95 % of 120 are 114; 106 come by chance in one of a thousand
+    own, least = np.sqrt(np.mean(np.square(errors), axis=0))
+    assert np.all(own < 1.05 * least)
+    assert alarms <= 3
+    told = 0
+    for seed in range(12):
+        answer = pf.fit(lag(seed, correlation=0.5, second=5.0), runs=1, seed=seed)
+        found = generalised_least_squares(answer.problem, answer.values)
+        slow = found.noises[0].independent < FEW
+        assert (found.estimated[1]["K"][0] is None) == slow
+        told += slow or (found.differs is not None and found.differs.differs)
+    assert told >= 11
+
+
+def test_white_noise_leaves_the_answer_where_least_squares_has_it():
+    answer = pf.fit(lag(5, correlation=0.0, errors="classical"), runs=1)
+    found = generalised_least_squares(answer.problem, answer.values)
+    assert found.noises[0].order == 0
+    values = np.array([answer.values[n] for n in found.estimated[0].names])
+    assert np.all(np.abs(found.estimated[0].values - values) < 0.01 * found.estimated[0].standard_error)
+    np.testing.assert_allclose(found.estimated[0].standard_error, list(answer.standard_errors.values()), rtol=0.1)
+
+
+def test_a_straight_line_is_the_closed_form_with_the_noise_that_was_found():
+    rng = np.random.default_rng(6)
+    n = 200
+    x = np.linspace(0.0, 4.0, n)
+    y = 2.0 * x + 0.5 + 0.05 * autoregression(n, [0.8], rng)
+    model = pf.equations("y = a*x + b", inputs=["x"], outputs=["y"], parameters=["a", "b"])
+    recording = pf.Recording(0.1 * np.arange(n), {"x": pf.Signal(x), "y": pf.Signal(y)}, "run")
+    answer = pf.fit(pf.Problem(model, recording, {"a": (-10, 10), "b": (-10, 10)}), runs=1)
+    found = generalised_least_squares(answer.problem, answer.values)
+    [noise] = found.noises
+    assert noise.order == 1
+    v = toeplitz(noise.correlation ** np.arange(n))
+    columns = np.c_[x, np.ones(n)]
+    exact = np.linalg.solve(columns.T @ np.linalg.solve(v, columns), columns.T @ np.linalg.solve(v, y))
+    np.testing.assert_allclose(found.estimated[0].values, exact, atol=1e-3 * found.estimated[0].standard_error.min())
+
+
+def test_a_gap_and_two_recordings_with_weights_and_units_of_their_own():
+    one, two = lag(7), lag(8, n=200)
+    first = one.experiments["oven"].recording
+    second = two.experiments["oven"].recording
+    gap = first.signals["y"].values.copy()
+    gap[100:160] = np.nan
+    first = pf.Recording(first.t, {**first.signals, "y": pf.Signal(gap)}, "a")
+    problem = pf.Problem(
+        one.model, {"a": first, "b": second}, {"K": (0.1, 10), "tau": (1, 300), "c": (0, 50)},
+        hold={"u": "previous"}, balance="recordings",
+    )  # fmt: skip
+    answer = pf.fit(problem, runs=1)
+    found = generalised_least_squares(answer.problem, answer.values)
+    for n, v in TRUTH.items():
+        low, high = found.estimated[1][n]
+        assert low - 0.5 * (high - low) < v < high + 0.5 * (high - low)
+    assert found.noises[0].samples == 540
+    assert found.noises[0].correlation == pytest.approx(0.9, abs=0.1)
+
+
+def encoder(seed, correlated=True):
+    """A shaft that runs up, its speed by the slots of a disc of 30 whose edges lie wrong by 2 % of a slot."""
+    rng = np.random.default_rng(seed)
+    n, slots = 1200, 30
+    t = 0.01 * np.arange(n)
+    u = np.repeat(rng.choice([4.0, 8.0, 12.0], size=12), 100)
+    p = np.exp(-0.01 / 0.4)
+    w = np.r_[0.0, lfilter([5.0 * (1 - p)], [1, -p], u)[:-1]] + 1e-9
+    edges = 0.02 * rng.normal(size=slots)
+    turned = np.cumsum(w) * 0.01 / (2 * np.pi) * slots + slots
+    ends = np.arange(int(turned[-1]) + 2)
+    last = np.searchsorted(ends + edges[ends % slots], turned) - 1  # the last edge that has passed
+    number = (last - 1) % slots  # the slot before it is the one that was timed
+    share = edges[(number + 1) % slots] - edges[number] if correlated else 0.02 * rng.normal(size=n)
+    y = w / (1 + share) / (1 + (3 if correlated else 1) * 0.02**2) + 0.02 * rng.normal(size=n)  # as period_to_speed
+    model = pf.equations(
+        "w' = (K*u - w)/tau\nspeed = w", inputs=["u"], states={"w": {"initial": 0}}, outputs=["speed"],
+        parameters=["K", "tau"],
+    )  # fmt: skip
+    recording = pf.Recording(t, {"u": pf.Signal(u), "speed": pf.Signal(y), "slot": pf.Signal(number * 1.0)}, "run")
+    from plantfit.problem.measure.experiment import Experiment
+
+    taken = Experiment(recording, shared_errors={"speed": "slot"})
+    return pf.Problem(model, {"run": taken}, {"K": (0.1, 50), "tau": (0.01, 10)}, hold={"u": "previous"})
+
+
+def test_edges_of_a_disc_are_estimated_with_the_parameters():
+    held, ratios = [], []
+    for seed in range(12):
+        answer = pf.fit(encoder(seed), runs=1)
+        found = generalised_least_squares(answer.problem, answer.values)
+        [noise] = found.noises
+        assert noise.form == "edges in proportion"
+        assert noise.shared == pytest.approx(0.02, rel=0.5)
+        for n, v in {"K": 5.0, "tau": 0.4}.items():
+            low, high = found.estimated[1][n]
+            held.append(low <= v <= high)
+        ratios.append(found.estimated[0].standard_error / list(answer.standard_errors.values()))
+    assert sum(held) >= 20
+    assert np.all(np.median(ratios, axis=0) < 0.5)
+    alone = pf.fit(encoder(1, correlated=False), runs=1)
+    assert generalised_least_squares(alone.problem, alone.values).noises[0].form is None
+
+
+# -- what a user sees -------------------------------------------------------------------------------
+
+
+def test_the_table_the_sentences_and_the_page(tmp_path):
+    found = pf.estimate_parameters(lag(9), methods=[GLS], truth=TRUTH)
+    assert found.record["methods"] == ["least squares", GLS]
+    assert found.scales is None
+    assert found.typed.correlated[0].output == "y"
+    text = " ".join(s["sentence"] for s in found.record["verdict"])
+    assert "400 samples tell as much as" in text
+    assert "times as long as those of least squares" in text
+    assert found.agree
+    assert GLS in found.table()
+    assert GLS in found.report(tmp_path / "page.html").read_text("utf-8")
+    assert found.covariance.shape == (3, 3)
+
+
+def test_what_a_model_lacks_is_a_warning_and_slow_noise_withdraws_the_intervals():
+    lacks = pf.estimate_parameters(lag(1, correlation=0.5, second=5.0), methods=[GLS])
+    warned = [s["sentence"] for s in lacks.record["verdict"] if s["level"] == "warning"]
+    assert any("too few to know how slow" in s for s in warned)
+    assert lacks.typed.parameters[0].estimates[GLS].low is None
+    assert lacks.agree is None
+    assert "times as long" not in " ".join(s["sentence"] for s in lacks.record["verdict"])
+
+
+def test_an_input_that_reaches_the_residuals_otherwise_is_told_by_hausmans_test():
+    """White noise, and a third of a slow input that the model lacks: its residuals are no noise."""
+    told, alarms, rng = 0, 0, np.random.default_rng(10)
+    model = pf.equations("y = a*x + b", inputs=["x"], outputs=["y"], parameters=["a", "b"])
+    for lacking in (0.0, 0.6) * 15:
+        slow = autoregression(300, [0.97], rng) / 4.0
+        x = slow + autoregression(300, [0.2], rng)
+        y = 2.0 * x + 1.0 + lacking * slow + 0.3 * autoregression(300, [0.7], rng)
+        recording = pf.Recording(0.1 * np.arange(300), {"x": pf.Signal(x), "y": pf.Signal(y)}, "run")
+        answer = pf.fit(pf.Problem(model, recording, {"a": (-10, 10), "b": (-10, 10)}), runs=1)
+        test = generalised_least_squares(answer.problem, answer.values).differs
+        differs = test is not None and test.differs
+        told, alarms = told + (differs and lacking > 0), alarms + (differs and lacking == 0)
+    assert told >= 10
+    assert alarms <= 2
+
+
+def test_beside_filters_it_is_one_more_row():
+    found = pf.estimate_parameters(lag(2, correlation=0.0), methods=[GLS, "maximum likelihood"])
+    assert found.record["methods"] == ["least squares", GLS, "maximum likelihood"]
+    assert len(found.record["agreement"]) == 3
+
+
+def friction(seed=0):
+    rng = np.random.default_rng(seed)
+    t = 0.01 * np.arange(600)
+    u = np.repeat(rng.choice([-3.0, 0.0, 3.0], size=12), 50)
+    model = pf.equations(
+        "w' = (u - friction(w, F) - B*w)/J\ny = w", inputs=["u"], states={"w": {"initial": 0}}, outputs=["y"],
+        parameters=["F", "B", "J"],
+    )  # fmt: skip
+    recording = pf.Recording(t, {"u": pf.Signal(u), "y": pf.Signal(np.zeros(600))}, "run")
+    problem = pf.Problem(model, recording, {"F": (0.05, 5), "B": (0.05, 5), "J": (0.05, 5)}, hold={"u": "previous"})
+    clean = problem.predict(np.array([1.0, 0.5, 0.3]))["y"]
+    noisy = clean + 0.05 * autoregression(600, [0.6], rng)
+    return problem.with_recordings({"run": pf.Recording(t, {"u": pf.Signal(u), "y": pf.Signal(noisy)}, "run")})
+
+
+def test_it_takes_models_that_no_filter_takes():
+    problem = friction()
+    with pytest.raises(ModelError, match=GLS):
+        pf.estimate_parameters(problem)
+    found = pf.estimate_parameters(problem, methods=[GLS])
+    rows = {p.name: p.estimates[GLS] for p in found.typed.parameters}
+    for name, truth in {"F": 1.0, "B": 0.5, "J": 0.3}.items():
+        assert rows[name].value == pytest.approx(truth, abs=4 * rows[name].standard_error)
+
+
+def test_a_model_that_follows_exactly_and_few_samples_are_told():
+    clean = lag(1)
+    recording = clean.experiments["oven"].recording
+    exact = clean.predict(np.array([1.7, 30.0, 22.0]))["y"]
+    problem = clean.with_recordings(
+        {"oven": pf.Recording(recording.t, {**recording.signals, "y": pf.Signal(exact)}, "oven")}
+    )
+    with pytest.raises(SearchError, match="to rounding"):
+        generalised_least_squares(problem, TRUTH)
+    with pytest.raises(SearchError, match="cannot show how its noise is correlated"):
+        estimated(Rows("y", (3,)), np.ones((3, 4)))
