@@ -8,7 +8,7 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -169,7 +169,7 @@ def _with_parsed_definitions() -> "pint.UnitRegistry":
 
 
 @contextmanager
-def _without_dask() -> Iterator[None]:
+def _without_dask() -> Generator[None]:
     """In a command, pint is imported as where Dask is not installed: it would load it whole, in three times its own
     time.
 

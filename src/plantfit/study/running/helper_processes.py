@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
 
 from plantfit.study.problem_recipe import STUDY_FILES
@@ -26,7 +26,7 @@ def helping(
     maker: str = STUDY_FILES,
     say: Callable[[str], None] = lambda sentence: None,
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
-) -> Iterator[list[subprocess.Popen]]:
+) -> Generator[list[subprocess.Popen]]:
     """Have `count` processes work on studies of a store while the block runs; at its end they save and stop.
 
     `maker` is the place of a `recipe.Maker`. `say` gets a sentence, from another thread, when a helper ends before its

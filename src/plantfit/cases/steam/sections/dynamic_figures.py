@@ -146,8 +146,10 @@ def delays_figure(
             "size": 8,
             "symbol": ("circle", "square", "diamond", "triangle-up", "x", "cross")[k % 6],
         }
-        trace = {"type": "scatter", "mode": "markers", "name": style.plain(label), "x": [u + shift for u in OPENINGS],
-                 "y": style.numbers(np.asarray(values), 5), "marker": marker}  # fmt: skip
+        trace: Figure = {
+            "type": "scatter", "mode": "markers", "name": style.plain(label), "x": [u + shift for u in OPENINGS],
+            "y": style.numbers(np.asarray(values), 5), "marker": marker,
+        }  # fmt: skip
         if k == len(delays) - 1 and intervals:
             ends = np.array([intervals[n] for n in intervals])
             trace["error_y"] = {"type": "data", "symmetric": False, "array": style.numbers(ends[:, 1] - values, 4),
