@@ -288,13 +288,15 @@ def test_the_exam_of_candidates_passes_those_of_plantfit_and_refuses_others():
 
     from plantfit.models.extensions import KINDS
     from plantfit.testing import check_candidate
-    from plantfit.trust.diagnosis.candidates import CANDIDATES
+    from plantfit.trust.diagnosis.candidates import CANDIDATES, Behind, Inside
 
     for kind in ("offset", "saturation", "quadratic"):  # those of all kinds: tests/trust/test_diagnosis_candidates.py
         check_candidate(kind, CANDIDATES[kind], KINDS[kind])
     good, own = CANDIDATES["offset"], KINDS["offset"]
+    assert isinstance(good, Behind)
     zone: Any = CANDIDATES["dead_zone"]
     drag, braked = CANDIDATES["quadratic"], KINDS["quadratic"]
+    assert isinstance(drag, Inside)
     wrong: list[tuple[str, Any, Any, str]] = [
         ("no extension", good, None, "it has no extension"),
         ("elsewhere", good, KINDS["lag"], "it is tried on outputs, and its extension is to inputs"),

@@ -48,7 +48,7 @@ OURS = (
 OURS_LOCAL = ("least_squares", "lbfgsb", "sep_cmaes", "dd_cmaes", "cmaes")
 DRAWLESS = ("least_squares", "lbfgsb")  # from a given start they go the same way whatever the seed
 STEPS = (0.02, 0.05)  # first steps of pycma from the static solution
-PAIRS = {
+PAIRS: dict[str, tuple[str, ...]] = {
     "random": ("numpy-random",),
     "pso": ("pymoo-pso", "minion-pso"),
     "cga": ("pymoo-ga",),

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -46,8 +48,9 @@ def test_tasks_grow_with_the_number_of_runs(runs, chunk):
     ],
 )
 def test_a_plan_that_cannot_work_is_refused_in_one_sentence(change, words):
+    given: dict[str, Any] = {"name": "p", "methods": ("random", "pso"), **change}
     with pytest.raises(SearchError) as caught:
-        Plan(**{"name": "p", "methods": ("random", "pso"), **change})
+        Plan(**given)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 

@@ -355,8 +355,9 @@ REFUSED = [
 
 @pytest.mark.parametrize(("given", "said"), REFUSED)
 def test_refusals_are_one_sentence(given, said):
+    asked: dict[str, Any] = {"method": "pso", **given}
     with pytest.raises(SearchError, match=said):
-        tune(STEEP, **{"method": "pso", **given})
+        tune(STEEP, **asked)
 
 
 def test_a_word_may_make_a_shape_of_a_number():

@@ -127,10 +127,11 @@ def test_a_record_is_frozen_and_its_maker_is_told():
 
 
 def test_keys_of_another_version_are_left_aside_and_a_maker_may_give_none(late):
-    more = {**late, "mood": "good", "parameters": [{**p, "mood": "good"} for p in late["parameters"]]}
+    parameters: list[dict[str, Any]] = [{**p, "mood": "good"} for p in late["parameters"]]
+    more = {**late, "mood": "good", "parameters": parameters}
     assert read_findings(more).plain() == late
     with pytest.raises(ValidationError, match="mood"):
-        Parameter(**more["parameters"][0])
+        Parameter(**parameters[0])
 
 
 def test_every_field_of_a_record_that_needs_words_has_them():
