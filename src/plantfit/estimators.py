@@ -210,7 +210,7 @@ def check_estimable(
     checked = estimate_table(problem, table, wishes)
     _refuse(problem)
     if "kalman" in checked.methods:
-        states = dict.fromkeys(problem.model.states, 1.0)  # type: ignore[union-attr]
+        states = dict.fromkeys(problem.model.states, 1.0)  # pyrefly: ignore[missing-attribute]
         kalman_filter(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), states))
     return checked, asked(checked, problem)
 

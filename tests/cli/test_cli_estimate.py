@@ -12,7 +12,7 @@ from cli_call import call
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "estimate"))
 
-import wandering_plants as lag  # type: ignore[import-not-found]
+import wandering_plants as lag
 
 import plantfit.recording as rec
 

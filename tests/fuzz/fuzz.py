@@ -20,7 +20,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fuzz_inputs import LAYERS, drawn  # pyright: ignore[reportMissingImports]
+from fuzz_inputs import LAYERS, drawn
 
 from plantfit.cli.terminal.failures import shortened
 from plantfit.errors import PlantfitError

@@ -217,7 +217,7 @@ CONTRADICTIONS = [
     ({"state_delays": (StateDelay("late", "x", "T"),)}, "delays by 'T', which is not one of its parameters"),
     ({"state_delays": (StateDelay("F", "x", "tau"),)}, "the channel 'F' is declared twice"),
     ({"state_delays": (StateDelay("late", "z", "tau"),)}, "follows with backlash; delay what drives it"),
-    ({"events": (Event("e", lambda x, u, p: x["x"], lambda x, u, p: {}, "down"),)}, "has direction 'down'"),  # type: ignore[arg-type]
+    ({"events": (Event("e", lambda x, u, p: x["x"], lambda x, u, p: {}, "down"),)}, "has direction 'down'"),  # pyrefly: ignore[bad-argument-type]
     ({"events": by_hand().events * 2}, "the event 'bounce' is declared twice"),
     ({"frictions": by_hand().frictions * 2}, "the friction 'v' is declared twice"),
     (

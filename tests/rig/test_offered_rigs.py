@@ -20,7 +20,7 @@ from plantfit.recording import read_csv
 from plantfit.rig.offered import names, offered, record_rig
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cli"))
-from cli_call import call  # pyright: ignore[reportMissingImports]
+from cli_call import call
 
 STEAM = {"k": 0.4, "A1": 30.0, "A2": 150.0, "Td": 0.53}
 IDEAL = {**STEAM, "transducer_limit": 0, "card_limit": 0}

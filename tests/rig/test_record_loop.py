@@ -23,7 +23,7 @@ from plantfit.rig.board.protocol import Board, Channel, Drive
 from plantfit.rig.offered.tuned import read_tuned
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cli"))
-from cli_call import call  # pyright: ignore[reportMissingImports]
+from cli_call import call
 
 PERIOD = 0.05
 TUNED = {

@@ -56,7 +56,7 @@ def test_a_plan_that_cannot_work_is_refused_in_one_sentence(change, words):
 
 
 def test_record_and_back():
-    plan = Plan(name="p", methods=["random", "pso"], runs=np.int64(3), settings={"pso": {"population": np.int64(12)}})  # type: ignore[arg-type]
+    plan = Plan(name="p", methods=["random", "pso"], runs=np.int64(3), settings={"pso": {"population": np.int64(12)}})  # pyrefly: ignore[bad-argument-type]
     assert Plan.from_record(plan.record()) == plan
     assert plan.methods == ("random", "pso")
     assert type(plan.runs) is int
@@ -64,4 +64,4 @@ def test_record_and_back():
 
 
 def test_one_method_may_be_given_as_text():
-    assert Plan(name="p", methods="pso").methods == ("pso",)  # type: ignore[arg-type]
+    assert Plan(name="p", methods="pso").methods == ("pso",)  # pyrefly: ignore[bad-argument-type]

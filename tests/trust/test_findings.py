@@ -119,9 +119,9 @@ def test_what_is_not_finite_is_none():
 def test_a_record_is_frozen_and_its_maker_is_told():
     row = Parameter(name="a", value=1.0)
     with pytest.raises(ValidationError, match="frozen"):
-        row.value = 2.0  # pyright: ignore[reportAttributeAccessIssue]
+        row.value = 2.0  # pyrefly: ignore[read-only]
     with pytest.raises(ValidationError, match="status"):
-        Parameter(name="a", value=1.0, status="sure")  # pyright: ignore[reportArgumentType]
+        Parameter(name="a", value=1.0, status="sure")  # pyrefly: ignore[bad-argument-type]
     with pytest.raises(ValidationError, match="level"):
         say("grave", "x")
 

@@ -34,8 +34,8 @@ def convergence_figure(methods: Sequence[MethodRuns]) -> Figure:
     """Figure 4: median best cost over evaluations, inside its quartiles."""
     curves = {}
     for m in methods:
-        grid = grid_of(m.runs)  # type: ignore[arg-type]  # a result has what it reads of a record
-        low, middle, high = quartiles(best_costs(m.runs, grid))  # type: ignore[arg-type]
+        grid = grid_of(m.runs)  # pyrefly: ignore[bad-argument-type]  # a result has what it reads of a record
+        low, middle, high = quartiles(best_costs(m.runs, grid))  # pyrefly: ignore[bad-argument-type]
         shown = np.isfinite(high)
         at, low, middle, high = (v[shown].tolist() for v in (grid, low, middle, high))
         curves[m.label] = Quartiles(at=at, low=low, median=middle, high=high)
