@@ -53,7 +53,7 @@ lint: $(DEV)
 	$(BIN)/ruff format --check src tests benchmarks
 
 types: $(DEV)
-	$(BIN)/pyright
+	$(BIN)/pyrefly check --min-severity warn --progress-bar no
 
 bbob: $(DEV)  ## Hold the optimizers to other implementations on BBOB (hours); QUICK=1 for a look at one of them
 	@$(PIP) --editable '.[rivals]'

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """`python -m benchmarks.overhead`: processor time that an optimizer itself spends on one evaluation, beside other
 packages'.
 
@@ -86,7 +85,7 @@ def ours(name: str, dimension: int, runs: int, budget: int, settings: Mapping[st
 
 def rows(name: str, dimension: int, budget: int) -> int:
     """Candidates of one generation."""
-    return make(name).rows(Facts(dimension, budget, np.zeros(dimension), np.ones(dimension)))  # type: ignore[union-attr]
+    return make(name).rows(Facts(dimension, budget, np.zeros(dimension), np.ones(dimension)))  # pyrefly: ignore[missing-attribute]
 
 
 # -- references -------------------------------------------------------------------------------------

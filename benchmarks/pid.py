@@ -4,6 +4,7 @@ SIMD."""
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm
@@ -75,7 +76,7 @@ def _family(task: data.Loop, plants: int) -> dict[str, float]:
     loop, observer = _loop(task, "exact"), step_observer()
 
     def one(motor, row):
-        plant = dict(zip("RLKBJ", motor, strict=True))
+        plant: dict[str, Any] = dict(zip("RLKBJ", motor, strict=True))
         return loop.observe(observer, Gains(*row), plant, float(task.set_point), samples=int(task.steps))
 
     ours = jax.jit(lambda motors: jax.vmap(lambda m: jax.vmap(lambda g: one(m, g))(jnp.asarray(gains)))(motors))
@@ -100,7 +101,7 @@ def _family(task: data.Loop, plants: int) -> dict[str, float]:
 def _metrics(task: data.Loop, stepper: str) -> Callable:
     """Gains (n, 3) to the five metrics, each (n,)."""
     loop, observer = _loop(task, stepper), step_observer()
-    plant = dict(zip("RLKBJ", task.motor, strict=True))
+    plant: dict[str, Any] = dict(zip("RLKBJ", task.motor, strict=True))
 
     def one(row):
         return loop.observe(observer, Gains(*row), plant, float(task.set_point), samples=int(task.steps))

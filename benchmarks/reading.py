@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -80,7 +81,7 @@ def memory() -> None:
     short = long.select(pl.int_range(n).alias("t [s]"), pl.lit(1).alias("u [V]"))
     with tempfile.TemporaryDirectory() as folder:
         for what, content in (("17 digits", long), ("short cells", short)):
-            arrays = {name.split()[0]: content[name].to_numpy() for name in content.columns}
+            arrays: dict[str, Any] = {name.split()[0]: content[name].to_numpy() for name in content.columns}
             text = content.write_csv()
             writers = {
                 "csv": lambda p, text=text: p.write_text(text),

@@ -4,6 +4,8 @@ Run `python -m benchmarks.switching`.
 """
 
 import sys
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +33,7 @@ BOX = {"b": (0.1, 3.0), "m": (0.1, 2.0), "k": (0.1, 2.0), "Fc": (0.1, 1.0), "wal
 
 def run(quick: bool) -> dict[str, float]:
     """Print the table and return the figures."""
-    calls = {}
+    calls: dict[str, Callable[[], Any]] = {}
     for kind, text in KINDS.items():
         problem = _problem(text)
         z = np.random.default_rng(1).random((CANDIDATES, problem.space.dimension))

@@ -186,7 +186,7 @@ def told_apart(text: str, names: set[str]) -> list[int]:
         elif isinstance(node, ast.MatchClass):
             kinds = [node.cls]
         if any(isinstance(n, ast.Name) and n.id in names for kind in kinds for n in ast.walk(kind)):
-            lines.append(node.lineno if isinstance(node, ast.expr) else kinds[0].lineno)  # type: ignore[attr-defined]
+            lines.append(node.lineno if isinstance(node, ast.expr) else kinds[0].lineno)  # pyrefly: ignore[missing-attribute]
     return lines
 
 

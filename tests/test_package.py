@@ -52,7 +52,7 @@ def test_every_dependency_is_pinned_inside_its_range(extra):
         if own := re.fullmatch(r"plantfit\[([\w,]+)\]", requirement):  # an extra made of others
             assert set(own[1].split(",")) <= extras
             continue
-        name, low = re.fullmatch(r"([\w.-]+)(?:\[[\w,]+\])?>=([\d.]+)(?:;.*)?", requirement).groups()  # pyright: ignore[reportOptionalMemberAccess]
+        name, low = re.fullmatch(r"([\w.-]+)(?:\[[\w,]+\])?>=([\d.]+)(?:;.*)?", requirement).groups()  # pyrefly: ignore[missing-attribute]
         assert _normal(name) in pins, f"{name} has no line in constraints.txt"
         assert _numbers(pins[_normal(name)]) >= _numbers(low)
 
@@ -94,7 +94,7 @@ def test_every_status_has_a_sentence(status):
 
 def test_the_range_of_pythons_is_said_alike():
     """`requires-python` rules: the Makefile asks it, the README and the classifiers repeat it."""
-    low, high = (int(n) for n in re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["requires-python"]).groups())  # pyright: ignore[reportOptionalMemberAccess]
+    low, high = (int(n) for n in re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["requires-python"]).groups())  # pyrefly: ignore[missing-attribute]
     versions = [f"3.{n}" for n in range(low, high)]
     assert [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if "Python :: 3." in c] == versions
     readme = (ROOT / "README.md").read_text("utf-8")

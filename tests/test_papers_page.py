@@ -39,7 +39,7 @@ def sections():
 
 
 SHOWN = list(dict.fromkeys(sections()))
-ALL = typer.main.get_command(app).commands  # pyright: ignore[reportAttributeAccessIssue]
+ALL = typer.main.get_command(app).commands  # pyrefly: ignore[missing-attribute]
 
 
 def options_of(name):

@@ -24,7 +24,7 @@ from plantfit.rig.board.link import Link
 from plantfit.study.running import cores, worker_names
 
 sys.path.append(str(Path(__file__).parent / "cli"))
-from cli_call import heater  # pyright: ignore[reportMissingImports]
+from cli_call import heater
 
 NOWHERE = Path("/nowhere/at/all")
 

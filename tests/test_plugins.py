@@ -280,7 +280,7 @@ def test_candidates_that_cannot_be_used_are_one_sentence_each(packages):
     with pytest.raises(
         ModelError, match=r"The candidate 'lost' of the package bad-tools failed \(ValueError: of no use\)"
     ):
-        rows["lost"].law(np.zeros(3), np.zeros(3), np.zeros((3, 0)), 1.0, 1.0)  # type: ignore[union-attr]
+        rows["lost"].law(np.zeros(3), np.zeros(3), np.zeros((3, 0)), 1.0, 1.0)  # pyrefly: ignore[missing-attribute]
 
 
 def test_the_exam_of_candidates_passes_those_of_plantfit_and_refuses_others():
@@ -288,13 +288,15 @@ def test_the_exam_of_candidates_passes_those_of_plantfit_and_refuses_others():
 
     from plantfit.models.extensions import KINDS
     from plantfit.testing import check_candidate
-    from plantfit.trust.diagnosis.candidates import CANDIDATES
+    from plantfit.trust.diagnosis.candidates import CANDIDATES, Behind, Inside
 
     for kind in ("offset", "saturation", "quadratic"):  # those of all kinds: tests/trust/test_diagnosis_candidates.py
         check_candidate(kind, CANDIDATES[kind], KINDS[kind])
     good, own = CANDIDATES["offset"], KINDS["offset"]
+    assert isinstance(good, Behind)
     zone: Any = CANDIDATES["dead_zone"]
     drag, braked = CANDIDATES["quadratic"], KINDS["quadratic"]
+    assert isinstance(drag, Inside)
     wrong: list[tuple[str, Any, Any, str]] = [
         ("no extension", good, None, "it has no extension"),
         ("elsewhere", good, KINDS["lag"], "it is tried on outputs, and its extension is to inputs"),
@@ -332,7 +334,12 @@ def test_the_exam_of_candidates_passes_those_of_plantfit_and_refuses_others():
             "no straight line",
         ),
         ("another model", good, KINDS["drift"], "its law and its model differ"),
-        ("fails", replace(zone, law=lambda t, u, v, held: 1 / 0), KINDS["dead_zone"], "its law fails"),
+        (
+            "fails",
+            replace(zone, law=lambda t, u, v, held: 1 / 0),  # pyrefly: ignore[division-by-zero]
+            KINDS["dead_zone"],
+            "its law fails",
+        ),
         (
             "changes",
             replace(zone, law=lambda t, u, v, held: np.clip(u, -v, v, out=u) * 0),

@@ -158,7 +158,7 @@ def test_a_name_that_a_room_lacks_is_an_attribute_error():
     from plantfit import trust
 
     with pytest.raises(AttributeError, match=r"module 'plantfit\.trust' has no attribute 'covarince'"):
-        _ = trust.covarince  # type: ignore[attr-defined]
+        _ = trust.covarince  # pyrefly: ignore[missing-attribute]
     assert isinstance(trust, lazy._Room)
 
 

@@ -131,7 +131,7 @@ def test_vector_takes_entries_by_name():
 
 def test_parameters_given_as_lists_or_arrays_are_equal():
     bounds = np.array([0.0, 1.0]), np.array([2.0, 3.0])
-    assert Parameter(bounds, value=np.array([1.0, 2.0])) == Parameter(([0, 1], [2, 3]), value=[1, 2])  # type: ignore[arg-type]
+    assert Parameter(bounds, value=np.array([1.0, 2.0])) == Parameter(([0, 1], [2, 3]), value=[1, 2])
 
 
 @pytest.mark.parametrize(
@@ -162,13 +162,13 @@ def test_wrong_arrays(parameter, words):
         ({"a": Parameter((1, 1))}, "value = 1"),
         ({"a": Parameter((0, np.inf))}, "finite"),
         ({"a": Parameter((0, np.nan))}, "finite"),
-        ({"a": Parameter((1, 2, 3))}, "two numbers"),  # type: ignore[arg-type]
-        ({"a": Parameter(("x", 2))}, "two numbers"),  # type: ignore[arg-type]
-        ({"a": Parameter("12")}, "two numbers"),  # type: ignore[arg-type]
+        ({"a": Parameter((1, 2, 3))}, "two numbers"),  # pyrefly: ignore[bad-argument-type]
+        ({"a": Parameter(("x", 2))}, "two numbers"),
+        ({"a": Parameter("12")}, "two numbers"),  # pyrefly: ignore[bad-argument-type]
         ({"a": Parameter((0, 1), scale="log")}, "above 0"),
-        ({"a": Parameter((0, 1), scale="cubic")}, "'linear' or 'log'"),  # type: ignore[arg-type]
+        ({"a": Parameter((0, 1), scale="cubic")}, "'linear' or 'log'"),  # pyrefly: ignore[bad-argument-type]
         ({"a": Parameter(value=np.nan)}, "not a finite number"),
-        ({"a": Parameter(value="x")}, "not a finite number"),  # type: ignore[arg-type]
+        ({"a": Parameter(value="x")}, "not a finite number"),
         ({"a": Parameter(tied="b")}, "does not exist"),
         ({"a": Parameter(tied="b"), "b": Parameter(tied="a")}, "circle"),
         ({"a": Parameter(tied="a")}, "circle"),

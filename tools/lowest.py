@@ -13,6 +13,6 @@ for line in (line for deps in lists for line in deps):
     if found:
         lowest[found[1]] = found[2]
 lowest["jaxlib"] = lowest["jax"]  # of other versions pip would take a newer one
-for tool in ("ruff", "pyright", "hypothesis", "pytest", "pytest-xdist"):  # they check the code, which does not run on them
+for tool in ("ruff", "pyrefly", "hypothesis", "pytest", "pytest-xdist"):  # they check the code, which does not run on them
     lowest.pop(tool, None)
 sys.stdout.write("".join(f"{name}=={version}\n" for name, version in sorted(lowest.items())))

@@ -16,7 +16,7 @@ def allowed(requires, version):
 
 def main():
     with open(os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "pyproject.toml")) as file:
-        requires = re.search(r'^requires-python = "(.*)"$', file.read(), re.MULTILINE).group(1)  # pyright: ignore[reportOptionalMemberAccess]
+        requires = re.search(r'^requires-python = "(.*)"$', file.read(), re.MULTILINE).group(1)  # pyrefly: ignore[missing-attribute]
     if not allowed(requires, sys.version_info[:2]):
         here = "{}.{}".format(*sys.version_info[:2])
         sys.stderr.write(f"plantfit needs Python {requires}, and {sys.executable} is {here}; ")

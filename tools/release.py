@@ -87,7 +87,7 @@ def digests(files: dict[str, Path]) -> dict[str, str]:
 
 def pythons() -> Iterator[tuple[str, Path | None]]:
     """The versions that `requires-python` allows, and an interpreter of each, or None."""
-    low, high = (int(n) for n in re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["project"]["requires-python"]).groups())  # pyright: ignore[reportOptionalMemberAccess]
+    low, high = (int(n) for n in re.fullmatch(r">=3\.(\d+),<3\.(\d+)", PROJECT["project"]["requires-python"]).groups())  # pyrefly: ignore[missing-attribute]
     for minor in range(low, high):
         version = f"3.{minor}"
         places = [shutil.which(f"python{version}"), *sorted(Path.home().glob(f".pyenv/versions/{version}.*/bin/python"))]

@@ -23,8 +23,8 @@ from benchmarks.bbob import logs, ours, pyhms_rival, references, table
 from benchmarks.bbob.results import Result, from_runs, load, load_all, path_of, save
 from benchmarks.bbob.suite import DIMENSIONS, FUNCTIONS, INSTANCES, Run, problem
 
-QUICK = {"instances": (1, 2, 3), "per_dimension": 100}
-FULL = {"instances": INSTANCES, "per_dimension": 1000}
+QUICK: dict[str, Any] = {"instances": (1, 2, 3), "per_dimension": 100}
+FULL: dict[str, Any] = {"instances": INSTANCES, "per_dimension": 1000}
 PYHMS = {"pyhms": False, "pyhms-repaired": True}
 
 

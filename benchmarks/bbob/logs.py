@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """COCO logs that `python -m cocopp FOLDER/logs/METHOD` reads: runs replayed through an observed problem.
 
 COCO ends the process when a second problem is observed before the first is closed, so runs side by side cannot be

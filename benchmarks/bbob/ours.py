@@ -90,7 +90,7 @@ def portfolio() -> dict[str, Ours]:
 
 def unfit(ours: Ours) -> str | None:
     """Why a method cannot run on BBOB, None when it can."""
-    if REGISTRY[ours.method].kind.needs.residuals:  # type: ignore[attr-defined]
+    if REGISTRY[ours.method].kind.needs.residuals:
         return "needs residuals, and a BBOB function has none"
     return None
 

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """Reference implementations, each as one start on a `Run`: `start(run, seed)` minimises until it stops by its own rule
 or `run` raises Done; the driver begins anew with what is left of the budget.
 

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """The BBOB functions (Hansen, Finck, Ros and Auger 2009, INRIA RR-6829) and runs on them that are counted.
 
 Costs come from COCO itself (cocoex), without it from ioh; the optimal values come from ioh, which tells them. Both

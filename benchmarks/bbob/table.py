@@ -84,10 +84,10 @@ def compared(
     """Differences of a measure (runs,) over the functions of each pair, but for those in `without`; Holm over the
     pairs."""
     each: dict[str, dict[int, np.ndarray]] = {}
-    names = []
+    names: list[tuple[str, str]] = []
     for k, pair in enumerate(pairs):
         # a reference may have more instances for one method than for another
-        name = tuple(f"{k} {m}" for m in pair)
+        name = f"{k} {pair[0]}", f"{k} {pair[1]}"
         for key, results in zip(name, common_runs(of, pair), strict=True):
             each[key] = {f: measure(r) for f, r in results.items() if f not in without}
         names.append(name)

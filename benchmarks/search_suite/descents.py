@@ -51,7 +51,7 @@ def descend(problem: pf.Problem, z: np.ndarray, longest: int = LONGEST) -> End:
     answer = optimize.least_squares(
         lambda z: at(z)[0] / unit,
         z,
-        jac=lambda z: at(z)[1] / unit,  # type: ignore[arg-type]
+        jac=lambda z: at(z)[1] / unit,
         bounds=(0.0, 1.0),
         method="trf",
         x_scale="jac",

@@ -11,6 +11,7 @@ import sys
 import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy import optimize
@@ -86,7 +87,8 @@ def load(path: Path = PATH) -> dict[str, Truth]:
     made = {}
     for name, record in json.loads(path.read_text("utf-8")).items():
         shares = {k: Share(**record[k]) for k in ("trust_region", "levenberg_marquardt")}
-        made[name] = Truth(**{**record, **shares, "name": name, "others": [tuple(o) for o in record["others"]]})
+        others = [tuple(o) for o in record["others"]]
+        made[name] = Truth(**dict[str, Any](record, **shares, name=name, others=others))
     return made
 
 

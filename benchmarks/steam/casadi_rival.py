@@ -90,6 +90,7 @@ def _program(steam: Steam) -> list[Any]:
 
 def _library(steam: Steam) -> str:
     folder = cache_folder() / "benchmarks"
+    # pyrefly: ignore[missing-attribute]  (casadi's stub leaves it out)
     tag = hashlib.sha256(f"{_RECIPE} {ca.__version__} {_FLAGS}".encode() + steam.y.tobytes()).hexdigest()[:16]
     library = folder / f"casadi-{tag}.so"
     if not library.exists():

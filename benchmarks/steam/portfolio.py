@@ -48,7 +48,7 @@ OURS = (
 OURS_LOCAL = ("least_squares", "lbfgsb", "sep_cmaes", "dd_cmaes", "cmaes")
 DRAWLESS = ("least_squares", "lbfgsb")  # from a given start they go the same way whatever the seed
 STEPS = (0.02, 0.05)  # first steps of pycma from the static solution
-PAIRS = {
+PAIRS: dict[str, tuple[str, ...]] = {
     "random": ("numpy-random",),
     "pso": ("pymoo-pso", "minion-pso"),
     "cga": ("pymoo-ga",),
@@ -131,7 +131,7 @@ class Bench:
         method = make(name)
         if hasattr(method, "rows"):
             facts = Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start)
-            short, several = method.rows(facts), runs  # type: ignore[union-attr]  # one generation; programs depend on the number of runs
+            short, several = method.rows(facts), runs  # one generation; programs depend on the number of runs
         else:
             short, several = HOST_WARM_UP, 1
         minimise(objective, name, runs=several, budget=short, seed=self.seed + 1)
@@ -280,7 +280,7 @@ def show(options: argparse.Namespace) -> None:
             )
             _print_costs(found)
             _print_pairs(found, TASKS[task][1])
-        missing = [n for n in TASKS[task][0](None, 1, 1) if n not in found]  # type: ignore[arg-type]
+        missing = [n for n in TASKS[task][0](None, 1, 1) if n not in found]  # pyrefly: ignore[bad-argument-type]
         if missing:
             print(f"not measured: {', '.join(missing)}")
 

@@ -1,4 +1,3 @@
-# pyright: reportMissingImports=false
 """Reference implementations on workload S: starts of benchmarks/bbob/references.py on the 310-parameter box, costs by
 our engine.
 

@@ -259,7 +259,7 @@ def check_estimable(
     if _need_noise(checked):
         _refuse(problem)
     if "kalman" in checked.methods:
-        states = dict.fromkeys(problem.model.states, 1.0)  # type: ignore[union-attr]
+        states = dict.fromkeys(problem.model.states, 1.0)  # pyrefly: ignore[missing-attribute]
         kalman_filter(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), states))
     return checked, asked(checked, problem)
 

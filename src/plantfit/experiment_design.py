@@ -298,7 +298,7 @@ def _input_ranges(problem: Problem, model: Model, given: Mapping[str, Range] | N
                 f"The input {name!r} was {low:g} {unit or ''} in all recordings; say from where to where it may go."
             )
         found.append((low, high))
-    return tuple(np.array(found, dtype=float).T)  # type: ignore[return-value]
+    return tuple(np.array(found, dtype=float).T)
 
 
 def _seen(problem: Problem, output: str) -> tuple[float, float]:

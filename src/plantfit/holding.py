@@ -291,11 +291,11 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     largest = 2.0 * lean if lean is not None else _largest(unit_x, sizes.get(along, widest))
     seconds = None if chosen.horizon is None else units.in_unit("[control] horizon", chosen.horizon, "s")
     if seconds is None:
-        middle = 0.5 * (float(given["lower"]) + float(given["upper"]))  # type: ignore[arg-type]
+        middle = 0.5 * (float(given["lower"]) + float(given["upper"]))  # pyrefly: ignore[bad-argument-type]
         seconds = _seconds(known, at, {input_: middle})
         proposed["horizon"] = f"{seconds:.3g} s, {TIMES:g} times the slowest time of the plant there"
     return HoldWishes(
-        at, input_, period, float(given["lower"]), float(given["upper"]), along,  # type: ignore[arg-type]
+        at, input_, period, float(given["lower"]), float(given["upper"]), along,  # pyrefly: ignore[bad-argument-type]
         lean if lean is not None else 0.0, largest, seconds, 0.1 * largest, sizes, quantum, noise,
         ms=chosen.ms or 2.0, share=chosen.share or 0.95,
     )  # fmt: skip

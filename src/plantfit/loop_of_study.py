@@ -386,7 +386,9 @@ def wishes_of(answer: Answer, loop: OneLoop, chosen: ControlTable, recording: st
     level, step, load = asked.course(lower, upper, quantum, lambda v: float(best.at_rest(v, starts).u[0]))
     horizon, prediction, ends = asked.given("horizon", "s"), asked.given("prediction", "s"), asked.ends()
     period = asked.period(best, level, starts)
-    standard = {n: getattr(chosen, n) if getattr(chosen, n) is not None else v for n, v in STANDARD.items()}
+    standard: dict[str, Any] = {
+        n: getattr(chosen, n) if getattr(chosen, n) is not None else v for n, v in STANDARD.items()
+    }
     proposed.update({n: f"{v}" for n, v in STANDARD.items() if getattr(chosen, n) is None})
     return Wishes(
         level, step, load, period, lower, upper, quantum, noise, controller=chosen.controller, horizon=horizon,

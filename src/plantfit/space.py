@@ -63,7 +63,7 @@ class Parameter:
 class Guesses(dict):
     """Guesses by the names of recordings, which can be compared and hashed."""
 
-    def __hash__(self) -> int:  # type: ignore[override]
+    def __hash__(self) -> int:
         return hash(frozenset(self.items()))
 
 
@@ -283,7 +283,7 @@ class Space:
         """All values that a parameter can take in its unit, (low, high); equal when it is held."""
         p = self.parameters[self.root(name)]
         held = p.value if p.value is not None else None
-        low, high = (held, held) if held is not None else p.bounds  # type: ignore[misc]
+        low, high = (held, held) if held is not None else p.bounds  # pyrefly: ignore[not-iterable]
         return float(np.min(low)), float(np.max(high))
 
     def physical(self, z: Any) -> Array:

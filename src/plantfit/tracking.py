@@ -65,7 +65,7 @@ class Alarm:
         was, now = significant(self.from_value, 4, True), significant(self.to_value, 3, True)
         share = ""
         if self.from_value:
-            share = f", {100 * (self.to_value - self.from_value) / abs(self.from_value):+.0f} %"  # type: ignore[operator]
+            share = f", {100 * (self.to_value - self.from_value) / abs(self.from_value):+.0f} %"  # pyrefly: ignore[unsupported-operation]
         return (
             f"ALARM at {self.t:.6g} s: {self.parameter} has left what the study knows: since {self.since:.6g} s about "
             f"{now}{unit} in "
@@ -154,7 +154,7 @@ class Tracker:
 
     def _filter(self, found: Estimators) -> BlockFilter:
         space, model = self.problem.space, self.problem.model
-        late = {d.parameter for d in model.delays}  # type: ignore[union-attr]  (watched, and no state of a filter)
+        late = {d.parameter for d in model.delays}  # pyrefly: ignore[missing-attribute]  (watched, and no state of a filter)
         own = {c.name: c.parameter for c in space.coordinates}
         joint = [n for n, t in zip(self.watched, self.tested, strict=True) if t and own[n] not in late]
         at = dict(zip(space.names, self.values.tolist(), strict=True))
@@ -170,7 +170,7 @@ class Tracker:
             self.wide[k] = 0.25 * math.log(high / low) if space.log[i] else 1.5
             prior[k] = min(self.size[self.watched.index(name)] * slope, self.wide[k])
             drift[k] = given.get(name, prior[k] / math.sqrt(self.scales.span))
-        first = [max(float(found.noise.initial.get(n, 0.0)), self.scales.spread[n]) for n in model.states]  # type: ignore[union-attr]
+        first = [max(float(found.noise.initial.get(n, 0.0)), self.scales.spread[n]) for n in model.states]  # pyrefly: ignore[missing-attribute]
         return BlockFilter(
             self.problem,
             found.noise,
@@ -238,7 +238,7 @@ class Tracker:
             if n not in signals:
                 signals[n] = Signal(np.full(len(recording), np.nan), model.outputs[n])
         given = in_units(Recording(recording.t, signals, recording.name, recording.log), self.problem.needs)
-        u = np.stack([given[n] for n in model.inputs], axis=1) if model.inputs else np.zeros((len(given), 0))  # type: ignore[union-attr]
+        u = np.stack([given[n] for n in model.inputs], axis=1) if model.inputs else np.zeros((len(given), 0))  # pyrefly: ignore[missing-attribute]
         return np.asarray(given.t, dtype=float), u, np.stack([given[n] for n in model.outputs], axis=1)
 
     def _early(self, t: np.ndarray, begun: float) -> np.ndarray:
@@ -263,7 +263,7 @@ class Tracker:
             )
         known = np.all(np.isfinite(u), axis=1)
         if not np.any(known) and self.samples == 0:
-            lost = list(self.problem.model.inputs)[int(np.argmax(~np.isfinite(u[0])))]  # type: ignore[union-attr]
+            lost = list(self.problem.model.inputs)[int(np.argmax(~np.isfinite(u[0])))]  # pyrefly: ignore[missing-attribute]
             raise RecordingError(
                 f"Recording {recording.name!r}: input {lost!r} has no value in any "
                 f"of its {len(t)} rows, and a filter needs one; check the column."

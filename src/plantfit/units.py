@@ -8,7 +8,7 @@ import re
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -169,7 +169,7 @@ def _with_parsed_definitions() -> "pint.UnitRegistry":
 
 
 @contextmanager
-def _without_dask() -> Iterator[None]:
+def _without_dask() -> Generator[None]:
     """In a command, pint is imported as where Dask is not installed: it would load it whole, in three times its own
     time.
 
@@ -177,7 +177,7 @@ def _without_dask() -> Iterator[None]:
     """
     hidden = "plantfit.cli.start" in sys.modules and not {"dask", "pint"} & sys.modules.keys()
     if hidden:
-        sys.modules["dask"] = None  # type: ignore[assignment]  # what `import` takes for "there is none"
+        sys.modules["dask"] = None  # pyrefly: ignore[unsupported-operation]  # what `import` takes for "there is none"
     try:
         yield
     finally:
@@ -365,6 +365,7 @@ def si_base(unit: "str | pint.Unit") -> tuple[float, float, dict[str, int]] | No
     for a unit that is not made of whole powers of these, or not known."""
     try:
         parsed = parse(unit)
+        # pyrefly: ignore[missing-attribute, bad-argument-count]  (pint's stub of what a registry makes)
         size = registry().Quantity(1.0, _difference(parsed)).to_root_units()
         offset = float(registry().convert(0.0, parsed, "kelvin")) if _has_offset(parsed) else 0.0
     except Exception:  # pint raises many kinds on units that do not convert, as two offsets in one

@@ -88,14 +88,14 @@ def test_figures_15_and_16_draw_both_signals_and_their_differences(study):
     problem, late = study.problem, dict(TRUTH) | {"Lm": 2 * TRUTH["Lm"]}
     results = {label: [SimpleNamespace(cost=1.0)] for label in GA}
     found = SimpleNamespace(problem=problem, results=results, best=lambda label: late)
-    lines = {line["name"]: np.array(line["y"]) for line in _over_time(found)["data"]}  # pyright: ignore[reportArgumentType]
+    lines = {line["name"]: np.array(line["y"]) for line in _over_time(found)["data"]}  # pyrefly: ignore[bad-argument-type]
     label = next(iter(GA))
     _, e1, e2 = errors_at(problem, late)
     for made, seen, error in ((f"model, {label}", "surrogate", e1), (f"calculated, {label}", "applied", e2)):
         assert len(lines[made]) == len(lines[seen]) == 200
         np.testing.assert_allclose(lines[seen] - lines[made], error, atol=1e-2)
     assert f"{label}, best run, e1" in lines
-    assert _late(found) > 3.0  # ms: twice the inductance delays by Lm/Rm  # pyright: ignore[reportArgumentType]
+    assert _late(found) > 3.0  # ms: twice the inductance delays by Lm/Rm  # pyrefly: ignore[bad-argument-type]
 
 
 def test_kt_is_tied_or_free_by_one_line(study):
@@ -145,14 +145,14 @@ def test_wins_over_many_methods_are_one_sentence():
         pair("auto", "pso", 0.55, 0.4, False),
         pair("de", "ga", 0.9, 0.01),
     ]
-    told = _pairs(SimpleNamespace(methods=ends, pairs=pairs))  # pyright: ignore[reportArgumentType]
+    told = _pairs(SimpleNamespace(methods=ends, pairs=pairs))  # pyrefly: ignore[bad-argument-type]
     assert told == [
         "auto beats, with the share of pairs of runs that it wins (A12): ga 1.00, de 0.71; largest p 0.002 after Holm "
         "for 6 pairs of "
         "methods, 50 runs each.",
         "pso?",
     ]
-    assert _pairs(SimpleNamespace(methods=ends, pairs=pairs[2:])) == ["pso?"]  # pyright: ignore[reportArgumentType]
+    assert _pairs(SimpleNamespace(methods=ends, pairs=pairs[2:])) == ["pso?"]  # pyrefly: ignore[bad-argument-type]
 
 
 @pytest.mark.slow

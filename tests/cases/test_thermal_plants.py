@@ -50,7 +50,7 @@ def test_dead_time_of_the_thermal_plant_is_not_told(folder):
      (True, True, "1.5 (not told)")],
 )  # fmt: skip
 def test_a_bound_of_the_search_is_no_end_of_an_interval(lower, upper, said):
-    assert _span(SimpleNamespace(value=1.5, low=1.0, high=2.0, at_lower=lower, at_upper=upper)) == said  # type: ignore[arg-type]
+    assert _span(SimpleNamespace(value=1.5, low=1.0, high=2.0, at_lower=lower, at_upper=upper)) == said  # pyrefly: ignore[bad-argument-type]
 
 
 def test_steps_of_the_exchanger_that_tell_nothing_are_those_above_1_5(folder):

@@ -3,6 +3,7 @@
 import json
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -24,7 +25,7 @@ class Said:
         return found
 
 
-def call(capsys, monkeypatch, *words: str) -> Said:
+def call(capsys, monkeypatch, *words: str | Path) -> Said:
     from plantfit.cli.main import run_cli
 
     monkeypatch.setattr(sys, "argv", ["plantfit", *map(str, words)])

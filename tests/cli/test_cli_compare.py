@@ -13,7 +13,7 @@ from plantfit.optimize.contract import RunResult
 from plantfit.study import Plan, Store
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "study"))
-from method_runs import falling  # pyright: ignore[reportMissingImports]
+from method_runs import falling
 
 NAMES = ("p0", "p1", "p2")
 

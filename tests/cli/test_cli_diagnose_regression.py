@@ -9,7 +9,7 @@ import pytest
 from cli_call import call
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "trust"))
-from axis_records import study  # pyright: ignore[reportMissingImports]
+from axis_records import study
 
 
 @pytest.fixture

@@ -12,7 +12,7 @@ from cli_call import call
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "estimate"))
 
-import wandering_plants as lag  # type: ignore[import-not-found]
+import wandering_plants as lag
 
 import plantfit.recording as rec
 
@@ -212,7 +212,8 @@ def test_standard_input_is_tracked(bench, capsys, monkeypatch):
 )
 def test_a_users_slip_is_told_in_one_sentence(bench, capsys, monkeypatch, change, words, code, sentence):
     monkeypatch.chdir(bench)
-    (bench / "slip.toml").write_text(WHOLE.replace(*change, 1) if change[0] else WHOLE)
+    old, new = change
+    (bench / "slip.toml").write_text(WHOLE.replace(old, new, 1) if old else WHOLE)
     said = call(capsys, monkeypatch, words[0], "slip.toml", *words[1:], "--store", "slip.db")
     assert said.code == code, said.err
     assert sentence in said.err

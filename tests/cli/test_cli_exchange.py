@@ -10,8 +10,8 @@ from cli_call import call
 from plantfit.study import Store
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "study"))
-from study_fakes import FakeSearch, objective  # pyright: ignore[reportMissingImports]
-from test_study_store import PLAN  # pyright: ignore[reportMissingImports]
+from study_fakes import FakeSearch, objective
+from test_study_store import PLAN
 
 from plantfit.study import run
 

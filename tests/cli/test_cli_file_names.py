@@ -15,7 +15,7 @@ from plantfit.report.html import is_report, write_page
 from plantfit.study import Store
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "study"))
-from study_fakes import FakeSearch, objective  # pyright: ignore[reportMissingImports]
+from study_fakes import FakeSearch, objective
 
 from plantfit.study import Plan, run
 

@@ -17,7 +17,7 @@ import plantfit
 from plantfit import spec
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "recording"))
-from logger_files import STYLES, lag, prbs  # pyright: ignore[reportMissingImports]
+from logger_files import STYLES, lag, prbs
 
 
 @pytest.mark.parametrize("style", STYLES, ids=lambda s: s.name)

@@ -27,7 +27,7 @@ NO_RESULT = {
 
 def test_every_command_stands_in_one_section():
     named = [name for rows in SECTIONS.values() for name in rows]
-    assert sorted(named) == sorted(get_command(app).commands)  # pyright: ignore[reportAttributeAccessIssue]
+    assert sorted(named) == sorted(get_command(app).commands)  # pyrefly: ignore[missing-attribute]
 
 
 def test_the_work_of_a_command_lies_in_the_sub_room_of_its_section():

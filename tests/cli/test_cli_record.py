@@ -19,7 +19,7 @@ import pytest
 from cli_call import call
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "rig"))
-from firmware_host import build, read_truth, running  # pyright: ignore[reportMissingImports]
+from firmware_host import build, read_truth, running
 
 from plantfit.cli.terminal.live_plot import Traces, headline, sparkline
 from plantfit.recording import Recording, Signal, read_csv, to_csv
@@ -249,7 +249,7 @@ def test_sparklines_and_traces():
     assert second.endswith("81 rad/s")
     assert len(traces.slots) == 40
     assert None in traces.slots
-    assert headline(p).startswith("10.0 s, 40 samples")
+    assert headline(p).startswith("10.0 s, 40 samples")  # pyrefly: ignore[unbound-name]  (the last of 40)
     assert "50 %" in headline(p)
 
 

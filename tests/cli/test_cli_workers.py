@@ -97,6 +97,7 @@ def test_ctrl_c_stops_helpers_too_and_resume_goes_on_with_several(folder, capsys
     assert "study 1 (heater) is saved with" in err
     assert "go on with `plantfit resume 1 2`" in err
     assert "Traceback" not in err
+    # pyrefly: ignore[unbound-name]  (opened while two were held)
     assert [h for s in store.studies() for h in store.held(s.id)] == []
     assert "Nobody works here now" in call(capsys, monkeypatch, "workers").out
 

@@ -1,6 +1,7 @@
 """Dead time in linear plants and offset-free predictive control, against closed forms and scipy."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,8 +39,8 @@ def plant(gain=2.0, t1=1.5, t2=0.7):
 
 
 def designed(R=0.05, late=0.83, seconds=1.0, **more):
-    given = {"limits": (0.0, 3.0), "disturbance": 0.5, "measurement": 0.01, "horizon": 15, "steps": 400} | more
-    return offset_free_mpc(plant(), 0.25, 1.0, R, dead_time=late, longest_delay=seconds, **given)
+    given: dict[str, Any] = {"limits": (0.0, 3.0), "disturbance": 0.5, "measurement": 0.01, "horizon": 15, "steps": 400}
+    return offset_free_mpc(plant(), 0.25, 1.0, R, dead_time=late, longest_delay=seconds, **given | more)
 
 
 @pytest.mark.parametrize(("late", "longest"), [(0.0, 0.0), (0.5, 0.5), (0.83, 1.0), (0.1, 2.0), (0.75, 0.75)])

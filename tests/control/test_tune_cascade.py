@@ -195,10 +195,10 @@ class CascadeProgram(PidProgram):
             (*self._update.argtypes, self.kind),
         )
 
-    def begin(self, outer, inner, command):
+    def begin(self, outer, inner, command):  # pyrefly: ignore[bad-override]  (measures two)
         self._init(self.state, outer, inner, command)
 
-    def update(self, outer, inner, reference):
+    def update(self, outer, inner, reference):  # pyrefly: ignore[bad-override]
         return self._update(self.state, outer, inner, reference)
 
 

@@ -2,6 +2,7 @@
 points that trade."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,13 +55,14 @@ def test_margins_on_the_grid_of_the_search_are_those_of_the_verdict():
 
 
 def test_what_cannot_be_asked_for_is_one_sentence():
-    for change, message in (
+    wrong: list[tuple[dict[str, Any], str]] = [
         ({"minimise": {}}, "weighs nothing"), ({"minimise": {"iae": 0.0}}, "weighs nothing"),
         ({"minimise": {"iae": -1.0}}, "weighs nothing"),
         ({"gain_margin": 0.9}, r"gain_margin = 0.9 cannot be asked for; give 1 or more"),
         ({"settling": 0.0}, "settling = 0 cannot"),
         ({"phase_margin": 190.0}, "give 0 up to 180"), ({"travel": -1.0}, "travel = -1 cannot"),
-    ):  # fmt: skip
+    ]  # fmt: skip
+    for change, message in wrong:
         with pytest.raises(SimulationError, match=message):
             check_wishes(replace(WISHES, **change))
     for front, points, pick, message in (

@@ -214,7 +214,7 @@ def scores(plant, wishes, weights, lags=None):
     course = StepAndLoad(wishes.set_point - wishes.step, wishes.set_point, wishes.load, 60.0, wishes.period,
                          wishes.output_lower,
                          wishes.output_upper)  # fmt: skip
-    found = []
+    found: list[dict[str, float]] = []
     for form in (mpc, lqi):
         made = form.made(form.space.cube(np.array(weights)))
         judge = Judge.of(plant, start, course, wishes.quantum, form)
@@ -284,10 +284,11 @@ def test_what_cannot_be_asked_for_is_said_in_a_sentence():
     assert "rate = 0 lets the input never move" in refused(rate=0.0)
     assert "A prediction is what an MPC plans for" in refused(prediction=20.0, controller="lqi")
     plants = family(20, 1)
-    for more, sentence in (
+    wrong: list[tuple[dict[str, Any], str]] = [
         ({"upper": 1.9}, "they cannot hold that set point"),
         ({"load": 3.0}, "Against a load of 3 V"),
-    ):
+    ]
+    for more, sentence in wrong:
         with pytest.raises(SimulationError, match=sentence):
             tuned_loop(plants, plants, replace(MPC, lower=0.0, **more))
     law = equations(

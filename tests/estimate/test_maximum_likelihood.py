@@ -107,7 +107,7 @@ def test_a_bound_and_a_flat_direction_are_named(motor):
     with pytest.raises(SpaceError, match="give a number of at least 0, or a pair"):
         Noise({"i": (0.0, 1.0)}, plants.MEASUREMENT)
     with pytest.raises(SearchError, match="filter = 'kf'"):
-        maximum_likelihood(motor, FREE, filter="kf")  # type: ignore[arg-type]
+        maximum_likelihood(motor, FREE, filter="kf")  # pyrefly: ignore[bad-argument-type]
 
 
 @pytest.mark.slow

@@ -84,9 +84,9 @@ def test_white_innovations_of_few_samples_are_not_called_correlated():
                 plant=SimpleNamespace(model=SimpleNamespace(outputs=["y"])),
                 y=e[:, None], rank=np.arange(n), told={"white": e[:, None]},
             )  # fmt: skip
-            memory, chance = innovation_memory([run]), memory_by_chance([run])  # type: ignore[list-item]
+            memory, chance = innovation_memory([run]), memory_by_chance([run])  # pyrefly: ignore[bad-argument-type]
             found.append(bool(_memory(memory, chance)))
         assert np.mean(found) <= most
     slow = np.convolve(rng.standard_normal(40), [1.0, 0.9])
     run.y, run.rank, run.told = slow[:, None], np.arange(41), {"white": slow[:, None]}
-    assert _memory(innovation_memory([run]), memory_by_chance([run]))  # type: ignore[list-item]
+    assert _memory(innovation_memory([run]), memory_by_chance([run]))  # pyrefly: ignore[bad-argument-type]

@@ -127,7 +127,7 @@ def test_the_tracked_states_are_those_of_the_filter_on_line(tracker):
     for t, u, y in zip(recording.t, recording["u"], recording["y"], strict=True):
         now = online.update(float(t), {"u": float(u)}, {"y": float(y)})
     last = done.rows[-1]
-    assert last["x"] == pytest.approx(now.states["x"], rel=1e-9)
+    assert last["x"] == pytest.approx(now.states["x"], rel=1e-9)  # pyrefly: ignore[unbound-name]  (of the last sample)
     assert last["x_sd"] == pytest.approx(now.sd["x"], rel=1e-9)
     assert last["K"] == pytest.approx(now.parameters["K"], rel=1e-9)
 

@@ -47,7 +47,7 @@ def test_unknown_names_and_options_are_told(room, near, error):
 
 
 def test_methods_called_as_earlier_programs_do():
-    assert [m["name"] for m in pf.methods()] == list(pf.methods.names())  # type: ignore[operator]
+    assert [m["name"] for m in pf.methods()] == list(pf.methods.names())  # pyrefly: ignore[not-callable]
 
 
 def test_a_description_of_an_instance_and_of_a_model():

@@ -13,14 +13,14 @@ import time
 import traceback
 import warnings
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fuzz_inputs import LAYERS, drawn  # pyright: ignore[reportMissingImports]
+from fuzz_inputs import LAYERS, drawn
 
 from plantfit.cli.terminal.failures import shortened
 from plantfit.errors import PlantfitError
@@ -48,7 +48,7 @@ class Hang(BaseException):
 
 
 @contextmanager
-def limited() -> Iterator[None]:
+def limited() -> Generator[None]:
     def stop(number: int, frame: object) -> None:
         raise Hang(f"more than {SECONDS:g} s of CPU")
 

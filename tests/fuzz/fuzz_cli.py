@@ -25,7 +25,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).parent))
-from fuzz_inputs import LAYERS, STUDY, drawn  # pyright: ignore[reportMissingImports]
+from fuzz_inputs import LAYERS, STUDY, drawn
 
 SECONDS, BYTES, LINES = 10, 2 * 2**30, 20
 ACCEPTED = 90  # seconds of CPU of a call that ends well
@@ -101,6 +101,7 @@ def called(words: list[str], folder: Path) -> tuple[int, str, float, int]:
             break
         time.sleep(0.0 if ended else 0.01)
     said = (folder / "err").read_text("utf-8", errors="replace") if (folder / "err").exists() else ""
+    # pyrefly: ignore[unbound-name]  (waited for once at least)
     return os.waitstatus_to_exitcode(status), said, spent.ru_utime + spent.ru_stime, spent.ru_maxrss * 1024
 
 

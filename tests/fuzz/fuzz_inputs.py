@@ -90,7 +90,7 @@ def _xlsx() -> bytes:
     book = Workbook()
     frame = _frame()
     for row in [frame.columns, *frame.rows()]:
-        book.active.append(row)  # pyright: ignore[reportOptionalMemberAccess]
+        book.active.append(row)
     return _written("x.xlsx", book.save)
 
 

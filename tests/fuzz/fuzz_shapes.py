@@ -285,7 +285,7 @@ def sheets(rng: Draw, good: Any) -> bytes:
 
 def rezipped(archive: bytes, rng: Draw, chance: float, changed: Callable[[bytes, Draw], bytes] | None = None) -> bytes:
     """The archive packed again at a fixed time, with right checksums; by chance one member is changed or left out."""
-    from fuzz_inputs import mutated  # pyright: ignore[reportMissingImports]
+    from fuzz_inputs import mutated
 
     buffer = io.BytesIO()
     with zipfile.ZipFile(io.BytesIO(archive)) as old, zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as new:
@@ -304,7 +304,7 @@ def rezipped(archive: bytes, rng: Draw, chance: float, changed: Callable[[bytes,
 
 def _array_file(content: bytes, rng: Draw) -> bytes:
     """An .npy file whose header says something else."""
-    from fuzz_inputs import mutated  # pyright: ignore[reportMissingImports]
+    from fuzz_inputs import mutated
 
     head, _, data = content[10:].partition(b"\n")
     for _ in range(int(rng.integers(1, 3))):
@@ -396,7 +396,7 @@ def rows(content: bytes, rng: Draw) -> bytes:
 
 def _like(held: Any, rng: Draw) -> Any:
     """A value that is nearly what stands there."""
-    from fuzz_inputs import mutated  # pyright: ignore[reportMissingImports]
+    from fuzz_inputs import mutated
 
     if isinstance(held, str) and held[:1] in "[{" and held:
         with suppress(ValueError, RecursionError):  # what an earlier change left there

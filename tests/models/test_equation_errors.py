@@ -9,7 +9,9 @@ from model_calls import initial_state
 from plantfit.errors import EquationError, ModelError, PlantfitError, UnitError
 from plantfit.models import Declared, equations
 
-BASE = {"inputs": {"u": None}, "states": {"x": {"unit": None}}, "outputs": {"y": None}, "parameters": ["k"]}
+BASE: dict[str, Any] = {
+    "inputs": {"u": None}, "states": {"x": {"unit": None}}, "outputs": {"y": None}, "parameters": ["k"],
+}  # fmt: skip
 
 
 def build(text, **changes):

@@ -1,6 +1,7 @@
 """Values of expressions against numpy, and of whole models against functions written by hand."""
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -85,7 +86,7 @@ TANKS = """
 
 
 def tanks(**changes):
-    given = {
+    given: dict[str, Any] = {
         "inputs": {"u": None},
         "states": {"h1": {"initial": "h10"}, "h2": {"initial": "y + 2*u"}},
         "outputs": {"y": None},

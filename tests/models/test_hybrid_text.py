@@ -1,6 +1,8 @@
 """Events, friction, backlash and late states written as text: equal to the Python declaration, and the place of
 every mistake."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from model_calls import derivative
@@ -28,7 +30,9 @@ X, U = {"x": -0.7, "v": 1.3, "z": 0.2}, {"F": 1.7, "delay(x, tau)": 0.4, "t": 2.
 
 
 def from_text(**changes) -> Model:
-    given = {"inputs": {"F": "N"}, "states": STATES, "outputs": {"y": "m"}, "parameters": PARAMETERS}
+    given: dict[str, Any] = {
+        "inputs": {"F": "N"}, "states": STATES, "outputs": {"y": "m"}, "parameters": PARAMETERS,
+    }  # fmt: skip
     return equations(changes.pop("text", TEXT), **{**given, **changes})
 
 
@@ -213,7 +217,7 @@ CONTRADICTIONS = [
     ({"state_delays": (StateDelay("late", "x", "T"),)}, "delays by 'T', which is not one of its parameters"),
     ({"state_delays": (StateDelay("F", "x", "tau"),)}, "the channel 'F' is declared twice"),
     ({"state_delays": (StateDelay("late", "z", "tau"),)}, "follows with backlash; delay what drives it"),
-    ({"events": (Event("e", lambda x, u, p: x["x"], lambda x, u, p: {}, "down"),)}, "has direction 'down'"),  # type: ignore[arg-type]
+    ({"events": (Event("e", lambda x, u, p: x["x"], lambda x, u, p: {}, "down"),)}, "has direction 'down'"),  # pyrefly: ignore[bad-argument-type]
     ({"events": by_hand().events * 2}, "the event 'bounce' is declared twice"),
     ({"frictions": by_hand().frictions * 2}, "the friction 'v' is declared twice"),
     (

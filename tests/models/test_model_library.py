@@ -135,7 +135,7 @@ def test_units_of_the_motor_agree_with_its_equations():
         (unit["Cm"] * w, unit["Tf"]),
         (unit["Jm"] * w / units.parse("s"), unit["Tf"]),
     ):
-        assert units.compatible(left, right)
+        assert units.compatible(left, right)  # pyrefly: ignore[bad-argument-type]  (products of units are units)
 
 
 def test_motor_stands_still_at_its_closed_form_steady_state():

@@ -107,8 +107,10 @@ def test_dfki_form_with_rotors_and_arctangent_friction():
     tau1 = m11 * s["alpha1"] + m12 * s["alpha2"] - 2 * l1 * m2r2 * s2 * w2 * w1 - l1 * m2r2 * s2 * w2**2
     tau1 = tau1 + G * (m1r1 + m2 * l1) * np.sin(s["theta1"]) + end + 0.01 * w1 + 0.12 * np.arctan(100 * w1)
     tau2 = m12 * s["alpha1"] + m22 * s["alpha2"] + l1 * m2r2 * s2 * w1**2 + end + 0.02 * w2 + 0.08 * np.arctan(100 * w2)
-    options = {"friction": ("viscous", "coulomb"), "sign": "atan", "sign_width": 0.01, "gear_ratio": gr, "l1": l1}
-    model = pendubot_regression("base", "hanging", (1, 2), **options)
+    friction = ("viscous", "coulomb")
+    model = pendubot_regression(
+        "base", "hanging", (1, 2), friction=friction, sign="atan", sign_width=0.01, gear_ratio=gr, l1=l1
+    )
     p = {"b1": i1 + m2 * l1**2, "b2": i2, "b4": m1r1 + m2 * l1, "b5": m2r2, "Ir": ir}
     p |= {"Fv1": 0.01, "Fv2": 0.02, "Fc1": 0.12 * np.pi / 2, "Fc2": 0.08 * np.pi / 2}
     np.testing.assert_allclose(model.predict(s, p, "tau1"), tau1, rtol=1e-11, atol=1e-12)

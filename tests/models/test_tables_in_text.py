@@ -1,6 +1,7 @@
 """Tables in equations and in the study file: values, units, and the place of every mistake."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ def over_pressure(unit):
 
 
 def chamber(**changes):
-    given = {
+    given: dict[str, Any] = {
         "inputs": {"u": "%"},
         "states": {"x1": "bar", "x2": "bar/s"},
         "outputs": {"y": "bar"},

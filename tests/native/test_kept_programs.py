@@ -196,6 +196,7 @@ def test_recorded_numbers_are_not_compiled_in(folder):
             *jax.jit(other.evaluator.residuals_and_jacobian)(z, other.arguments),
         )
         several = points.several(other.compiled["residuals_and_jacobian"])
+        assert isinstance(several, Kept)
         other.compiled["costs"]._plain = several._plain = None  # whoever traced would meet this
         found = other.costs(z[None, :]), *points.residuals_and_jacobian(other, z)
         assert not np.array_equal(found[0], cost), what
@@ -261,9 +262,10 @@ def test_a_problem_gives_the_same_bits_from_disk(folder):
     for name in ("costs", "residuals_and_jacobian", "residuals"):
         # whoever traced would meet this
         read.compiled[name]._plain = None
-    points.several(read.compiled["residuals"])._plain = points.several(
-        read.compiled["residuals_and_jacobian"]
-    )._plain = None
+    for name in ("residuals", "residuals_and_jacobian"):
+        several = points.several(read.compiled[name])
+        assert isinstance(several, Kept)
+        several._plain = None
     again = [
         np.asarray(read.costs(z[None, :])),
         *points.residuals_and_jacobian(read, z),

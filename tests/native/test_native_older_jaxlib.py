@@ -17,7 +17,7 @@ import pytest
 from test_native_interface import LOOP
 
 sys.path.append(str(Path(__file__).parents[1] / "cli"))
-from cli_call import heater  # pyright: ignore[reportMissingImports]
+from cli_call import heater
 
 VERSION = "0.8.0"
 FIT = """

@@ -167,7 +167,7 @@ def test_equal_first_populations():
         for name, entry in portfolio().items():
             if entry.method in ("lshade", "jso"):
                 rows = entry.made(d).rows(facts)
-                options = references.REFERENCES[entry.references[0]].start.keywords["options"](d)  # type: ignore[attr-defined]
+                options = references.REFERENCES[entry.references[0]].start.keywords["options"](d)  # pyrefly: ignore[missing-attribute]
                 assert options["population_size"] == rows, name
 
 

@@ -1,6 +1,7 @@
 """Every registered method keeps the contract; broken methods are caught by the suite."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
@@ -40,7 +41,7 @@ class Stuck(RandomSearch):
 class Centred(RandomSearch):
     """Knows where the optimum of the unmoved bowl lies."""
 
-    def ask(self, key, state):
+    def ask(self, key, state) -> tuple[Any, Any]:
         from plantfit.testing.objectives import centre
 
         x, state = super().ask(key, state)

@@ -1,6 +1,7 @@
 """Names, settings and the sentences that wrong ones get."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,8 +54,9 @@ def test_wrong_names_and_settings(name, settings, words):
     ],
 )
 def test_wrong_numbers(changes, words):
+    given: dict[str, Any] = {"method": "random", **changes}
     with pytest.raises(SearchError, match=words):
-        minimise(bowl(2), **{"method": "random", **changes})
+        minimise(bowl(2), **given)
 
 
 @pytest.mark.parametrize(("method", "words"), [("least_squares", "needs residuals"), ("lbfgsb", "needs a gradient")])

@@ -88,7 +88,7 @@ def test_a_block_that_fails_at_its_start_begins_elsewhere():
         found = plain(x, wanted)
         return [(np.full(3, np.nan), j) if x[0] > 0.8 and k == 0 else (r, j) for k, (r, j) in enumerate(found)]
 
-    broken = Objective(**{**whole.__dict__, "blocks": sometimes})
+    broken = dataclasses.replace(whole, blocks=sometimes)
     counter = Counter(broken, 2000)
     separable_least_squares(counter, np.array([0.95, 0.5, 0.5, 0.5]), agree=2, max_steps=500)
     np.testing.assert_allclose(counter.best_x, np.ravel(TARGETS[:2]), atol=1e-5)

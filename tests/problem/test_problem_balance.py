@@ -99,7 +99,7 @@ def test_one_recording_is_as_without():
 
 def test_unknown_words_are_refused():
     with pytest.raises(SpaceError, match="'samples' or 'recordings'"):
-        Problem(model(), step(100, 1.0, "one"), balance="equal")  # type: ignore[arg-type]
+        Problem(model(), step(100, 1.0, "one"), balance="equal")  # pyrefly: ignore[bad-argument-type]
 
 
 def test_the_study_file_knows_the_key(tmp_path):

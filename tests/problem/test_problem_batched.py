@@ -208,8 +208,10 @@ def test_few_rows_keep_mean_square_gradient_and_gauss_newton_matrix(name):
 def test_records_that_lie_elsewhere_need_other_compiled_functions():
     one = CASES["one record"]
     a, b = (dataclasses.replace(one, lengths=lengths).problem().evaluator for lengths in ((200, 90), (90, 200)))
-    same = {"scored": tuple((np.arange(10),) for _ in range(2))}
-    a, b = (dataclasses.replace(batched, **same) for batched in (a, b))
+    assert isinstance(a, BatchedRecords)
+    assert isinstance(b, BatchedRecords)
+    scored = tuple((np.arange(10),) for _ in range(2))
+    a, b = (dataclasses.replace(batched, scored=scored) for batched in (a, b))
     assert a.rows.rows == b.rows.rows
     assert a.serves(a)
     assert not a.serves(b)

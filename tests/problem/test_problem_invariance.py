@@ -19,7 +19,7 @@ def fitted(problem) -> dict[str, float]:
     found = least_squares(
         lambda z: problem.residuals_and_jacobian(z)[0],
         np.full(problem.space.dimension, 0.05),
-        jac=lambda z: problem.residuals_and_jacobian(z)[1],  # pyright: ignore[reportArgumentType]
+        jac=lambda z: problem.residuals_and_jacobian(z)[1],
         bounds=(0.0, 1.0),
         xtol=1e-14,
         ftol=1e-14,

@@ -48,7 +48,7 @@ def test_a_field_that_comes_later_is_not_dropped(monkeypatch):
     known = declared("a", bounds=(0.7, 9.0), weight=2.0)
     for change, expected in ((None, 2.0), (later(), 2.0), (later(start=1.0), 2.0), (later(weight=5.0), 5.0)):
         found = space_of((known,), None if change is None else {"a": change}, ("run",)).parameters["a"]
-        assert found.weight == expected  # type: ignore[attr-defined]
+        assert found.weight == expected  # pyrefly: ignore[missing-attribute]
 
 
 def test_the_study_file_has_every_field_but_the_shape():

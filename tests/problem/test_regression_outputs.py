@@ -1,6 +1,8 @@
 """Regressions of several outputs through nonlinear physical parameters: compressed costs, derivatives, intervals,
 study file."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
@@ -23,7 +25,7 @@ def record(n=600, seed=0, joints=(1, 2), name="swing"):
     """Two joints in a swing of sines, torques with noise."""
     model = pendubot_regression(joints=joints)
     t, rng = 0.01 * np.arange(n), np.random.default_rng(seed)
-    s = {}
+    s: dict[str, Any] = {}
     for joint, waves in ((1, [(0.7, 1.3), (0.3, 4.1)]), (2, [(0.9, 2.2), (0.2, 7.0)])):
         phases = rng.uniform(0, 6, len(waves))
         terms = [(a, w, w * t + f) for (a, w), f in zip(waves, phases, strict=True)]

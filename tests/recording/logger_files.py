@@ -191,7 +191,7 @@ def mat_matrix(path: Path) -> None:
 
 
 def excel(path: Path) -> None:
-    from openpyxl import Workbook  # pyright: ignore[reportMissingModuleSource]
+    from openpyxl import Workbook
 
     t, q, y = _heater(17)
     book = Workbook()
@@ -207,7 +207,7 @@ def excel(path: Path) -> None:
 
 
 def excel_stamps(path: Path) -> None:
-    from openpyxl import Workbook  # pyright: ignore[reportMissingModuleSource]
+    from openpyxl import Workbook
 
     t, q, y = _heater(18)
     book = Workbook()

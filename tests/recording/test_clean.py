@@ -158,7 +158,7 @@ def test_subtract_a_signal_in_another_unit():
         (lambda r: rec.differentiate(r, "q", method="butterworth"), "needs cutoff"),
         (lambda r: rec.differentiate(r, "q", name="q"), "already has"),
         (lambda r: rec.differentiate(r, "q", window=11, order=11), "order"),
-        (lambda r: rec.resample(r, 0.1, "nearest"), "'linear' or 'previous'"),  # type: ignore[arg-type]
+        (lambda r: rec.resample(r, 0.1, "nearest"), "'linear' or 'previous'"),  # pyrefly: ignore[bad-argument-type]
         (lambda r: rec.resample(r, 1e-12), "longer period"),
         (lambda r: rec.decimate(r, 1), "at least 2"),
         (lambda r: rec.cut(r, 30, 40), "no samples"),

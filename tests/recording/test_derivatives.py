@@ -189,8 +189,9 @@ def test_rule_is_named_in_the_log_of_a_filter():
 )
 def test_bad_cutoffs_are_refused(settings, words):
     r = rec.from_arrays(EVEN, signals={"q": np.sin(7 * EVEN)})
+    given: dict[str, Any] = {"signal": "q", **settings}
     with pytest.raises(RecordingError, match=words):
-        rec.cutoff_frequency(r, **{"signal": "q", **settings})
+        rec.cutoff_frequency(r, **given)
 
 
 @pytest.mark.parametrize(

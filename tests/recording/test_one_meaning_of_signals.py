@@ -123,11 +123,11 @@ def test_the_two_ways_are_not_mixed():
     ):
         pf.from_arrays(T, signals={"u": "U1"})
     with pytest.raises(RecordingError, match="beside times, signals are arrays by name"):
-        pf.from_arrays(T)  # type: ignore[call-overload]
+        pf.from_arrays(T)  # pyrefly: ignore[bad-argument-type]
     with pytest.raises(RecordingError, match="'units' is for named arrays"):
-        pf.from_arrays(T, signals={"u": U}, units={"u": "V"})  # type: ignore[call-overload]
+        pf.from_arrays(T, signals={"u": U}, units={"u": "V"})  # pyrefly: ignore[no-matching-overload]
     with pytest.raises(RecordingError, match="unknown reading option 'unit'"):
-        pf.from_arrays({"t": T, "u": U}, unit={"u": "V"})  # type: ignore[call-overload]
+        pf.from_arrays({"t": T, "u": U}, unit={"u": "V"})  # pyrefly: ignore[no-matching-overload]
 
 
 # the index of a pandas frame

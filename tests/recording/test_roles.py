@@ -59,6 +59,7 @@ def nameless(seed):
         "ramps": lambda: np.interp(t, np.linspace(0, n, 8), rng.uniform(0, 5, 8)),
     }[kind]()
     gain = float(rng.uniform(0.5, 3) * rng.choice([-1, 1]))
+    u = np.asarray(u)
     y = lag(u, 1.0, tau, gain, int(rng.integers(0, max(1, int(tau / 3)))))
     y = lag(y, 1.0, tau / 3) if seed % 2 else y
     y = y + rng.normal(0, rng.choice([0.002, 0.01, 0.03]) * np.ptp(y), n)

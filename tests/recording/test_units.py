@@ -116,6 +116,7 @@ def test_a_refusal_says_how_turns_are_written():
 def test_a_quotient_has_all_of_the_unit_below_its_line(below):
     found = units.parse(units.quotient("rad/s", below))
     assert found.dimensionality == (units.parse("rad/s") / units.parse(below)).dimensionality
+    # pyrefly: ignore[bad-argument-type]  (products of units are units)
     assert units.factor_offset(found * units.parse(below), "rad/s")[0] == pytest.approx(1.0, rel=1e-12)
 
 

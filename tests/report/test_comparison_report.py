@@ -20,7 +20,7 @@ from plantfit.study.comparing.problem_runs import ProblemRuns
 from plantfit.study.comparing.record import compared
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "study"))
-from method_runs import made_run, two_methods  # pyright: ignore[reportMissingImports]
+from method_runs import made_run, two_methods
 
 EVIL = "</script><script>alert(1)</script><img src=http://evil.example/x>_%{y}"
 

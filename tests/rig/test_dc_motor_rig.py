@@ -156,7 +156,7 @@ def test_a_seed_gives_the_same_run_and_impossible_settings_are_refused():
     with pytest.raises(SimulationError, match="efficiency is 98"):
         DcMotorRig(efficiency=98)
     with pytest.raises(SimulationError, match="current is 'hall'"):
-        DcMotorRig(current="hall")  # type: ignore[arg-type]
+        DcMotorRig(current="hall")  # pyrefly: ignore[bad-argument-type]
 
 
 def test_a_period_tells_of_the_speed_at_its_end_not_of_half_a_step_ago():

@@ -5,6 +5,7 @@ import json
 import math
 import re
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from plantfit.recording import read_csv
 from plantfit.rig.offered import names, offered, record_rig
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cli"))
-from cli_call import call  # pyright: ignore[reportMissingImports]
+from cli_call import call
 
 STEAM = {"k": 0.4, "A1": 30.0, "A2": 150.0, "Td": 0.53}
 IDEAL = {**STEAM, "transducer_limit": 0, "card_limit": 0}
@@ -233,7 +234,7 @@ def test_a_tuned_controller_drives_the_motor_by_what_its_encoder_says(tmp_path):
     from plantfit.rig.offered.dc_motor import TRUTH
 
     rig = board_rig(TRUTH)
-    rig = type(rig)(**{**{n: getattr(rig, n) for n in rig.__dataclass_fields__}, "period": 0.02, "substeps": 40})
+    rig = replace(rig, period=0.02, substeps=40)
     raw = rig.record(4, pf.from_arrays({"t": record.t, "V": record["V"]}, units={"V": "V"}))
     assert np.array_equal(raw.exact["w"], exact["w"])
     period = raw.recording["Tp"]
@@ -275,7 +276,7 @@ def test_an_lqi_and_an_mpc_drive_the_motor_as_well(capsys, monkeypatch, tmp_path
         for line in record.log
     )
     rig = board_rig(TRUTH)
-    rig = type(rig)(**{**{n: getattr(rig, n) for n in rig.__dataclass_fields__}, "period": 0.02, "substeps": 40})
+    rig = replace(rig, period=0.02, substeps=40)
     raw = rig.record(4, pf.from_arrays({"t": record.t, "V": record["V"]}, units={"V": "V"}))
     period, step = raw.recording["Tp"], rig.volts_per_count
     speed = np.where(np.abs(period) >= rig.timeout, 0.0, 2 * np.pi / rig.pulses / period)

@@ -5,6 +5,7 @@ import json
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ from plantfit.rig.board.protocol import Board, Channel, Drive
 from plantfit.rig.offered.tuned import read_tuned
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "cli"))
-from cli_call import call  # pyright: ignore[reportMissingImports]
+from cli_call import call
 
 PERIOD = 0.05
 TUNED = {
@@ -158,13 +159,14 @@ def test_what_does_not_fit_is_said_before_anything_moves(tuned, tmp_path):
     fits = _loop(tuned)
     assert Pilot(fits, board, 50).every == 1
     assert Pilot(fits, board, 10).every == 5
-    for more, divide, sentence in (
+    wrong: list[tuple[dict[str, Any], int, str]] = [
         ({"output": "T1"}, 50, "The controller measures 'T1' and drives 'V'; board 'rig' measures angle"),
         ({"input": "u"}, 50, "drives 'u'"),
         ({"upper": 24.0}, 50, "drives V up to 24 V, but the board gives up to 10 V"),
         ({"period": 0.005}, 5, "faster than this computer answers"),
         ({}, 30, "no whole number of samples"),
-    ):
+    ]
+    for more, divide, sentence in wrong:
         with pytest.raises((BoardError, RecordingError), match=sentence):
             Pilot(replace(fits, **more), board, divide)
     with pytest.raises(RecordingError, match="Both an excitation and a controller"):

@@ -47,4 +47,4 @@ def test_impossible_moves_are_refused(moves, said):
 
 def test_smoothness_is_a_whole_number():
     with pytest.raises(SimulationError, match="whole number"):
-        RestToRest(0.0, (), smoothness=2.5)  # pyright: ignore[reportArgumentType]
+        RestToRest(0.0, (), smoothness=2.5)  # pyrefly: ignore[bad-argument-type]

@@ -71,7 +71,7 @@ def plain_loop(sensor, actuator, reference, gains, noise, torque):
     for n, r in enumerate(reference):
         if n % sensor.every == 0:
             fresh = rounded(x[1] + noise[n], sensor.quantum)
-        sensed.append(fresh)
+        sensed.append(fresh)  # pyrefly: ignore[unbound-name]  (read at n = 0)
         measured = sensed[max(n - sensor.delay, 0)]
         error = r - measured
         added = ki * PERIOD / 2 * (error + last)

@@ -156,7 +156,7 @@ def test_first_of_two_events_comes_first():
 
 def test_unknown_names_are_refused():
     with pytest.raises(ModelError, match="direction 'up'"):
-        bind_event(Event("b", BOUNCE.when, BOUNCE.then, "up"), BALL)  # type: ignore[arg-type]
+        bind_event(Event("b", BOUNCE.when, BOUNCE.then, "up"), BALL)  # pyrefly: ignore[bad-argument-type]
     with pytest.raises(ModelError, match="names 'w'"):
         bind_event(Event("b", BOUNCE.when, lambda x, u, p: {"w": 0.0}), BALL).then((1.0, 1.0), (0.0, 0.0), (1.0, 1.0))
     with pytest.raises(ModelError, match="acts on 'w'"):
@@ -183,7 +183,7 @@ def one_mode(force, m, fc, fs, mode):
     def ends(s, z):
         return mode * z[1] if mode else fs - abs(force(s))
 
-    ends.terminal, ends.direction = True, -1  # type: ignore[attr-defined]
+    ends.terminal, ends.direction = True, -1  # pyrefly: ignore[missing-attribute]
     return rates, ends
 
 

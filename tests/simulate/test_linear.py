@@ -40,7 +40,7 @@ def test_which_models_are_linear():
 def test_motor_matrices_against_scipy(h, varying, method):
     a, b = motor_matrices()
     maps = maps_of(motor(), MOTOR, h, varying)
-    ad, bd, _, d = (np.asarray(m) for m in cont2discrete((a, b, np.eye(2), np.zeros((2, 2))), h, method)[:4])  # type: ignore[index]
+    ad, bd, _, d = (np.asarray(m) for m in cont2discrete((a, b, np.eye(2), np.zeros((2, 2))), h, method)[:4])
     np.testing.assert_allclose(maps.state, ad, atol=1e-12)
     np.testing.assert_allclose(maps.constant, 0.0, atol=1e-14)
     if varying:  # scipy moves the state by the input at the end: x = z + d u

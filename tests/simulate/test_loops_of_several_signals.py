@@ -1,6 +1,8 @@
 """Loops over several outputs and inputs, each with its own sensor and actuator, against a plain loop over the
 samples."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import expm
@@ -48,8 +50,8 @@ FEEDBACK = Controller(lambda measured, gains: jnp.array([measured["q"], 0.0]), u
 
 
 def loop(**changes):
-    chosen = {"output": ["q", "s"], "input": ["G", "F"], "sensor": SENSORS, "actuator": ACTUATORS} | changes
-    return closed_loop(carts(), FEEDBACK, period=PERIOD, **chosen)
+    chosen: dict[str, Any] = {"output": ["q", "s"], "input": ["G", "F"], "sensor": SENSORS, "actuator": ACTUATORS}
+    return closed_loop(carts(), FEEDBACK, period=PERIOD, **chosen | changes)
 
 
 def rounded(value, quantum):

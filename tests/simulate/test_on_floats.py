@@ -15,7 +15,7 @@ from plantfit.simulate.check.on_floats import plain_rate
 from plantfit.simulate.steps.vector import vectorise
 
 sys.path.append(str(Path(__file__).parents[1] / "models"))
-from test_model_library import ALL, values  # pyright: ignore[reportMissingImports]
+from test_model_library import ALL, values
 
 import jax
 import jax.numpy as jnp

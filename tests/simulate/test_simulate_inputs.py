@@ -1,6 +1,7 @@
 """Inputs, histories, grids and everything that a caller can get wrong."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -203,7 +204,7 @@ def test_gap_in_an_input_is_placed(bad):
 
 def test_initial_state_that_forgets_a_state_is_named():
     model = integrator()
-    forgetful = Model(**{**model.__dict__, "initial_state": lambda p, u0, y0: {}})
+    forgetful = replace(model, initial_state=lambda p, u0, y0: {})
     with pytest.raises(SimulationError, match="no value for the state 'x'"):
         outputs(Simulator.of(forgetful), {"k": 1.0, "Td": 0.0}, np.arange(3.0), np.ones(3))
 
@@ -211,4 +212,4 @@ def test_initial_state_that_forgets_a_state_is_named():
 def test_derivative_that_forgets_a_state_is_named():
     model = integrator()
     with pytest.raises(ModelError, match=r"derivative\(x, u, p\) returned \[\], without 'x'"):
-        Simulator.of(Model(**{**model.__dict__, "derivative": lambda x, u, p: {}}))
+        Simulator.of(replace(model, derivative=lambda x, u, p: {}))

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from importlib.util import find_spec
 from pathlib import Path
@@ -36,7 +36,7 @@ def programs() -> Path | None:
 
 
 @contextmanager
-def server() -> Iterator[Path]:
+def server() -> Generator[Path]:
     """A running server; yields the folder of its socket."""
     folder, bin_ = Path(tempfile.mkdtemp(prefix="plantfit-pg-")), programs()
     assert bin_ is not None

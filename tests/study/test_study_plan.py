@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -46,14 +48,15 @@ def test_tasks_grow_with_the_number_of_runs(runs, chunk):
     ],
 )
 def test_a_plan_that_cannot_work_is_refused_in_one_sentence(change, words):
+    given: dict[str, Any] = {"name": "p", "methods": ("random", "pso"), **change}
     with pytest.raises(SearchError) as caught:
-        Plan(**{"name": "p", "methods": ("random", "pso"), **change})
+        Plan(**given)
     assert words in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 def test_record_and_back():
-    plan = Plan(name="p", methods=["random", "pso"], runs=np.int64(3), settings={"pso": {"population": np.int64(12)}})  # type: ignore[arg-type]
+    plan = Plan(name="p", methods=["random", "pso"], runs=np.int64(3), settings={"pso": {"population": np.int64(12)}})  # pyrefly: ignore[bad-argument-type]
     assert Plan.from_record(plan.record()) == plan
     assert plan.methods == ("random", "pso")
     assert type(plan.runs) is int
@@ -61,4 +64,4 @@ def test_record_and_back():
 
 
 def test_one_method_may_be_given_as_text():
-    assert Plan(name="p", methods="pso").methods == ("pso",)  # type: ignore[arg-type]
+    assert Plan(name="p", methods="pso").methods == ("pso",)  # pyrefly: ignore[bad-argument-type]

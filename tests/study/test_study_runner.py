@@ -71,7 +71,7 @@ def test_progress_adds_up_over_tasks(store):
     last = seen[-1]
     assert (last.runs_done, last.tasks_done, last.evaluations, last.seconds_left) == (10, 6, 400.0, 0.0)
     assert last.best == min(r.cost for r in expected())
-    assert all(p.seconds_left >= 0 for p in seen[3:])
+    assert all(p.seconds_left is not None and p.seconds_left >= 0 for p in seen[3:])
 
 
 def test_time_left_follows_the_pace_of_this_sitting_only(store, monkeypatch):

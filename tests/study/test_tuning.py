@@ -168,7 +168,7 @@ def assert_same(objective, method, budget, draws, rel):
     rng = np.random.default_rng(4)
     chosen = [{d.name: d.value(rng.random()) for d in dials.dials if d.name in free} for _ in range(draws)]
     methods = [make(method, **s) for s in chosen]
-    sweep = Sweep(objective, make(method), dials.traced, dials.options, budget, 7)  # type: ignore[arg-type]
+    sweep = Sweep(objective, make(method), dials.traced, dials.options, budget, 7)  # pyrefly: ignore[bad-argument-type]
     together = sweep.run([Job(sweep.values(m), run) for run in (2, 9) for m in methods])
     for m, (a, b) in zip(methods, zip(together[:draws], together[draws:], strict=True), strict=True):
         for outcome, run in ((a, 2), (b, 9)):
@@ -189,7 +189,7 @@ def test_traced_settings_have_the_bits_of_compiled_ones():
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "method",
-    [n for n, e in REGISTRY.items() if hasattr(e.kind, "ask") and not e.kind.needs.raw_box],  # type: ignore[attr-defined]
+    [n for n, e in REGISTRY.items() if hasattr(e.kind, "ask") and not e.kind.needs.raw_box],
 )
 def test_traced_settings_of_every_method_differ_in_rounding_at_most(method):
     # a constant is folded into its neighbours where data is not: cmaes, elite_ga and sea round differently
@@ -355,8 +355,9 @@ REFUSED = [
 
 @pytest.mark.parametrize(("given", "said"), REFUSED)
 def test_refusals_are_one_sentence(given, said):
+    asked: dict[str, Any] = {"method": "pso", **given}
     with pytest.raises(SearchError, match=said):
-        tune(STEEP, **{"method": "pso", **given})
+        tune(STEEP, **asked)
 
 
 def test_a_word_may_make_a_shape_of_a_number():

@@ -118,7 +118,8 @@ class Killer:
     def __init__(self, store, study_id, workers, seed):
         self.store, self.study_id, self.workers = store, study_id, workers
         self.random = random.Random(seed)
-        self.parent, self.kills, self.kinds = None, 0, set()
+        self.parent: subprocess.Popen[bytes] | None = None
+        self.kills, self.kinds = 0, set()
         self.left = 0  # helpers of this parent that were not killed; it starts no others
         # a pipe that nobody reads would stop the parent once it is full
         self.said = Path(store.name).with_suffix(".stderr")

@@ -3,6 +3,7 @@ contradict it."""
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -74,7 +75,10 @@ def test_the_diagnosis_of_an_answer_stands_in_findings_verdict_and_report(late):
 
 
 def test_nothing_is_looked_for_where_the_residual_is_noise_or_the_model_has_no_time(late):
-    white = {**late.findings, "residual_tests": [{**t, "white": True} for t in late.findings["residual_tests"]]}
+    white: dict[str, Any] = {
+        **late.findings,
+        "residual_tests": [{**t, "white": True} for t in late.findings["residual_tests"]],
+    }
     quiet = [
         {**r, "outputs": {n: {**o, "simulated": o["measured"]} for n, o in r["outputs"].items()}}
         for r in white["recordings"]

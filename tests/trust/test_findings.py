@@ -119,18 +119,19 @@ def test_what_is_not_finite_is_none():
 def test_a_record_is_frozen_and_its_maker_is_told():
     row = Parameter(name="a", value=1.0)
     with pytest.raises(ValidationError, match="frozen"):
-        row.value = 2.0  # pyright: ignore[reportAttributeAccessIssue]
+        row.value = 2.0  # pyrefly: ignore[read-only]
     with pytest.raises(ValidationError, match="status"):
-        Parameter(name="a", value=1.0, status="sure")  # pyright: ignore[reportArgumentType]
+        Parameter(name="a", value=1.0, status="sure")  # pyrefly: ignore[bad-argument-type]
     with pytest.raises(ValidationError, match="level"):
         say("grave", "x")
 
 
 def test_keys_of_another_version_are_left_aside_and_a_maker_may_give_none(late):
-    more = {**late, "mood": "good", "parameters": [{**p, "mood": "good"} for p in late["parameters"]]}
+    parameters: list[dict[str, Any]] = [{**p, "mood": "good"} for p in late["parameters"]]
+    more = {**late, "mood": "good", "parameters": parameters}
     assert read_findings(more).plain() == late
     with pytest.raises(ValidationError, match="mood"):
-        Parameter(**more["parameters"][0])
+        Parameter(**parameters[0])
 
 
 def test_every_field_of_a_record_that_needs_words_has_them():

@@ -3,6 +3,7 @@ larger one is."""
 
 import dataclasses
 from functools import cache
+from typing import Any, Literal
 
 import numpy as np
 import pytest
@@ -106,14 +107,15 @@ def test_what_is_foretold_is_exceeded_as_often_as_stated():
     columns, half = np.column_stack([U, U**3]), N // 2
     values = np.linalg.inv(columns[:half].T @ columns[:half])
     rng, over = np.random.default_rng(1), 0
-    row = {"recording": "run", "output": "y", "n": half, "bias": 0.0, "fit_percent": 90.0}
+    parts: tuple[Literal["fit", "validation"], ...] = ("fit", "validation")
+    row: dict[str, Any] = {"recording": "run", "output": "y", "n": half, "bias": 0.0, "fit_percent": 90.0}
     for _ in range(400):
         e = rng.normal(size=N)
         moved = values @ columns[:half].T @ e[:half]
         left = columns @ moved - e
         rmse = [float(np.sqrt(np.mean(p**2))) for p in (left[:half], left[half:])]
         own = dataclasses.replace(local, covariance=values * rmse[0] ** 2 * half / (half - 2), linear=None)
-        scores = [Score(**row, part=p, rmse=r) for p, r in zip(("fit", "validation"), rmse, strict=True)]
+        scores = [Score(**row, part=p, rmse=r) for p, r in zip(parts, rmse, strict=True)]
         found = with_foretold(problem, own, scores, [])[1]
         over += found.foretold is not None and found.foretold < rmse[1]
     assert over <= 400 * CHANCE + 3 * np.sqrt(400 * CHANCE)

@@ -287,7 +287,7 @@ def test_of_a_recording_that_agrees_no_kind_of_interval_says_that_it_disagrees()
         )
         for k, w in (("verdict", 0.04), ("profile", 0.02))
     ]
-    said = _disagreement(IntervalsOfParameter(**own, kinds=kinds), kinds[1], kinds[0], None)["sentence"]  # type: ignore[arg-type]
+    said = _disagreement(IntervalsOfParameter(**own, kinds=kinds), kinds[1], kinds[0], None)["sentence"]  # pyrefly: ignore[bad-argument-type]
     assert said.endswith("the verdict allows for a scatter between recordings, the other kinds for the noise alone.")
 
 

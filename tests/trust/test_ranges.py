@@ -1,5 +1,7 @@
 """Ranges of parameters by feasibility: against closed forms, in boxes of several widths, with physical limits."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -212,7 +214,7 @@ def test_a_bound_of_the_search_on_a_partner_ends_no_range(known, seed):
     u, v = rng.uniform(0.5, 2.0, (2, 200))
     y = 5e-5 * u / 1.2e-4 + 5e-5 * v / 0.02 + 1e-3 * rng.standard_normal(200)
     boxes = {"p": (1e-6, 1e-3), "q": (1e-6, 1e-2), "r": (1e-3, 1.0)}
-    parameters = {n: {"bounds": b, "scale": "log", "unit": "1"} for n, b in boxes.items()}
+    parameters: dict[str, Any] = {n: {"bounds": b, "scale": "log", "unit": "1"} for n, b in boxes.items()}
     if known:
         parameters["q"] = {"value": 1.2e-4, "unit": "1"}
     model = equations("y = p*u/q + p*v/r", inputs=["u", "v"], outputs=["y"], parameters=parameters, check=False)

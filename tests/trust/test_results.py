@@ -2,6 +2,7 @@
 docs has their words."""
 
 import json
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -63,14 +64,14 @@ def test_every_record_and_what_needs_words_is_described(command):
 
 
 def test_a_maker_is_told_of_a_key_and_a_value_that_the_record_does_not_know():
-    own = two_models().pairs[0].plain()
+    own: dict[str, Any] = two_models().pairs[0].plain()
     assert ModelPair(**own).plain() == own
     with pytest.raises(ValidationError, match="mood"):
-        ModelPair(**{**own, "mood": "good"})
+        ModelPair(**own | {"mood": "good"})
     with pytest.raises(ValidationError, match="over"):
-        ModelPair(**{**own, "over": "luck"})
+        ModelPair(**own | {"over": "luck"})
     with pytest.raises(ValidationError, match="frozen"):
-        two_models().pairs[0].told = True
+        two_models().pairs[0].told = True  # pyrefly: ignore[read-only]
 
 
 def test_a_command_without_a_schema_is_named():

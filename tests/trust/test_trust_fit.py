@@ -2,6 +2,7 @@
 
 import functools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -103,7 +104,7 @@ def test_a_product_is_said_to_be_all_that_is_determined():
 
 
 def test_nothing_that_can_be_simulated_is_an_error_with_advice():
-    broken = Model(**{**product().__dict__, "output": lambda x, u, p: {"y": u["u"] * p["R"] * p["K"] * np.nan}})
+    broken = replace(product(), output=lambda x, u, p: {"y": u["u"] * p["R"] * p["K"] * np.nan})
     recording = Recording(np.arange(30.0), {"u": Signal(np.ones(30)), "y": Signal(np.ones(30))})
     with pytest.raises(SearchError, match="No candidate of any run could be simulated"):
         fit(Problem(broken, recording), budget=200)

@@ -78,7 +78,7 @@ def test_wrong_sources_are_refused():
     with pytest.raises(RecordingError, match="type A needs two at least"):
         type_a("x", [1.0])
     with pytest.raises(RecordingError, match="shape 'square'"):
-        type_b("x", 1.0, shape="square")  # pyright: ignore[reportArgumentType]
+        type_b("x", 1.0, shape="square")  # pyrefly: ignore[bad-argument-type]
     with pytest.raises(RecordingError, match="limit = -1"):
         type_b("x", -1.0)
     with pytest.raises(RecordingError, match="at least one source"):

@@ -208,7 +208,7 @@ def methods() -> list[dict[str, Any]]:
             "name": name,
             "sentence": entry.sentence,
             "paper": entry.paper,
-            "needs": dataclasses.asdict(entry.kind.needs),  # type: ignore[attr-defined]
+            "needs": dataclasses.asdict(entry.kind.needs),
             "settings": describe(entry.kind),
         }
         for name, entry in known().items()

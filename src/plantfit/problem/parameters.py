@@ -45,20 +45,17 @@ def _changed(name: str, base: Parameter, change: Any) -> Parameter:
             f"{base.shape or 'a single number'}."
         )
     own = _in_unit(name, change, base.unit)
-    given = {
+    given: dict[str, Any] = {
         f.name: getattr(own, f.name) for f in dataclasses.fields(Parameter) if not _unsaid(f, getattr(own, f.name))
     }
-    return dataclasses.replace(
-        base,
-        **{
-            **given,  # what the change leaves open stays as the model has it, but for these
-            "bounds": own.bounds or base.bounds,
-            "scale": own.scale if own.scale != "linear" or own.bounds else base.scale,
-            "value": own.value if own.value is not None else None if own.bounds is not None or own.tied else base.value,
-            "unit": base.unit or own.unit,
-            "limits": own.limits if own.limits is not None else _holding(base.limits, own.bounds),
-        },
-    )
+    given |= {  # what the change leaves open stays as the model has it, but for these
+        "bounds": own.bounds or base.bounds,
+        "scale": own.scale if own.scale != "linear" or own.bounds else base.scale,
+        "value": own.value if own.value is not None else None if own.bounds is not None or own.tied else base.value,
+        "unit": base.unit or own.unit,
+        "limits": own.limits if own.limits is not None else _holding(base.limits, own.bounds),
+    }
+    return dataclasses.replace(base, **given)
 
 
 def _unsaid(field: dataclasses.Field, value: Any) -> bool:

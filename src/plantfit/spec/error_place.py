@@ -1,13 +1,13 @@
 """Errors that begin with the place in the study file where their cause is."""
 
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from plantfit.errors import PlantfitError, SpecError
 
 
 @contextmanager
-def errors_at(place: str) -> Iterator[None]:
+def errors_at(place: str) -> Generator[None]:
     """Errors from within begin with this place; what nests too deeply or is too large becomes a SpecError."""
     try:
         yield

@@ -188,7 +188,7 @@ def _factor(own: UncertaintyTable, kind: Kind, unit: str | None, table: SpecTabl
                 f"in {units.difference_of(unit)!r}."
             )
         beside = table.parameters[name].unit if name in table.parameters else None
-        return _absolute(own, own.unit or beside, unit, abs(float(p.value)), "its value, which is 0")  # type: ignore[arg-type]
+        return _absolute(own, own.unit or beside, unit, abs(float(p.value)), "its value, which is 0")  # pyrefly: ignore[bad-argument-type]
     return _absolute(own, own.unit, unit, own.span, "the span: give span")
 
 

@@ -28,7 +28,7 @@ def wished(kind: type[Table], table: Mapping[str, Any], wishes: Mapping[str, Any
     try:
         return kind.model_validate(given)
     except ValueError as error:
-        every = error.errors()  # type: ignore[attr-defined]  (pydantic's)
+        every = error.errors()  # pyrefly: ignore[missing-attribute]  (pydantic's)
         places = key_places(every[0]["loc"])
         told = asked([e for e in every if key_places(e["loc"]) == places])
         name = ".".join(p for p in places if not p.isdigit())

@@ -69,7 +69,7 @@ class Plan:
                 f"The stored plan {has} {', '.join(map(repr, odd))[:200]}; it is of a newer "
                 "plantfit or damaged, so update plantfit, or restore the database from a copy."
             )
-        return cls(**{**record, "methods": tuple(record["methods"])})
+        return cls(**dict[str, Any](record, methods=tuple(record["methods"])))
 
 
 @dataclass(frozen=True)

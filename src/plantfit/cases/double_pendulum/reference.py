@@ -34,7 +34,7 @@ def read_runs(folder: Path, runs: tuple[str, ...] = RUNS) -> dict[str, rec.Recor
 
 def law_model(friction: tuple[str, ...], sign: str = "atan", **shape: float) -> LinearModel:
     """Torque of both joints by base parameters, rotor inertia and a friction law."""
-    return pendubot_regression("base", "hanging", (1, 2), friction, GEAR, l1=L1, sign=sign, **shape)  # type: ignore[arg-type]
+    return pendubot_regression("base", "hanging", (1, 2), friction, GEAR, l1=L1, sign=sign, **shape)  # pyrefly: ignore[bad-argument-type]
 
 
 def published(name: str) -> dict[str, float]:
@@ -54,7 +54,7 @@ def published(name: str) -> dict[str, float]:
 
 def filtered(values: np.ndarray) -> np.ndarray:
     """Third-order Butterworth, forwards and backwards, sample by sample as the source does it."""
-    b, a = butter(3, CUTOFF_SHARE)  # type: ignore[misc]
+    b, a = butter(3, CUTOFF_SHARE)
     return filtfilt(b, a, values)
 
 

@@ -161,7 +161,7 @@ def hysteresis(found: list[tuple[float, float, int]], u: float) -> tuple[float, 
 
 
 def _map(points: Mapping[str, list[tuple[float, float, int]]], table: Answer) -> Figure:
-    data = []
+    data: list[dict[str, Any]] = []
     for k, (name, found) in enumerate(points.items()):
         for way, symbol, word in ((1, "triangle-up", "up"), (-1, "triangle-down-open", "down")):
             own = [p for p in found if p[2] == way]

@@ -81,7 +81,7 @@ def errors_at(problem: Problem, constants: Mapping[str, float]) -> tuple[np.ndar
 def parts_at(problem: Problem, constants: Mapping[str, float]) -> tuple[float, float]:
     """Root mean squares of e1 (rad/s) and e2 (V) at constants by name."""
     error = _errors(problem, constants)
-    return tuple(float(np.sqrt(np.mean(error[o] ** 2))) for o in ("w", "Ve"))  # type: ignore[return-value]
+    return tuple(float(np.sqrt(np.mean(error[o] ** 2))) for o in ("w", "Ve"))  # pyrefly: ignore[bad-return]
 
 
 def _errors(problem: Problem, constants: Mapping[str, float]) -> dict[str, np.ndarray]:

@@ -40,7 +40,7 @@ def number_and_unit(option: str, text: str, default: str) -> tuple[float, str]:
 
 def ranges_by_name(option: str, texts: Sequence[str]) -> dict[str, tuple[str | None, str | None]]:
     """NAME=LOW..HIGH UNIT as (low, high) texts with the unit, None for an end that is left out; raises SpecError."""
-    found = {}
+    found: dict[str, tuple[str | None, str | None]] = {}
     for text in texts:
         name, sign, ends = text.partition("=")
         match = _RANGE.fullmatch(ends)
@@ -49,7 +49,8 @@ def ranges_by_name(option: str, texts: Sequence[str]) -> dict[str, tuple[str | N
                 f"{option} {text!r} is not a range; write NAME=LOW..HIGH, "
                 f"as in {option} 'T=20..80 degC' or {option} T=..80."
             )
-        found[name.strip()] = tuple(f"{end} {match[3]}".strip() if end else None for end in (match[1], match[2]))
+        low, high = (f"{end} {match[3]}".strip() if end else None for end in (match[1], match[2]))
+        found[name.strip()] = low, high
     return found
 
 

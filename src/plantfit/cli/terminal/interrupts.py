@@ -11,7 +11,7 @@ import signal
 import socket
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 
 EXIT_CODE = 130
@@ -112,7 +112,7 @@ _ENDS = threading.Lock()
 
 
 @contextmanager
-def watched() -> Iterator[None]:
+def watched() -> Generator[None]:
     """Inside, Ctrl-C is acknowledged within a second; elsewhere than in the main thread nothing is changed."""
     global _watch
     if _watch is not None or threading.current_thread() is not threading.main_thread():
@@ -150,7 +150,7 @@ def stoppable(
     farewell: Callable[[], str] = lambda: "Stopped at once.",
     *,
     cleans_up: bool = False,
-) -> Iterator[Stopping]:
+) -> Generator[Stopping]:
     """Inside, the first Ctrl-C says `sentence` and is told by the yielded function. A second one says `farewell` and
     ends the process at once; where the main thread `cleans_up` it gets KeyboardInterrupt and some seconds to do so."""
     with watched():
@@ -166,7 +166,7 @@ def stoppable(
 
 
 @contextmanager
-def saying(sentence: str) -> Iterator[None]:
+def saying(sentence: str) -> Generator[None]:
     """What is said where a signal has to end the process inside, with {cause} for its name."""
     watch = _watch
     if watch is None:

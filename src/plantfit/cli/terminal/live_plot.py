@@ -1,7 +1,7 @@
 """The last seconds of a recording as lines of blocks in the terminal."""
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import Any
 
@@ -57,7 +57,7 @@ def headline(p: Any) -> str:
 
 
 @contextmanager
-def live_plot(quiet: bool) -> Iterator[Callable[[Any], None] | None]:
+def live_plot(quiet: bool) -> Generator[Callable[[Any], None] | None]:
     """A plot on standard error while inside; yields what takes each Progress, None where it is not shown."""
     import sys
 

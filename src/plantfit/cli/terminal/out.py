@@ -4,7 +4,7 @@ import json
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any
 
@@ -46,7 +46,7 @@ def verdict(findings: dict[str, Any]) -> None:
 
 
 @contextmanager
-def doing(what: str) -> Iterator[None]:
+def doing(what: str) -> Generator[None]:
     """A line while `what` is done, on standard error: wiped away on a terminal; in a log only where it takes more
     than 30 s."""
     if err.is_terminal:
@@ -125,7 +125,7 @@ def log_lines(describe: Callable[[Any], tuple[str, str]]) -> Callable[[Any], Non
 
 
 @contextmanager
-def said_line(quiet: bool = False) -> Iterator[Callable[[str], None] | None]:
+def said_line(quiet: bool = False) -> Generator[Callable[[str], None] | None]:
     """What is being done, on standard error: one live line on a terminal, else a plain line every 30 s; yields its
     callback."""
     if quiet:
@@ -141,7 +141,7 @@ def said_line(quiet: bool = False) -> Iterator[Callable[[str], None] | None]:
 
 
 @contextmanager
-def progress_line(quiet: bool = False) -> Iterator[Any]:
+def progress_line(quiet: bool = False) -> Generator[Any]:
     """Progress on standard error: a live line on a terminal, else a plain line every 30 s; yields the callback of a
     study or a search."""
     if quiet:

@@ -2,7 +2,7 @@
 
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -18,7 +18,7 @@ REFRESH_SECONDS = 1.0
 
 
 @contextmanager
-def study_progress(quiet: bool, names: Callable[[int], str]) -> Iterator[Any]:
+def study_progress(quiet: bool, names: Callable[[int], str]) -> Generator[Any]:
     """A live line for a study and one for each worker, on standard error (plain lines where that is no terminal);
     yields a callback for `StudyProgress`, None if not shown."""
 

@@ -115,7 +115,7 @@ def equilibrium(
         found = least_squares(
             lambda z: np.asarray(local(*both(z))[0]),
             start[free],
-            jac=jacobian,  # pyright: ignore[reportArgumentType]  (scipy's stub knows the names only)
+            jac=jacobian,
             xtol=1e-15,
             ftol=1e-15,
             gtol=1e-15,

@@ -50,7 +50,7 @@ def noise_levels(
     problem: Problem, noise: Noise, found: MaximumLikelihood | None, made: frozenset[str]
 ) -> list[NoiseLevel]:
     """Levels in force; `made` are those that were proposed."""
-    units_of, rows = noise.parameters(problem.model), []  # type: ignore[arg-type]
+    units_of, rows = noise.parameters(problem.model), []  # pyrefly: ignore[bad-argument-type]
     sides: dict[Literal["process", "measurement"], Mapping[str, Any]] = {
         "process": noise.process,
         "measurement": noise.measurement,
@@ -59,8 +59,8 @@ def noise_levels(
         for name, value in levels.items():
             key = f"{kind} {name}"
             free = found is not None and key in found.interval
-            leaning = free and key in found.at_bound  # type: ignore[union-attr]
-            low, high = found.interval[key] if free and not leaning else (None, None)  # type: ignore[union-attr]
+            leaning = free and key in found.at_bound  # pyrefly: ignore[missing-attribute]
+            low, high = found.interval[key] if free and not leaning else (None, None)  # pyrefly: ignore[missing-attribute]
             how = "at a bound" if leaning else "found" if free else "left out" if key in made else "given"
             rows.append(
                 NoiseLevel(

@@ -46,7 +46,7 @@ def filtered(
     """Runs by method, and what was assumed for them; `known` are values that are believed, and their standard
     errors."""
     believed, errors = known  # values and standard errors
-    late = {d.parameter for d in problem.model.delays}  # type: ignore[union-attr]
+    late = {d.parameter for d in problem.model.delays}  # pyrefly: ignore[missing-attribute]
     held = {c.name: believed[c.name] for c in problem.space.coordinates if c.parameter in late}
     names = [n for n in problem.space.names if n not in held]
     kinds: dict[str, Callable[..., Any]] = {"ekf": ekf, "ukf": partial(ukf, kappa=wished.kappa), "kalman": _plain}

@@ -45,7 +45,7 @@ def asked(table: Any, problem: Problem) -> Asked:
     levels that are none."""
     model, file = problem.model, problem.study_file
     place = f"{file.path.name}, [estimate" if file is not None else "[estimate"
-    states, outputs = dict(model.states), dict(model.outputs)  # type: ignore[union-attr]
+    states, outputs = dict(model.states), dict(model.outputs)  # pyrefly: ignore[missing-attribute]
     free = {c.name: c for c in problem.space.coordinates}
     rate = {n: f"({units.difference_of(u)})/s^0.5" if u else None for n, u in states.items()}
     for kind, what, names in (

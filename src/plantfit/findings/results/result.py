@@ -24,7 +24,7 @@ class Result(ABC, Generic[Found]):
     @property
     def verdict(self) -> str:
         """The sentences as lines of text."""
-        return "\n".join(f"{v.level:>8}: {v.sentence}" for v in self.typed.verdict)  # type: ignore[attr-defined]  (every one has it)
+        return "\n".join(f"{v.level:>8}: {v.sentence}" for v in self.typed.verdict)  # pyrefly: ignore[missing-attribute]  (every one has it)
 
     @abstractmethod
     def table(self) -> str:

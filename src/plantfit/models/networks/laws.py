@@ -81,7 +81,7 @@ def tableau(netlist: Netlist) -> Tableau:
     for m in netlist.measured:
         placed = netlist.parts.get(m.of)
         if m.kind == "integral" and placed is None:
-            name = f"{netlist.domains[m.of].integral.letter}_{m.of}"  # type: ignore[union-attr]
+            name = f"{netlist.domains[m.of].integral.letter}_{m.of}"  # pyrefly: ignore[missing-attribute]
             made.states.setdefault(
                 name, State(name, m.unit, f"{_word(netlist, m.of)} of {m.of}", {across_at(netlist, m.of): ONE})
             )
@@ -89,8 +89,8 @@ def tableau(netlist: Netlist) -> Tableau:
             _name_across(netlist, made, placed)
             if m.kind == "integral":
                 domain = placed.part.domain
-                name = f"{domain.integral.letter}_{placed.name}"  # type: ignore[union-attr]
-                sentence = f"{domain.integral.word} between the ends of {placed.name}"  # type: ignore[union-attr]
+                name = f"{domain.integral.letter}_{placed.name}"  # pyrefly: ignore[missing-attribute]
+                sentence = f"{domain.integral.word} between the ends of {placed.name}"  # pyrefly: ignore[missing-attribute]
                 made.states.setdefault(name, State(name, m.unit, sentence, {across_of(placed): ONE}))
     return made
 

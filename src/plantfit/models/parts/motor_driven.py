@@ -41,7 +41,7 @@ def motor_driven(model: Model, torque: str, speed: str, gear: float = 1.0) -> Mo
 
     def derivative(x: Named, u: Named, p: Named) -> Named:
         own, drive = inner(x, u, p)
-        return {**rate(own, drive, p), "i": (u["V"] - p["Rm"] * x["i"] - gear * p["Kb"] * x[speed]) / p["Lm"]}  # pyright: ignore[reportOptionalCall]
+        return {**rate(own, drive, p), "i": (u["V"] - p["Rm"] * x["i"] - gear * p["Kb"] * x[speed]) / p["Lm"]}  # pyrefly: ignore[not-callable]
 
     return replace(
         model,

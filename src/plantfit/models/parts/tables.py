@@ -1,6 +1,6 @@
 """Tables over operating points: a parameter of one value for each node, linear between, clamped outside."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -186,7 +186,7 @@ class _Known(dict[Any, tuple[Any, Any]]):
 
 
 @contextmanager
-def shared_lookups(share: bool = True, slopes: bool = False) -> Iterator[None]:
+def shared_lookups(share: bool = True, slopes: bool = False) -> Generator[None]:
     """Within, tables over the same nodes look up their place at the same value once, also where derivatives are taken
     backwards.
 

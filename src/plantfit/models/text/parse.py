@@ -5,8 +5,9 @@ import math
 import operator
 import re
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -21,13 +22,20 @@ from plantfit.models.text.when_text import CROSSINGS, is_when, split_when
 MAX_DEPTH = 150
 Tables = Mapping[str, Table]
 
-_BINARY = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
-_REFUSED_BINARY = {
+_BINARY: dict[type[ast.operator], str] = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+_REFUSED_BINARY: dict[type[ast.operator], str] = {
     ast.FloorDiv: "//", ast.Mod: "%", ast.MatMult: "@", ast.LShift: "<<", ast.RShift: ">>", ast.BitOr: "|",
     ast.BitAnd: "&",
 }  # fmt: skip
-_COMPARE = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-_REFUSED = {
+_COMPARE: dict[type[ast.cmpop], str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+}
+_REFUSED: dict[type[ast.expr], tuple[str, str]] = {
     ast.Attribute: ("A dot after a name", "."),
     ast.Subscript: ("An index in brackets", "["),
     ast.Tuple: ("A comma outside of a function", ","),
@@ -42,7 +50,7 @@ _REFUSED = {
     ast.NamedExpr: ("An assignment inside an expression", ""),
     ast.Starred: ("A star before an argument", ""),
 }
-_FOLD = {
+_FOLD: dict[str, Callable[..., Any]] = {
     "+": operator.add,
     "-": operator.sub,
     "*": operator.mul,

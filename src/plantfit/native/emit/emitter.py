@@ -1,6 +1,6 @@
 """The state of a function being emitted: registers of nodes, memory of arrays, active lanes."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
 from contextlib import contextmanager
 
 from plantfit.native.emit.llvm_text import BYTES, MEMORY, REGISTER, FunctionText, Lanes, literal
@@ -60,7 +60,7 @@ class Emitter(FunctionText):
     # -- active lanes -------------------------------------------------------------------------------
 
     @contextmanager
-    def active(self, masks: Lanes | None) -> Iterator[None]:
+    def active(self, masks: Lanes | None) -> Generator[None]:
         """Within, only these lanes are active."""
         before, self.mask = self.mask, masks
         yield
@@ -81,7 +81,7 @@ class Emitter(FunctionText):
     # -- one vector ---------------------------------------------------------------------------------
 
     @contextmanager
-    def one_vector(self, values: Mapping[Node, str]) -> Iterator[None]:
+    def one_vector(self, values: Mapping[Node, str]) -> Generator[None]:
         """Within, a block has one vector, in which nodes from outside have these values."""
         vectors, before = self.vectors, {node: self._values[node] for node in values}
         self.vectors = 1
@@ -91,7 +91,7 @@ class Emitter(FunctionText):
         self._values.update(before)
 
     @contextmanager
-    def each_vector(self, wanted: Callable[[str], str]) -> Iterator[str]:
+    def each_vector(self, wanted: Callable[[str], str]) -> Generator[str]:
         """Within, one vector of a block after another is worked off, those for whose place `wanted` gives a true i1;
         the place."""
         (counter,) = self.filled_slots("i64", ["0"])

@@ -188,7 +188,7 @@ class RegionEmitter:
             with e.active(e.active_among(chosen) if varying else e.mask):
                 if varying and self._seldom(region, gets):
                     for get, place, values in zip(gets, places, self._by_vector(region, gets), strict=True):
-                        renew_number(e, get, values, place)  # type: ignore[arg-type]
+                        renew_number(e, get, values, place)  # pyrefly: ignore[bad-argument-type]
                 else:
                     self.emit(region, kept)
                     with e.active(e.mask if varying else None):

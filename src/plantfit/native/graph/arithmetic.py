@@ -201,7 +201,7 @@ def span(node: Node, deep: int = 8) -> tuple[float, float]:
     if node.op == "select":
         return _span_of_select(node, inner)
     if node.op == "floor":
-        return tuple(math.floor(v) if math.isfinite(v) else v for v in inner[0])  # type: ignore[return-value]
+        return tuple(math.floor(v) if math.isfinite(v) else v for v in inner[0])  # pyrefly: ignore[bad-return]
     if node.op == "to_int":
         (low, high), reach = inner[0], 2.0 ** (31 if node.dtype == I32 else 63)
         return min(max(low, -reach), 0.0), max(min(high, reach), 0.0)  # NaN gives 0

@@ -165,7 +165,7 @@ class Tracer:
         region = self.graph.open()
         inside, begin = self.enter(init, moving)
         test = self.graph.open()
-        test.results = [self.closed(cond_jaxpr, [*test_consts, *inside])[0].item()]  # type: ignore[union-attr]
+        test.results = [self.closed(cond_jaxpr, [*test_consts, *inside])[0].item()]  # pyrefly: ignore[missing-attribute]
         self.graph.close()
         region.results = self.leave(self.closed(body_jaxpr, [*body_consts, *inside]), moving)
         self.graph.close()
@@ -223,7 +223,7 @@ class Tracer:
         return memory
 
     def _cond(self, equation: Any, args: list[Value], *, branches: Sequence[ClosedJaxpr], **_: Any) -> list[Value]:
-        index, operands = args[0].item(), args[1:]  # type: ignore[union-attr]
+        index, operands = args[0].item(), args[1:]  # pyrefly: ignore[missing-attribute]
         if index.op == "const":
             return self.closed(branches[max(0, min(len(branches) - 1, int(index.data)))], operands)
         moving = any(moves(b.jaxpr) for b in branches)

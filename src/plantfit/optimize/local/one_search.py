@@ -95,11 +95,11 @@ def _solve(counter: Counter, x: np.ndarray, free: np.ndarray, loss: Loss, max_st
     answer = scipy.optimize.least_squares(
         lambda z: residuals.at(z)[0] / unit,
         inside,
-        jac=lambda z: residuals.at(z)[1] / unit,  # type: ignore[arg-type]
+        jac=lambda z: residuals.at(z)[1] / unit,
         bounds=(0.0, 1.0),
         method="trf",
         x_scale="jac",
-        loss=loss.name,  # type: ignore[arg-type]
+        loss=loss.name,
         f_scale=loss.scale / unit,
         **tolerances,
     )

@@ -150,7 +150,7 @@ class LocalSearches:
                 lanes = self._step(lanes)
         except BudgetSpent:
             for k in range(0 if lanes is None else len(lanes)):
-                self._book(lanes[np.array([k])], finished=False)  # type: ignore[index]
+                self._book(lanes[np.array([k])], finished=False)  # pyrefly: ignore[unsupported-operation]
             return Status.converged if self.basins.agreed(self.agree, self.searches, self.unseen) else Status.budget
 
     @property

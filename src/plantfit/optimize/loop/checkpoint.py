@@ -73,6 +73,5 @@ def _head(run: RunResult) -> dict[str, Any]:
 
 
 def _run(head: dict[str, Any], x: np.ndarray, evaluations: np.ndarray, cost: np.ndarray) -> RunResult:
-    return RunResult(
-        **{**head, "status": Status(head["status"])}, x=x, history_evaluations=evaluations, history_cost=cost
-    )
+    own = dict[str, Any](head, status=Status(head["status"]))
+    return RunResult(**own, x=x, history_evaluations=evaluations, history_cost=cost)

@@ -67,12 +67,12 @@ def minimise(
     )
     extra: dict[str, Any] = {}
     if hasattr(chosen, "choose"):
-        chosen, reason = chosen.choose(objective, budget)  # type: ignore[union-attr]
+        chosen, reason = chosen.choose(objective, budget)
         extra = {"reason": reason}
     check_needs(name, chosen, objective)
     if hasattr(chosen, "run"):
-        return run_host(plan, chosen, extra)  # type: ignore[arg-type]
-    return run_population(plan, chosen, extra)  # type: ignore[arg-type]
+        return run_host(plan, chosen, extra)  # pyrefly: ignore[bad-argument-type]
+    return run_population(plan, chosen, extra)  # pyrefly: ignore[bad-argument-type]
 
 
 def _whole(what: str, value: Any, low: int) -> None:

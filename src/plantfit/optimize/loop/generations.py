@@ -166,7 +166,7 @@ class Steps:
         """What generation g asks for."""
         state = carry.state
         if self.period is not None:
-            state = lax.cond(g % self.period == 0, partial(lax.map, self.method.refresh), lambda s: s, state)  # type: ignore[attr-defined]
+            state = lax.cond(g % self.period == 0, partial(lax.map, self.method.refresh), lambda s: s, state)  # pyrefly: ignore[missing-attribute]
         counts = jnp.where(carry.ending == RUNNING, self._due(state, len(keys)), 0)
         x, state = lax.map(lambda ks: self.method.ask(jax.random.fold_in(ks[0], g), ks[1]), (keys, state))
         if start.shape[0]:

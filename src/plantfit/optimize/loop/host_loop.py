@@ -55,7 +55,7 @@ class _Reporter:
         pace = estimate(done, plan.runs, done * plan.budget + spent, self.skipped, total, best, self.last - self.began)
         evaluations = sum(r.evaluations for r in self.finished) + spent
         best = min([best, *(r.cost for r in self.finished)])
-        plan.progress(type(pace)(done, plan.runs, evaluations, total, best, pace.seconds, pace.seconds_left))  # type: ignore[misc]
+        plan.progress(type(pace)(done, plan.runs, evaluations, total, best, pace.seconds, pace.seconds_left))  # pyrefly: ignore[not-callable]
 
 
 def _run(plan: Plan, method: Host, run: int, reporter: _Reporter, extra: dict[str, Any]) -> RunResult:

@@ -223,7 +223,7 @@ class Sweep:
         self._data = objective.costs.data if isinstance(objective.costs, CostOfData) else ()
         self._begin = jax.jit(
             lambda keys, values: lax.map(
-                lambda kv: first_carry(_Begun(method, kv[1]), facts, kv[0]),  # type: ignore[arg-type]
+                lambda kv: first_carry(_Begun(method, kv[1]), facts, kv[0]),  # pyrefly: ignore[bad-argument-type]
                 (keys, values),
             )
         )

@@ -37,7 +37,7 @@ class Nested:
         self.method, self.key, self.start = method, key, facts.start
         self.rows = method.rows(facts)
         self._ask, self._tell, self._refresh, self._live = _compiled(method, self.rows, facts.dimension)
-        self._period = method.refresh_period(facts) if self._refresh is not None else 1  # type: ignore[attr-defined]
+        self._period = method.refresh_period(facts) if self._refresh is not None else 1  # pyrefly: ignore[missing-attribute]
         self.state = jax.tree.map(strong, method.init(jax.random.fold_in(key, 2**31), facts))
         self.generations = self.evaluations = 0
         self.best_x, self.best_cost = np.full(facts.dimension, 0.5), np.inf

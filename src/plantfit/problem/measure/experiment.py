@@ -203,7 +203,7 @@ def before_in_units(
         convertible = (
             unit is not None and have is not None and have != units.difference_of(unit) and units.compatible(have, unit)
         )
-        if convertible and units.factor_offset(have, unit)[1] != 0.0:  # type: ignore[arg-type]
+        if convertible and units.factor_offset(have, unit)[1] != 0.0:
             raise UnitError(
                 f"{where}, and the recording is in {have!r} but the model in {unit!r}; say which by a unit, as in "
                 f'before = {{ {name} = "{value:g} {have}" }}.'

@@ -127,7 +127,7 @@ def _refitted(problem: Problem, z: np.ndarray) -> np.ndarray:
     best = least_squares(
         lambda z: np.asarray(problem.residuals(z)),
         inside,
-        jac=lambda z: problem.residuals_and_jacobian(z)[1],  # type: ignore[arg-type]
+        jac=lambda z: problem.residuals_and_jacobian(z)[1],
         bounds=(0.0, 1.0),
         max_nfev=REFITS,
         x_scale="jac",

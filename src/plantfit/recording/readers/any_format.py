@@ -1,7 +1,7 @@
 """One reader for all formats, chosen by the ending of the file name; other packages may bring more (`plugins.py`)."""
 
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -88,7 +88,7 @@ def table(path: str | os.PathLike[str], **options: Any) -> Table:
 
 
 @contextmanager
-def _of(path: str | os.PathLike[str]) -> Iterator[None]:
+def _of(path: str | os.PathLike[str]) -> Generator[None]:
     """Refuse a file that the memory cannot hold, and say whatever a parser could not do with it as RecordingError."""
     name = Path(path).name
     needed, free = memory_needed(Path(path)), free_memory()

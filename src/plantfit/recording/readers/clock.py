@@ -138,7 +138,7 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
         _refuse_unit(column, time_unit, "dates or clock readings")
         values = _from_temporal(table, column)
         told = f"Time from {column.header!r}, in seconds from the first row."
-        if cells.dtype == pl.Datetime and cells.dtype.time_zone is None:  # type: ignore[attr-defined]
+        if cells.dtype == pl.Datetime and cells.dtype.time_zone is None:  # pyrefly: ignore[missing-attribute]
             values, said = without_daylight_saving(values, cells[0], table)
             told += said
         return values, told
@@ -256,7 +256,7 @@ def _from_text(table: Table, column: Column, text: list[str | None], first: str)
         )
     start = found[0]
     try:
-        values = np.array([(stamp - start).total_seconds() for stamp in found])  # type: ignore[operator]
+        values = np.array([(stamp - start).total_seconds() for stamp in found])  # pyrefly: ignore[missing-attribute, unsupported-operation]
     except TypeError:
         raise RecordingError(
             f"{table.source}: time column {column.header!r} mixes "

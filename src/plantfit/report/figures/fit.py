@@ -117,7 +117,7 @@ def _zones(t: np.ndarray, output: Output, panel: int, labelled: bool) -> list[di
         kind = str(part[start])
         if not kind:
             continue
-        zone = {
+        zone: Figure = {
             "type": "rect",
             "layer": "below",
             "xref": _axis("x", panel),

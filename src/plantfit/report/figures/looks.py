@@ -1,6 +1,5 @@
 """What a look at the data means: the signal around the place, which is shaded, and the samples that it is about."""
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -62,7 +61,7 @@ def _beside_time(look: Look, t: np.ndarray, recording: Recording) -> Figure | No
     title = (
         f"{with_unit(f'{name} in {recording.name}', output.unit)}; shaded: {how} {significant(time, 4)} s by the bounds"
     )
-    figure = _figure(replace(look, begin=None, end=None), t[:shown], values, title, slowly)
+    figure = _figure(look, t[:shown], values, title, slowly, shaded=False)
     end = t[0] + time
     figure["layout"]["shapes"] = [_zone(float(t[0]), float(end))]
     figure["layout"]["xaxis"]["range"] = [float(t[0]), float(max(t[shown - 1], t[0] + ROOM * time))]
@@ -82,7 +81,7 @@ def _told(look: Look, t: np.ndarray, recording: Recording) -> Figure | None:
     title = with_unit(
         f"new in {look.signal}, and (coloured) what past values of {look.other} tell of it, in {recording.name}", unit
     )
-    figure = _figure(replace(look, begin=None, end=None), later[here], new[here], title, False)
+    figure = _figure(look, later[here], new[here], title, False, shaded=False)
     line = {**figure["data"][0], "y": style.numbers(told[here]), "x": style.numbers(later[here], 9)}
     figure["data"] = [figure["data"][0], {**line, "line": {"color": style.WARNING, "width": 1.6}}]
     return figure
@@ -112,7 +111,7 @@ def _window(look: Look, t: np.ndarray, values: np.ndarray) -> tuple[int, int]:
     return max(0, first - beside), min(len(t), last + beside)
 
 
-def _figure(look: Look, t: np.ndarray, values: np.ndarray, title: str, single: bool) -> Figure:
+def _figure(look: Look, t: np.ndarray, values: np.ndarray, title: str, single: bool, *, shaded: bool = True) -> Figure:
     keep = envelope(values, POINTS)
     line = {
         "type": "scatter",
@@ -141,7 +140,8 @@ def _figure(look: Look, t: np.ndarray, values: np.ndarray, title: str, single: b
     layout["yaxis"] = style.axis(nticks=4)
     layout["annotations"] = [style.heading(title, 0, 1, font=style.SMALL)]
     short = (
-        look.begin is not None
+        shaded
+        and look.begin is not None
         and look.end is not None
         and len(t) > 1
         and look.end - look.begin < WHOLE * (t[-1] - t[0])

@@ -94,7 +94,7 @@ def _clipped(p: Parameter) -> tuple[float, float]:
 
 
 def _reach(p: Parameter, low: float | None, high: float | None) -> tuple[float, float]:
-    return tuple(float(np.clip(position(p, float(v or 0)), 0, 1)) for v in (low, high))  # type: ignore[return-value]
+    return tuple(float(np.clip(position(p, float(v or 0)), 0, 1)) for v in (low, high))  # pyrefly: ignore[bad-return]
 
 
 def _lines(name: str, pieces: list[tuple[float, float, int]], colour: str, width: int, **more: Any) -> dict[str, Any]:

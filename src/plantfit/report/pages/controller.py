@@ -190,7 +190,7 @@ def level_heads(record: TunedController) -> tuple[str, ...]:
 def level_rows(record: TunedController) -> list[tuple[str, ...]]:
     """Texts under `level_heads`; the last column is the PID of the level that does best at all."""
     assert record.schedule is not None
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for r in record.schedule.levels:
         s = r.settings
         own = (f"{s['Kp']:.4g}", f"{s['Ti']:.4g}", f"{s['Td']:.3g}", f"{s['b']:.2g}")

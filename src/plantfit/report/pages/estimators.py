@@ -77,7 +77,9 @@ def estimators_page(record: EstimatesByMethod, runs: Mapping[str, Mapping[str, A
         for recording, tracks in own.items()
         if tracks
     ]
-    sections = [{"title": "Verdict", "verdict": [v.plain() for v in record.verdict], "tables": tables}]
+    sections: list[dict[str, Any]] = [
+        {"title": "Verdict", "verdict": [v.plain() for v in record.verdict], "tables": tables}
+    ]
     if figures:
         sections.append({"title": "How the constants settle", "figures": figures})
     if record.assumed:

@@ -50,7 +50,7 @@ def latex_table(record: ComparisonOfMethods) -> str:
 def _rows(problem: ProblemComparison, several: bool) -> list[tuple[str, ...]]:
     numbers = [_numbers(m) for m in problem.methods]
     lowest = [min((n[k] for n in numbers if n[k] == n[k]), default=None) for k in range(6)]
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for k, (m, own) in enumerate(zip(problem.methods, numbers, strict=True)):
         bold = len(numbers) > 1
         cells = [_number(v, 6 if j < 4 else 3, bold and v == lowest[j]) for j, v in enumerate(own[:6])]

@@ -83,7 +83,8 @@ class Pilot:
         self.column = f"{loop.output}_set [{unit}]" if unit else f"{loop.output}_set"
         self.wanted: float | None = None  # set point in the unit of the channel
         self.commands = self.late = self.starts = 0
-        self._due, self._begun, self._raw = 0, False, None
+        self._due, self._begun = 0, False
+        self._raw: int | None = None  # what the drive is to get next
 
     def begin(self, counter: int) -> None:
         """The board started, or started again, at `counter`, its drive at 0."""

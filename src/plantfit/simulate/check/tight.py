@@ -130,8 +130,8 @@ def follow(
         states[:, j] = x
     smooth = model.smooth
     motion: Any = _Smooth(vector, values) if smooth or lags else Modes.of(vector, values)
+    k = 0
     try:
-        k = 0
         while n and k < len(grid) - 1:
             end = k + 1
             while end < len(grid) - 1 and not lags and _goes_on(u0, u1, grid, k, end):  # late kinks end spans

@@ -237,6 +237,7 @@ def backwards_through(simulator: Simulator, edges: bool) -> Callable:
     quiet, step = quiet_interval(simulator, edges), simulator.step
     if quiet is None:
         return jax.jit(partial(_pulled, interval(simulator, edges, derived=True)), inline=True)
+    assert isinstance(step, Switching)  # else there is no quiet interval
     # of one step it is known where something may have happened in it
     step = step.whole if simulator.parts == 1 else step
     whole = partial(_pulled, _interval(simulator, edges, step, lambda x: x))

@@ -238,7 +238,7 @@ def _in_initial_values(model: Any, formulas: Mapping[str, str]) -> None:
             for name, formula in formulas.items():
                 text = re.sub(rf"\b{re.escape(name)}\b", f"({formula})", text)
             if text != state["initial"]:
-                state["initial"] = text  # type: ignore[index]
+                state["initial"] = text  # pyrefly: ignore[unsupported-operation]
 
 
 def _bounds(study: Study, c: Mapping[str, Any]) -> tuple[float, float]:

@@ -38,7 +38,7 @@ def in_pieces(study: Study, seconds: float) -> str:
         raise SpecError(f"--pieces {seconds:g} cannot be used; give seconds above 0.")
     document = tomlkit.parse(study.text.removeprefix("\ufeff"))
     tables: Any = document["recording"]
-    begun = (document["model"].get("extensions") or {}).get("start")  # type: ignore[union-attr]
+    begun = (document["model"].get("extensions") or {}).get("start")
     whole = [n for n, r in tables.items() if "pieces" not in r and n in experiments]
     if begun or len(whole) < len(tables):
         raise SpecError(f"{path.name} is in pieces or has starts already; change `pieces` or `start` there.")
@@ -59,7 +59,7 @@ def in_pieces(study: Study, seconds: float) -> str:
     segments = max(1, min(max(SEGMENTS, waves), shortest // 2))
     with errors_at(path.name):
         starts = piece_starts(study.problem, seconds / segments)
-    own: Any = document["model"].setdefault("extensions", tomlkit.table())  # type: ignore[union-attr]
+    own: Any = document["model"].setdefault("extensions", tomlkit.table())
     own["start"] = tomlkit.inline_table()
     parameters: Any = document.setdefault("parameters", tomlkit.table())
     for state, (low, high) in starts.items():

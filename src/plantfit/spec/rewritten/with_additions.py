@@ -28,8 +28,8 @@ def with_additions(
     if name is not None:
         document["name"] = name
     for recording, steps in (clean or {}).items():
-        own = document["recording"][recording]  # type: ignore[index]
-        own["clean"] = [*own.get("clean", []), *map(dict, steps)]  # type: ignore[index,union-attr]
+        own = document["recording"][recording]
+        own["clean"] = [*own.get("clean", []), *map(dict, steps)]
     model: Any = document["model"]
     extensions = model.get("extensions")
     if changes and extensions is None:

@@ -7,7 +7,7 @@ task. A worker that is lost costs what it did since its task's last checkpoint.
 import logging
 import time
 import uuid
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -49,7 +49,7 @@ class Job:
 
 
 @contextmanager
-def connected(address: str, workers: int | None = None) -> Iterator[Any]:
+def connected(address: str, workers: int | None = None) -> Generator[Any]:
     """A dask client of the scheduler at an address, or of "local" worker processes (`workers`, else one for each core).
 
     Raises MissingExtra without dask, and SearchError when nobody answers.
@@ -99,7 +99,7 @@ def work_on_cluster(
 
 
 @contextmanager
-def _silent(package: str) -> Iterator[None]:
+def _silent(package: str) -> Generator[None]:
     """Lost workers and connections are told by this module, not by the logs of a package."""
     logs = [
         logging.getLogger(name) for name in (package, *logging.root.manager.loggerDict) if name.split(".")[0] == package
@@ -115,7 +115,7 @@ def _silent(package: str) -> Iterator[None]:
 
 
 @contextmanager
-def _client(distributed: Any, address: str, workers: int | None) -> Iterator[Any]:
+def _client(distributed: Any, address: str, workers: int | None) -> Generator[Any]:
     if address == LOCAL:
         import dask.config
 

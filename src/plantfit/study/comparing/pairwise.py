@@ -150,8 +150,8 @@ def _score_interval(effect: float, m: int, n: int, z: float) -> Interval:
         return (a - effect) ** 2 - z * z * variance
 
     small = 1e-12  # the estimate itself is a root where it is 0 or 1
-    low = 0.0 if effect <= 0 else float(scipy.optimize.brentq(outside, 0.0, effect - small))  # pyright: ignore[reportArgumentType]
-    high = 1.0 if effect >= 1 else float(scipy.optimize.brentq(outside, effect + small, 1.0))  # pyright: ignore[reportArgumentType]
+    low = 0.0 if effect <= 0 else float(scipy.optimize.brentq(outside, 0.0, effect - small))
+    high = 1.0 if effect >= 1 else float(scipy.optimize.brentq(outside, effect + small, 1.0))
     return low, high
 
 

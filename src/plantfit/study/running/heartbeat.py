@@ -1,7 +1,7 @@
 """A thread that says every few seconds that the holder of a task lives, even during long compilations."""
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 
 from plantfit.errors import StoreError
@@ -18,7 +18,7 @@ def _unknown() -> float | None:
 @contextmanager
 def beating(
     store: Store, claim: Claim, evaluations: Callable[[], float | None] = _unknown, seconds: float = BEAT_SECONDS
-) -> Iterator[threading.Event]:
+) -> Generator[threading.Event]:
     """Beat while the block runs, telling what `evaluations` says; the event given is set once another worker has
     taken the task."""
     ended, lost = threading.Event(), threading.Event()

@@ -5,7 +5,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager, suppress
 
 from plantfit.study.problem_recipe import STUDY_FILES
@@ -26,7 +26,7 @@ def helping(
     maker: str = STUDY_FILES,
     say: Callable[[str], None] = lambda sentence: None,
     checkpoint_seconds: float = CHECKPOINT_SECONDS,
-) -> Iterator[list[subprocess.Popen]]:
+) -> Generator[list[subprocess.Popen]]:
     """Have `count` processes work on studies of a store while the block runs; at its end they save and stop.
 
     `maker` is the place of a `recipe.Maker`. `say` gets a sentence, from another thread, when a helper ends before its
@@ -48,7 +48,7 @@ def helping(
     finally:
         for helper in team:
             with suppress(OSError):
-                helper.stdin.close()  # type: ignore[union-attr]
+                helper.stdin.close()  # pyrefly: ignore[missing-attribute]
         _wait(team)
         for watcher in watchers:
             watcher.join(1.0)
@@ -71,9 +71,9 @@ def _start(maker: str, address: str, studies: Sequence[int], checkpoint_seconds:
 
 
 def _watch(helper: subprocess.Popen, number: int, say: Callable[[str], None]) -> None:
-    said = helper.stderr.read().strip()  # type: ignore[union-attr]
+    said = helper.stderr.read().strip()  # pyrefly: ignore[missing-attribute]
     code = helper.wait()
-    if code < 0 and not helper.stdin.closed:  # type: ignore[union-attr]
+    if code < 0 and not helper.stdin.closed:  # pyrefly: ignore[missing-attribute]
         say(f"Worker {number} was ended by {signal.Signals(-code).name}; the others go on with its task.")
     elif code > 0:
         say(f"Worker {number} stopped: {said.splitlines()[-1] if said else f'exit code {code}'}")

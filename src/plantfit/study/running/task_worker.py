@@ -104,8 +104,12 @@ class TaskWorker:
 
 def as_planned(objective: Objective, plan: Plan) -> Objective:
     """The objective with the charges that the study began with."""
-    charges = {"gradient_charge": plan.gradient_charge, "jacobian_charge": plan.jacobian_charge}
-    return dataclasses.replace(objective, **{key: value for key, value in charges.items() if value is not None})
+    gradient, jacobian = plan.gradient_charge, plan.jacobian_charge
+    return dataclasses.replace(
+        objective,
+        gradient_charge=objective.gradient_charge if gradient is None else gradient,
+        jacobian_charge=objective.jacobian_charge if jacobian is None else jacobian,
+    )
 
 
 def complete(results: Sequence[RunResult], task: Task) -> bool:

@@ -2,7 +2,7 @@
 
 import sqlite3
 import zlib
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 from sqlalchemy.exc import DBAPIError
@@ -46,7 +46,7 @@ UNREACHABLE = "08"
 
 
 @contextmanager
-def translated(name: str, address: str = "") -> Iterator[None]:
+def translated(name: str, address: str = "") -> Generator[None]:
     """Turn driver errors raised inside into StoreError about the database `name`; passwords of its `address` are in
     none of them."""
     try:
@@ -65,7 +65,7 @@ def translated(name: str, address: str = "") -> Iterator[None]:
 
 
 @contextmanager
-def readable(name: str, study_id: int) -> Iterator[None]:
+def readable(name: str, study_id: int) -> Generator[None]:
     """Turn rows that cannot be decoded inside into StoreError."""
     try:
         yield

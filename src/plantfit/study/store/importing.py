@@ -3,7 +3,7 @@
 import json
 import re
 from base64 import b64decode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -274,7 +274,7 @@ def _whole_number(value: Any, below: int) -> int:
 
 
 @contextmanager
-def _place(place: str) -> Iterator[None]:
+def _place(place: str) -> Generator[None]:
     """What is wrong inside gets the name of the place."""
     try:
         yield

@@ -15,7 +15,7 @@ from plantfit.study.store.rows import run_record, run_row
 def insert_study(connection: Connection, row: Mapping[str, Any]) -> int:
     """A row of table study; returns its id, which no study of the database ever had."""
     key = connection.execute(insert(tables.study).values(row)).inserted_primary_key
-    return int(key[0])  # pyright: ignore[reportOptionalSubscript]
+    return int(key[0])  # pyrefly: ignore[unsupported-operation]
 
 
 def insert_whole(connection: Connection, whole: WholeStudy) -> int:

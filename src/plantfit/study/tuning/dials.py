@@ -144,7 +144,7 @@ def dials_of(
         for n in chosen
         if "options" in fields[n].metadata
     }
-    traced, options = traceable(template, numeric, tuple(words.items()), facts) if population else ((), ())  # type: ignore[arg-type]
+    traced, options = traceable(template, numeric, tuple(words.items()), facts) if population else ((), ())  # pyrefly: ignore[bad-argument-type]
     for name in [
         n for n in words if n not in dict(options)
     ]:  # every value compiles anew, and may make a shape of another number

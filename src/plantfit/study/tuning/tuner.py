@@ -132,7 +132,7 @@ class _Tuner:
         try:
             self._race([default])
             drive()
-            if self.best not in (None, default):
+            if self.best is not None and self.best != default:
                 found = self._contest(self._settings(self.best), self.dials.defaults)
             self._report(done=True)
         except Interrupted:

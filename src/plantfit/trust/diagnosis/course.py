@@ -93,7 +93,7 @@ class Diagnosis:
         values = dict(zip(space.names, np.asarray(space.physical(end.x[: self.carrier.own])).tolist(), strict=True))
         for a in end.additions:
             values[a.parameter] = end.value(a, self.carrier)
-            values |= {f"{a.candidate.speed}_{a.signal}": float(end.x[i]) for i in speed_places(self.carrier, a)}  # type: ignore[union-attr]
+            values |= {f"{a.candidate.speed}_{a.signal}": float(end.x[i]) for i in speed_places(self.carrier, a)}  # pyrefly: ignore[missing-attribute]
         return values
 
 

@@ -36,7 +36,7 @@ def open_answers(
     points = np.tile(z, (count, 1))
     points[:, free] = np.random.default_rng(seed).uniform(size=(count, int(free.sum())))
     if worst is not None:
-        most = worst * float(problem.cost(z))
+        most, poor = worst * float(problem.cost(z)), np.zeros(count, dtype=bool)
         for _ in range(HALVINGS):
             poor = ~(np.asarray(problem.costs(points)) <= most)
             if not np.any(poor):

@@ -250,7 +250,7 @@ def _by_covariance(problem: Problem, around: _Around, z: np.ndarray, count: int)
             f"that the data allow; the ranges of {_few(space.names, wide)} are too wide and "
             "too bent to draw from. Hold one of them at a known value, or record again."
         )
-    return kept, min(1.0, len(kept) / tried) if filtered else 1.0
+    return kept, min(1.0, len(kept) / tried) if filtered else 1.0  # pyrefly: ignore[division-by-zero]  (there were rounds)
 
 
 def scatter_covariance(problem: Problem, z: np.ndarray, local: Local) -> np.ndarray:

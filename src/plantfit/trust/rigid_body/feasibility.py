@@ -36,13 +36,14 @@ def link_constraints(links: Sequence[LinkNames]) -> Constraints:
 
 def _of_one(link: LinkNames) -> dict[str, Callable[[Mapping[str, Any]], Any]]:
     m, c, i, length = link.mass, link.centre, link.inertia, link.length
-    found = {f"{m} >= 0": lambda p: p[m], f"{i} >= 0": lambda p: p[i]}
+    found: dict[str, Callable[[Mapping[str, Any]], Any]] = {f"{m} >= 0": lambda p: p[m], f"{i} >= 0": lambda p: p[i]}
     if length is None:
         return found
     if not length > 0:
         raise ModelError(f"The link of mass {m!r} has length {length}; give a length above 0 m, or None.")
-    return found | {
+    found |= {
         f"{c} >= 0": lambda p: p[c],
         f"{c} <= {length:g}": lambda p: length - p[c],
         f"{i} <= {m}*{c}*({length:g} - {c})": lambda p: p[m] * p[c] * (length - p[c]) - p[i],
     }
+    return found

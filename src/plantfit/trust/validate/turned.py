@@ -116,6 +116,7 @@ def _mirrored(y: np.ndarray, x: np.ndarray, part: np.ndarray) -> tuple[int, int]
     beside = (x[part] >= np.min(x[~part])) & (x[part] <= np.max(x[~part]))
     if np.mean(beside) < BESIDE:  # a plant whose response has a valley looks the same
         return None
+    # pyrefly: ignore[unbound-name]  (there was a round)
     return (begin, end) if np.mean(against[part]) <= MISSED * np.var(y[part]) else None
 
 

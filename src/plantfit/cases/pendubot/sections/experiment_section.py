@@ -162,7 +162,7 @@ def _figure(runs: dict[str, dict[str, Any]]) -> dict[str, Any]:
     for k, (which, run) in enumerate(runs.items()):
         t = style.numbers(run["t"][::DRAWN], 5)
         line = {"color": style.SERIES[k], "width": 1.8}
-        base = {
+        base: dict[str, Any] = {
             "type": "scatter",
             "mode": "lines",
             "x": t,

@@ -34,8 +34,8 @@ def convergence_figure(methods: Sequence[MethodRuns]) -> Figure:
     """Figure 4: median best cost over evaluations, inside its quartiles."""
     curves = {}
     for m in methods:
-        grid = grid_of(m.runs)  # type: ignore[arg-type]  # a result has what it reads of a record
-        low, middle, high = quartiles(best_costs(m.runs, grid))  # type: ignore[arg-type]
+        grid = grid_of(m.runs)  # pyrefly: ignore[bad-argument-type]  # a result has what it reads of a record
+        low, middle, high = quartiles(best_costs(m.runs, grid))  # pyrefly: ignore[bad-argument-type]
         shown = np.isfinite(high)
         at, low, middle, high = (v[shown].tolist() for v in (grid, low, middle, high))
         curves[m.label] = Quartiles(at=at, low=low, median=middle, high=high)
@@ -146,8 +146,10 @@ def delays_figure(
             "size": 8,
             "symbol": ("circle", "square", "diamond", "triangle-up", "x", "cross")[k % 6],
         }
-        trace = {"type": "scatter", "mode": "markers", "name": style.plain(label), "x": [u + shift for u in OPENINGS],
-                 "y": style.numbers(np.asarray(values), 5), "marker": marker}  # fmt: skip
+        trace: Figure = {
+            "type": "scatter", "mode": "markers", "name": style.plain(label), "x": [u + shift for u in OPENINGS],
+            "y": style.numbers(np.asarray(values), 5), "marker": marker,
+        }  # fmt: skip
         if k == len(delays) - 1 and intervals:
             ends = np.array([intervals[n] for n in intervals])
             trace["error_y"] = {"type": "data", "symmetric": False, "array": style.numbers(ends[:, 1] - values, 4),

@@ -31,7 +31,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     from plantfit.trust.looks.input_steps import input_steps, step_looks, telling
 
     looks = [*problem_looks(problem), *step_looks(problem, telling(problem, input_steps(problem)))]
-    record = {
+    record: dict[str, Any] = {
         **_understood(study, problem),
         "data": [*_of_regression(study), *(look.record for look in looks)],
         **_simulated(problem, z),

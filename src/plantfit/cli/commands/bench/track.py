@@ -3,7 +3,7 @@
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, TextIO
@@ -53,7 +53,9 @@ def track(
         rows.told(tracker.finish())
     written = {} if place is None else {"rows": place}
     if json:
-        alarms = [RaisedAlarm(**{**vars(a), "alike": list(a.alike)}, sentence=a.sentence) for a in tracker.alarms]
+        alarms = [
+            RaisedAlarm(**dict[str, Any](vars(a), alike=list(a.alike)), sentence=a.sentence) for a in tracker.alarms
+        ]
         end = dict[str, float | None](tracker.rows[-1]) if tracker.rows else None
         made = Tracked(
             study=numbers[given], samples=tracker.samples, looks=tracker.changes.looks, false_alarm=false_alarm,
@@ -68,7 +70,7 @@ def track(
 
 
 @contextmanager
-def _written(place: str | None, quiet: bool) -> Iterator[TextIO | None]:
+def _written(place: str | None, quiet: bool) -> Generator[TextIO | None]:
     """Where rows go: a file, standard output, or nowhere."""
     if place is None:
         yield None if quiet else sys.stdout

@@ -51,8 +51,10 @@ def record(
     as typed."""
     from plantfit.rig.offered import record_rig
 
-    times = {key: quantity(f"--{key}", asked[key], "s") for key in ("duration", "period")}
-    made = record_rig(name, _settings(settings), **{**asked, **times})
+    asked = dict(asked)
+    for key in ("duration", "period"):
+        asked[key] = quantity(f"--{key}", asked[key], "s")
+    made = record_rig(name, _settings(settings), **asked)
     written = made.save(place or f"{name}.csv", **files)
     if json:
         return print_json(

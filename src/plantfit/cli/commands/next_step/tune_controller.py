@@ -21,7 +21,7 @@ def tune(
         weights_in,
     )
 
-    more = {
+    more: dict[str, Any] = {
         "tolerances": tolerances_of(tolerance),
         "minimise": weights_in(wishes["minimise"]),
         "front": front_in(wishes["front"]),

@@ -75,7 +75,7 @@ def models(name: str | None, json: bool) -> None:
     from plantfit.models.library import catalogue as library
 
     names = [name] if name else list(library.names())
-    records = []
+    records: list[dict[str, Any]] = []
     for n in names:
         function, model = library.factory(n), library.make(n)
         records.append(

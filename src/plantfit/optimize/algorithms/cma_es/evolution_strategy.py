@@ -112,7 +112,7 @@ class EvolutionStrategy(ABC):
         near = NEAR_LARGE if n >= LARGE else NEAR
         warm = jnp.asarray(min(0.2, near / math.sqrt(n)) if self.sigma is None else self.sigma, float)
         given = facts.start is not None and len(facts.start) > 0
-        mean = jnp.clip(jnp.asarray(facts.start[0], float), 0.0, 1.0) if given else jax.random.uniform(key, (n,))  # type: ignore[index]
+        mean = jnp.clip(jnp.asarray(facts.start[0], float), 0.0, 1.0) if given else jax.random.uniform(key, (n,))  # pyrefly: ignore[unsupported-operation]
         sigma = warm if given else cold
         # after a trusted guess the next search looks anywhere
         cold = jnp.maximum(cold, 0.3) if given else cold

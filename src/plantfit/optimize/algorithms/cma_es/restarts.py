@@ -40,7 +40,7 @@ class Restarts:
 
         Raises what the counter raises.
         """
-        start = np.clip(self.objective.start, 0.0, 1.0) if self.runs == 0 and self._warm else None  # type: ignore[arg-type]
+        start = np.clip(self.objective.start, 0.0, 1.0) if self.runs == 0 and self._warm else None  # pyrefly: ignore[no-matching-overload]
         facts = Facts(
             self.objective.dimension, int(self.counter.budget), self.objective.lower, self.objective.upper, start
         )
@@ -48,7 +48,7 @@ class Restarts:
         nested = Nested(method, facts, jax.random.fold_in(self.key, self.runs))
         if shrink != 1.0:
             # in the state, not in the settings: every new setting would compile anew
-            sigma = jnp.asarray(method.sigma * shrink, float)  # type: ignore[operator]
+            sigma = jnp.asarray(method.sigma * shrink, float)  # pyrefly: ignore[unsupported-operation]
             nested.state = nested.state._replace(sigma=sigma, first=sigma)
         # the parity of its number tells how a search keeps the bounds
         nested.state = nested.state._replace(restarts=jnp.asarray(self.runs, nested.state.restarts.dtype))

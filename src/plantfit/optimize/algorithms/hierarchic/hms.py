@@ -96,7 +96,7 @@ class Hms:
         0, 0, 100, "points evaluated between a seed and a stopped leaf to see whether a ridge parts them"
     )
 
-    def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:
+    def run(self, key: Array, objective: Objective, budget: int, counter: Counter) -> Status:  # pyrefly: ignore[unexpected-never]
         tree = Tree(self._levels(objective.dimension), Facts(objective.dimension, budget), key)
         tree.grow(0, warm=objective.start)
         counter.extra.update(leaves=0, root_share=1.0)

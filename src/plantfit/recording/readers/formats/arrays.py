@@ -22,7 +22,7 @@ def from_arrays(arrays: Mapping[str, Any], /, **options: Unpack[Options]) -> Rec
 
 
 @overload
-def from_arrays(
+def from_arrays(  # pyrefly: ignore[inconsistent-overload]  (t may also be named)
     t: Any = None,
     *,
     signals: Mapping[str, Any],
@@ -33,7 +33,7 @@ def from_arrays(
 ) -> Recording: ...
 
 
-def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:  # pyright: ignore[reportInconsistentOverload]
+def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:
     """A recording from arrays (n,) in memory: name -> array, or a pair (array, unit), or a `Signal`.
 
     `options` are those of `read_csv` (`assemble.Options`): `time` names the array of times, left out it is recognised

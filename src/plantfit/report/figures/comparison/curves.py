@@ -19,7 +19,7 @@ def quartiles_figure(curves: Mapping[str, Quartiles], runs: Mapping[str, int], t
     for m, curve in curves.items():
         colour, band, dash = palette[m]
         name = style.plain(m)
-        base = {
+        base: Figure = {
             "type": "scatter",
             "mode": "lines",
             "x": style.numbers(np.array(curve.at), 5),

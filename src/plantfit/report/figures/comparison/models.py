@@ -81,7 +81,7 @@ def _zones(t: np.ndarray, part: Sequence[str], panels: int) -> list[dict[str, An
             kind = str(kinds[start])
             if not kind:
                 continue
-            zone = {
+            zone: Figure = {
                 "type": "rect", "layer": "below", "xref": "x" + number, "yref": f"y{number} domain",
                 "x0": float(t[start]),
                 "x1": float(t[end]), "y0": 0, "y1": 1, "line": {"width": 0},

@@ -96,7 +96,7 @@ class _Rubbing:
         """Which way the mass slides, +-1, and 0 where it sticks; `breaks` where it has just broken away."""
         i = self.friction.velocity
         free, at_rest = rate(x, u, p)[i], x[i] == 0.0
-        sticks = at_rest & (jnp.abs(free) <= self._breakaway(x, u, p)) & ~breaks
+        sticks = at_rest & (jnp.abs(free) <= self._breakaway(x, u, p)) & jnp.logical_not(breaks)
         backwards = jnp.where(at_rest, free * self.friction.effect(x, u, parameters(p))[i], x[i]) < 0.0
         return jax.lax.stop_gradient(jnp.where(sticks, 0.0, jnp.where(backwards, -1.0, 1.0)))
 

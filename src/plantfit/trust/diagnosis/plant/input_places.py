@@ -46,7 +46,7 @@ class InputPlaces:
             return None
         sample = np.empty(count, dtype=int)
         sample[order] = np.arange(count)
-        places = {}
+        places: dict[int, tuple[np.ndarray, np.ndarray]] = {}
         for i, (base, seen, again) in enumerate(zip(leaves, asked[0], other[0], strict=True)):
             base, seen, again = (np.asarray(a) for a in (base, seen, again))
             if base.shape != seen.shape or base.shape != again.shape:
@@ -54,7 +54,7 @@ class InputPlaces:
             moved = (
                 np.flatnonzero((seen != again).ravel() & ~(np.isnan(seen) & np.isnan(again)).ravel())
                 if base.dtype.kind == "f"
-                else ()
+                else np.zeros(0, dtype=int)
             )
             if len(moved):
                 value = seen.ravel()[moved]

@@ -57,7 +57,8 @@ def curves_for(course: Course, outputs: Sequence[str], found: Diagnosis) -> Diag
     if not outputs:
         return found
     walk = disturbed(course.carrier, course.base, course.use)
-    return replace(found, curves=tuple(curve_of(course.carrier.given, y, walk and walk.walk) for y in outputs))
+    wanders = None if walk is None else walk.walk
+    return replace(found, curves=tuple(curve_of(course.carrier.given, y, wanders) for y in outputs))
 
 
 def _kinds(course: Course) -> tuple[Kind, Kind]:

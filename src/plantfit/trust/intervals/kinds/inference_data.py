@@ -57,10 +57,12 @@ def inference_data(problem: Problem, drawn: Drawn, noise: Mapping[str, float], s
     recording.
     """
     chains, draws, _ = drawn.values.shape
-    both = {"chain": (("chain",), np.arange(chains), {}), "draw": (("draw",), np.arange(draws), {})}
+    both: Group = {"chain": (("chain",), np.arange(chains), {}), "draw": (("draw",), np.arange(draws), {})}
     names, units = _distinct(problem.space.names), [c.unit for c in problem.space.coordinates]
-    posterior = {n: (("chain", "draw"), drawn.values[:, :, k], {"units": units[k] or "1"}) for k, n in enumerate(names)}
-    stats = {n: (("chain", "draw"), np.asarray(v), {}) for n, v in drawn.stats.items()}
+    posterior: Group = {
+        n: (("chain", "draw"), drawn.values[:, :, k], {"units": units[k] or "1"}) for k, n in enumerate(names)
+    }
+    stats: Group = {n: (("chain", "draw"), np.asarray(v), {}) for n, v in drawn.stats.items()}
     some = np.unique(np.linspace(0, draws - 1, max(1, min(draws, FORETOLD // chains))).astype(int))
     observed: Group = {}
     foretold: Group = {"chain": both["chain"], "draw": (("draw",), some, {})}
