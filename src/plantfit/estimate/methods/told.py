@@ -90,8 +90,8 @@ def _taken(noise: CorrelatedNoise) -> str:
     said = f"{GENERALISED.capitalize()}: the noise of {noise.output} is {noise.deviation:.3g}{unit}"
     if noise.form is not None and noise.shared is not None:
         size = f"{100 * noise.shared:.2g} %" if noise.form.endswith("proportion") else f"{noise.shared:.3g}{unit}"
-        what = "the edges between neighbouring numbers" if noise.form.startswith("edges") else "samples of one number"
-        said += f" beside errors of {size} that {what} of its shared errors have"
+        what = "at edges that neighbouring numbers share" if noise.form.startswith("edges") else "of every number"
+        said += f" beside errors of {size} {what} (shared_errors)"
     if noise.order == 0:
         return f"{said}, and white."
     worth = (
