@@ -2,6 +2,7 @@
 be refused."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,8 +19,12 @@ from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.judged import judged_on
 from plantfit.control.tune.told import verdict
+from plantfit.control.tune.wishes import range_of
 from plantfit.errors import SimulationError
+from plantfit.loop_of_study import _Asked
 from plantfit.models.text.equations import equations
+from plantfit.recording import from_arrays
+from plantfit.spec.tables import ControlTable
 
 import jax.numpy as jnp
 
@@ -290,6 +295,32 @@ def test_what_cannot_be_tuned_is_said():
     )
     assert "2 integrators" in refused(double, {"K": 1.0}, WISHES)
     assert "share = 1 cannot be promised" in refused(LAG, plain, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, share=1.0))
+
+
+def test_a_range_with_an_open_end_is_told_in_words():
+    assert [range_of(*ends) for ends in ((-np.inf, 20.0), (3.0, np.inf), (3.0, 20.0))] == [
+        "at or below 20", "at or above 3", "within 3 and 20",
+    ]  # fmt: skip
+    said = refused(
+        LAG, {"K": 2.0, "tau": 10.0, "L": 2.0, "c": 1.0}, Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0, output_upper=4.0)
+    )
+    assert "The output is to stay at or below 4, and the step goes from 3 to 5; choose another set point" in said
+
+
+@pytest.mark.parametrize("unit", ["", "V"])
+def test_proposals_have_the_unit_of_their_signal_or_none(unit):
+    u, y = np.repeat([0.25, 0.55], 50), np.round(np.linspace(0, 0.3, 100), 2)
+    own = from_arrays(np.arange(100.0), signals={"u": (u, unit or None), "y": (y, unit or None)})
+    model = SimpleNamespace(inputs={"u": unit or "1"}, outputs={"y": unit or "1"})
+    answer = SimpleNamespace(problem=SimpleNamespace(experiments={"a": SimpleNamespace(recording=own)}))
+    loop, proposed = SimpleNamespace(model=model, input="u", output="y"), {}
+    asked = _Asked(answer, loop, ControlTable(), own, proposed)
+    assert asked.limits() == (0.25, 0.55)
+    asked.sensor()
+    end = f" {unit}" if unit else ""
+    assert proposed["lower"] == f"0.25{end}, the lowest u of the recordings"
+    assert proposed["quantum"].startswith(f"0.01{end}, the steps")
+    assert " ," not in " ".join(proposed.values())
 
 
 def test_what_a_recording_tells_of_its_sensor():

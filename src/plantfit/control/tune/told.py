@@ -15,6 +15,7 @@ from plantfit.control.tune.loop_design import BESIDE, BEST_FIT, FINE, ROBUST, Lo
 from plantfit.control.tune.reduction import slowest
 from plantfit.control.tune.rules import RULES
 from plantfit.control.tune.searching.judged import Row, specifications
+from plantfit.control.tune.wishes import range_of
 from plantfit.findings.record import Level
 from plantfit.findings.results.tuned_controller import (
     CascadeLoop,
@@ -104,10 +105,8 @@ def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[Lev
     """How many plants keep the limits of the output."""
     wishes, inside = design.wishes, np.mean(design.judged.scores.outside <= design.wishes.tolerated, axis=1)
     beside = "".join(f"; {r.form.name}: {percent(float(inside[i]))}" for i, r in others)
-    limits = f"{wishes.output_lower:.5g} to {wishes.output_upper:.5g}"
-    told = (
-        f"{percent(float(inside[0]))} of the plants keep the output within {limits}, to {wishes.tolerated:.2g}{beside}."
-    )
+    limits = range_of(wishes.output_lower, wishes.output_upper)
+    told = f"{percent(float(inside[0]))} of the plants keep the output {limits}, to {wishes.tolerated:.2g}{beside}."
     return "good" if inside[0] >= wishes.share else "bad", told
 
 
