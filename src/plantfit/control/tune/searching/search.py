@@ -246,7 +246,8 @@ def _costs_of(
             ms = jnp.max(jnp.abs(s), axis=-1)
             if c.ndim > 1:
                 ms = jnp.maximum(ms, jnp.max(jnp.abs(1.0 / (1.0 + outer_loop(c, h))), axis=-1))
-            outside = poles_outside(1.0 / s - 1.0, *data["poles"], jnp) if known else jnp.zeros(ms.shape)
+            integrators, unstable = data["poles"] if known else (0, 0)
+            outside = poles_outside(1.0 / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
             return s, ms, outside, noise_at_input(c, s, data["weights"], data["noise"], jnp)
 
         s, ms, outside, moved = jax.vmap(response)(controllers)
