@@ -21,6 +21,7 @@ from plantfit.findings.results.next_experiment import (
 from plantfit.models.model import Model
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
+from plantfit.recording.clean.sampling import usual_period
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.experiment.criteria import KINDS, Difference, Precision
 from plantfit.trust.experiment.designed import Designed, Limits, designed, errors_after, gains
@@ -242,9 +243,7 @@ def _model(answer: Answer) -> Model:
 def _times(problem: Problem, duration: float | str | None, rate: float | str | None) -> tuple[np.ndarray, float]:
     """Times (N,) of the new recording, and their distance (s)."""
     longest = max((e.recording for e in problem.experiments.values()), key=lambda r: float(r.t[-1] - r.t[0]))
-    period = (
-        float(np.median(np.diff(longest.t))) if rate is None else 1.0 / _positive("rate", in_unit("rate", rate, "Hz"))
-    )
+    period = usual_period(longest) if rate is None else 1.0 / _positive("rate", in_unit("rate", rate, "Hz"))
     seconds = (
         float(longest.t[-1] - longest.t[0]) + period
         if duration is None

@@ -19,8 +19,10 @@ from plantfit.control.tune.proposals import noise_of, quantum_of, rounded
 from plantfit.errors import ModelError, SpecError
 from plantfit.findings.results.held_plant import HeldPlant, HoldWishes
 from plantfit.findings.verdict import Sentence
+from plantfit.loop_of_study import check_limits
 from plantfit.models.library.pendubot import pendubot
 from plantfit.models.model import Model
+from plantfit.recording.clean.sampling import usual_period
 from plantfit.recording.record import Recording
 from plantfit.spec.reading import load
 from plantfit.spec.recordings import experiment_of
@@ -274,9 +276,10 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
             given[name] = float(end(seen))
             most = "lowest" if name == "lower" else "highest"
             proposed[name] = f"{given[name]:.5g}{f' {unit_u}' if unit_u else ''}, the {most} {input_} of the recording"
+    check_limits(input_, unit_u, float(given["lower"]), float(given["upper"]), proposed)  # type: ignore[arg-type]
     period = None if chosen.period is None else units.in_unit("[control] period", chosen.period, "s")
     if period is None:
-        period = float(np.median(np.diff(recording.t)))
+        period = usual_period(recording)
         proposed["period"] = f"{period:.6g} s, the sampling of the recording"
     spread = {n: float(np.nanstd(recording[n])) if n in recording.signals else 0.0 for n in model.outputs}
     widest = max(spread.values()) or 1.0

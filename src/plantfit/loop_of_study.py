@@ -18,6 +18,7 @@ from plantfit.control.tune.stated import JUDGES, given_draws, toleranced
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SimulationError, SpecError
 from plantfit.models.model import Model
+from plantfit.recording.clean.sampling import usual_period
 from plantfit.recording.record import Recording
 from plantfit.spec.tables import ControlTable
 from plantfit.trust.intervals.plausible import Plausible, plausible
@@ -168,7 +169,7 @@ def levels_to_hold(
         )
     found = [rounded(float(v), high - low) for v in np.linspace(can[0], can[-1], count)]
     proposed["levels"] = (
-        f"{', '.join(f'{v:.5g}' for v in found)} {unit or ''}: "
+        f"{', '.join(f'{v:.5g}' for v in found)}{f' {unit}' if unit else ''}: "
         "evenly over what the recordings cover and the limits hold"
     )
     return found
@@ -244,6 +245,26 @@ def plants_of(answer: Answer, drawn: Plausible, recording: str) -> dict[str, np.
     return found
 
 
+def check_limits(input_: str, unit: str | None, lower: float, upper: float, proposed: Mapping[str, str]) -> None:
+    """Raises SimulationError for limits of the input between which nothing lies; `proposed` says which of them are
+    those of the recordings."""
+    if lower < upper:
+        return
+    where, u = "[control] lower and upper, or --lower and --upper", f" {unit}" if unit else ""
+    if "lower" in proposed and "upper" in proposed:
+        raise SimulationError(
+            f"The recordings have {input_} at {lower:g}{u} only, so that its limits are not known; give those of the "
+            f"actuator ({where})."
+        )
+    if "lower" in proposed:
+        told = f"upper = {upper:g}{u} is not above {lower:g}{u}, the lowest {input_} of the recordings; give lower too"
+    elif "upper" in proposed:
+        told = f"lower = {lower:g}{u} is not below {upper:g}{u}, the highest {input_} of the recordings; give upper too"
+    else:
+        told = f"The limits of {input_} are lower = {lower:g}{u} and upper = {upper:g}{u}; give lower below upper"
+    raise SimulationError(f"{told} ({where}).")
+
+
 @dataclass(frozen=True)
 class _Asked:
     """The table [control] in the study's units, beside what a recording tells; `proposed` learns what was not asked
@@ -280,14 +301,10 @@ class _Asked:
             value = self.given(name, unit)
             if value is None:
                 value = float(end(u))
-                self.proposed[name] = f"{value:.5g} {unit or ''}, the {word} {input_} of the recordings"
+                self.proposed[name] = f"{value:.5g}{f' {unit}' if unit else ''}, the {word} {input_} of the recordings"
             found.append(float(value))
         lower, upper = found
-        if not lower < upper:
-            raise SimulationError(
-                f"The recordings have {input_} from {lower:g} to {upper:g} {unit or ''} "
-                "only; give the actuator's limits ([control] lower and upper)."
-            )
+        check_limits(input_, unit, lower, upper, self.proposed)
         return lower, upper
 
     def sensor(self) -> tuple[float, float]:
@@ -297,13 +314,13 @@ class _Asked:
         if quantum is None:
             quantum = quantum_of(self.own[output])
             self.proposed["quantum"] = (
-                f"{quantum:.4g} {unit or ''}, the steps of the recorded {output}"
+                f"{quantum:.4g}{f' {unit}' if unit else ''}, the steps of the recorded {output}"
                 if quantum
                 else "0: the recorded sensor shows no steps"
             )
         if noise is None:
             noise = noise_of(self.own[output])
-            self.proposed["noise"] = f"{noise:.4g} {unit or ''} from sample to sample of the recording"
+            self.proposed["noise"] = f"{noise:.4g}{f' {unit}' if unit else ''} from sample to sample of the recording"
         return quantum, noise
 
     def course(
@@ -365,7 +382,7 @@ class _Asked:
         asked = self.given("period", "s")
         if asked is not None:
             return asked
-        dt = float(np.median(np.diff(self.own.t)))
+        dt = usual_period(self.own)
         rest = best.at_rest(level, starts)
         finite = bool(np.all(np.isfinite(rest.A)))
         total = self.given("horizon", "s") or (course_seconds(reduced(rest, 0.5 * dt)) if finite else dt)

@@ -8,6 +8,8 @@ import numpy as np
 from cli_call import call
 from scipy.integrate import solve_ivp
 
+from plantfit.cli.commands.begin.check import say_looks
+
 STUDY = """name = "well"
 [recording.run]
 file = "run.csv"
@@ -67,3 +69,19 @@ def test_a_file_in_its_place_is_not_overwritten_and_one_study_is_cut_at_a_time(t
         said = call(capsys, monkeypatch, "run", *words, "--pieces", "10")
         assert said.code != 0
         assert "--pieces changes one study file" in said.err
+
+
+def test_what_is_odd_in_many_pieces_is_said_once(capsys):
+    def look(k, share, signal="u", late=""):
+        told = f"Past values of y explain {share} % of what is new in {signal}{late}."
+        return {"level": "warning", "kind": "feedback", "recording": f"data-{k}", "signal": signal, "other": "y",
+                "sentence": told, "write": None}  # fmt: skip
+
+    say_looks([look(k, 20 + k) for k in range(1, 7)] + [look(2, 90), look(3, 8, "w"), look(4, 9, late=", late")])
+    told = " ".join(capsys.readouterr().out.split())
+    assert told == (
+        "! Past values of y explain 21 % of what is new in u. "
+        "This is data-1; alike in data-2, data-3, data-4 and 2 more. "
+        "! Past values of y explain 90 % of what is new in u. "
+        "! Past values of y explain 8 % of what is new in w. ! Past values of y explain 9 % of what is new in u, late."
+    )

@@ -189,6 +189,17 @@ def test_what_cannot_be_is_one_sentence(place, tuned, tmp_path, capsys, monkeypa
         said = call(capsys, monkeypatch, "tune", "heater.toml", *words)
         assert said.code == 7, said
         assert sentence in said.err
+    for words, sentence in (
+        (
+            ("--lower", "60", "--upper", "20"),
+            "The limits of u are lower = 60 % and upper = 20 %; give lower below upper ([control] lower and upper,",
+        ),
+        (("--upper", "5"), "upper = 5 % is not above 10 %, the lowest u of the recordings; give lower too"),
+    ):  # the heater's study file gives upper alone
+        said = call(capsys, monkeypatch, "tune", "heater.toml", *words)
+        assert said.code == 9, said
+        assert sentence in said.err
+        assert "The recordings have" not in said.err
 
 
 @pytest.mark.slow
@@ -216,7 +227,11 @@ def test_a_pendubot_is_held_upright_from_its_regression(tmp_path):
         (("--controller", "lqr"), "Nothing is to be held; give states and where"),
         (("--hold", "theta9=1"), "[control] hold names 'theta9'; the states are theta1, theta2, omega1, omega2."),
         (("--hold", "90 deg"), "--hold '90 deg' names no state"),
-        (("--hold", "theta1=90 deg", "--upper", "-1V"), "beyond its limits"),
+        (("--hold", "theta1=90 deg", "--lower", "-9V", "--upper", "-1V"), "beyond its limits"),
+        (
+            ("--hold", "theta1=90 deg", "--lower", "1V", "--upper", "-1V"),
+            "lower = 1 V and upper = -1 V; give lower below",
+        ),
     ):
         done = subprocess.run(
             [*PLANTFIT, "tune", "pendubot.toml", *words], cwd=tmp_path, capture_output=True, text=True, timeout=300

@@ -312,7 +312,7 @@ def test_it_is_searched_and_judged_beside_lqi_pid_and_rules():
     assert [r.form.name for r in found.rows[:4]] == ["MPC", "MPC", "LQI", "PID"]
     assert found.best.share >= found.rows[2].share - 0.02
     told = [v.sentence for v in verdict(found, {})]
-    assert any("of the plants keep the output within" in sentence for sentence in told)
+    assert any("of the plants keep the output at or below 5.15, to" in sentence for sentence in told)
     assert any(sentence.startswith("An LQI tuned on the same plants: ") for sentence in told)
     first = table(found)[0]
     assert isinstance(first, PredictiveLoop)

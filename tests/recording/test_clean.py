@@ -14,6 +14,7 @@ import plantfit.recording as rec
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording import Recording, Signal, clean
 from plantfit.recording.clean.outliers import step_without
+from plantfit.recording.clean.sampling import usual_period
 from plantfit.spec.recordings import CLEANING
 
 DT = 0.01
@@ -23,6 +24,20 @@ NAN = np.nan
 
 def record(values, unit="rad", t=T):
     return rec.from_arrays(t, signals={"q": (values, unit)})
+
+
+def test_the_usual_period_is_that_of_the_clock_before_its_times_were_rounded():
+    """Of minutes with seven digits most steps are 10.0002 s, and of a binary clock each is what it is; gaps do not
+    count."""
+    minutes = np.array([float(f"{v:.7g}") for v in np.arange(400) / 6]) * 60
+    assert np.median(np.diff(minutes)) != pytest.approx(10.0, rel=1e-6)
+    assert usual_period(record(0 * minutes, t=minutes)) == 10.0
+    binary = np.arange(300) / 8192
+    assert usual_period(record(0 * binary, t=binary)) == 1 / 8192
+    gaps = np.r_[np.arange(100) * 0.5, 80 + np.arange(100) * 0.5]
+    assert usual_period(record(0 * gaps, t=gaps)) == 0.5
+    board = np.round(np.arange(500) * 20.4) / 1000  # whole milliseconds
+    assert usual_period(record(0 * board, t=board)) == pytest.approx(0.0204, rel=1e-3)
 
 
 def test_outliers_found_and_nothing_else():

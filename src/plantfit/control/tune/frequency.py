@@ -174,29 +174,36 @@ def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: Any, 
     return Margins._make([np.maximum(found.ms, outside.ms), np.maximum(found.mt, outside.mt), *smaller, found.stable])
 
 
+def poles_outside(loop: Any, integrators: Any, unstable: Any, xp: Any = np) -> Any:
+    """How many poles (n,) of closed loops lie outside the unit circle, by open loops L (n, F) as `margins` takes them.
+
+    On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for
+    each unstable pole if the closed loop is stable, and by pi less for each pole outside (the argument principle:
+    closed over open characteristic polynomial).
+    """
+    back = 1.0 + loop
+    turned = xp.sum(xp.angle(back[:, 1:] * xp.conj(back[:, :-1])), axis=1)
+    # before the first frequency 1 + L comes from the direction of (j w)^-integrators, times the sign of its gain
+    far = xp.where(integrators > 0, loop[:, 0], back[:, 0])
+    behind = xp.where(xp.real(far * 1j**integrators) < 0, xp.pi, 0.0)
+    begin = xp.angle(back[:, 0]) - (behind - 0.5 * xp.pi * integrators)
+    begin = (begin + xp.pi) % (2 * xp.pi) - xp.pi
+    return unstable + xp.rint((0.5 * xp.pi * integrators - (turned + begin)) / xp.pi)
+
+
 def margins(
     loop: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0, held: np.ndarray | None = None
 ) -> Margins:
     """`Margins` of open loops L (n, F) at w (F,) that reach half the sampling frequency; poles of L lie inside the unit
     circle but for `integrators` at 1 and `unstable` ones outside, numbers for all loops or (n,).
 
-    On the way from 0 to half the sampling frequency the argument of 1 + L grows by pi/2 for each integrator and pi for
-    each unstable pole if the closed loop is stable, and by pi less for each pole outside (the argument principle:
-    closed over open characteristic polynomial). `held` (n,) says which closed loops are stable where that is known
-    otherwise.
+    `held` (n,) says which closed loops are stable where that is known otherwise.
     """
     integrators = np.broadcast_to(integrators, len(loop))
     distance = np.abs(1.0 + loop)
     with np.errstate(all="ignore"):
         ms, mt = np.max(1.0 / distance, axis=1), np.max(np.abs(loop) / distance, axis=1)
-    turned = np.unwrap(np.angle(1.0 + loop), axis=1)
-    # before the first frequency 1 + L comes from the direction of (j w)^-integrators, times the sign of its gain
-    far = np.where(integrators > 0, loop[:, 0], 1.0 + loop[:, 0])
-    behind = np.where(np.real(far * 1j**integrators) < 0, np.pi, 0.0)
-    begin = np.angle(1.0 + loop[:, 0]) - (behind - 0.5 * np.pi * integrators)
-    begin = (begin + np.pi) % (2 * np.pi) - np.pi
-    outside = unstable + np.rint((0.5 * np.pi * integrators - (turned[:, -1] - turned[:, 0] + begin)) / np.pi)
-    outside = outside if held is None else np.where(held, 0, 1)
+    outside = poles_outside(loop, integrators, unstable) if held is None else np.where(held, 0, 1)
     gain, phase = np.full(len(loop), np.inf), np.full(len(loop), np.inf)
     angle, size = np.unwrap(np.angle(loop), axis=1), np.log(np.abs(loop))
     # the loop is real at half the sampling frequency, where the axis is reached and not crossed

@@ -254,7 +254,8 @@ def _searched(
     searches = Searches(progress, 2 * len(forms) + drawn)
     for form in reversed(forms):
         h = responses_of(plants.loops[0], plants.rests[0], form, wishes.period, w)
-        search = Search(plants.judge(form, wishes, 0), h, w, wishes, form, sizes, weights_of(wishes.minimise))
+        own = open_poles(plants.rests[0], w[0])
+        search = Search(plants.judge(form, wishes, 0), h, w, wishes, form, sizes, weights_of(wishes.minimise), own)
         starts = form.starts if form.plan is None or at_last is None else at_last
         nominal = search.on_best_fit().found(
             starts, max(200, budget // 2), seed, searches.next(f"{form.name}, {BEST_FIT}")

@@ -27,6 +27,13 @@ class Wishes(LoopWishes):
         return max(TOLERATED * abs(self.step), self.quantum)
 
 
+def range_of(lower: float, upper: float) -> str:
+    """A range in words, of which one end may be open."""
+    if math.isinf(lower):
+        return f"at or below {upper:.5g}"
+    return f"at or above {lower:.5g}" if math.isinf(upper) else f"within {lower:.5g} and {upper:.5g}"
+
+
 def check_wishes(wishes: Wishes) -> None:
     for name, low in (
         ("period", 0.0),
@@ -70,8 +77,8 @@ def check_wishes(wishes: Wishes) -> None:
     for level in (wishes.set_point - wishes.step, wishes.set_point):
         if not wishes.output_lower <= level <= wishes.output_upper:
             raise SimulationError(
-                f"The output is to stay within {wishes.output_lower:.5g} and {wishes.output_upper:.5g}, "
-                f"and the step goes from {wishes.set_point - wishes.step:.5g} to "
+                f"The output is to stay {range_of(wishes.output_lower, wishes.output_upper)}, and the "
+                f"step goes from {wishes.set_point - wishes.step:.5g} to "
                 f"{wishes.set_point:.5g}; choose another set point or step, or wider limits."
             )
     if wishes.prediction is not None and wishes.controller != "mpc":

@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
+import re
 import time
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,9 @@ from plantfit.cli.terminal.out import out, print_json
 
 if TYPE_CHECKING:
     import numpy as np
+
+NUMBER = re.compile(r"\d[\d.]*(e[+-]?\d+)?")
+FEW = 3  # recordings that are named beside the first that is odd alike
 
 
 def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance: float | None = None,
@@ -106,11 +111,22 @@ def _understood(study: Any, problem: Any) -> dict[str, Any]:
 
 
 def say_looks(looks: Sequence[Mapping[str, Any]]) -> None:
-    """What is odd about the data, with the line that treats it."""
+    """What is odd about the data, with the line that treats it; of recordings that are odd alike the first in full."""
+    alike: dict[Any, list[Mapping[str, Any]]] = {}
+    times: Counter[Any] = Counter()  # a second look of a recording is no other recording's first
     for look in looks:
+        name = str(look.get("recording") or "")
+        said = NUMBER.sub("", look["sentence"].replace(name, "") if name else look["sentence"])
+        same = (bool(name), look.get("kind"), look.get("signal"), look.get("other"), said)
+        alike.setdefault((same, times[same, name]), []).append(look)
+        times[same, name] += 1
+    for look, *others in alike.values():
         mark, colour = ("!", "yellow") if look["level"] == "warning" else ("i", "cyan")
+        names = [o["recording"] for o in others]
+        left = f" and {len(names) - FEW} more" if len(names) > FEW else ""
+        more = f" This is {look['recording']}; alike in {', '.join(names[:FEW])}{left}." if names else ""
         out.print(f"[{colour}]{mark}[/{colour}] ", end="")
-        out.print(look["sentence"] + (f" Write: {look['write']}" if look["write"] else ""), markup=False)
+        out.print(look["sentence"] + more + (f" Write: {look['write']}" if look["write"] else ""), markup=False)
 
 
 def say_inexact(error: float | None) -> None:

@@ -66,6 +66,6 @@ def cascade_form(
     given = Limits(wishes.lower, wishes.upper, follow), Ends(wishes.inner_lower, wishes.inner_upper)
     data = (space.lower, space.upper, float(np.sign(k)))
     return Form(
-        "cascade", space, built, response, loop, lambda _: 0, starts, inner=True, integrators=2, data=data,
-        given=tuple(type(g)(*(jnp.asarray(float(v)) for v in g)) for g in given),
+        "cascade", space, built, response, loop, lambda _: 0, starts, inner=True, integrators=2, settled=True,
+        data=data, given=tuple(type(g)(*(jnp.asarray(float(v)) for v in g)) for g in given),
     )  # fmt: skip

@@ -23,8 +23,9 @@ class Form:
     controller, which takes (these, the input at rest, *`given`); programs are compiled once for a `build` and a
     `response`, for all `data` and `given`. `response(parameters, w, xp)` is C(e^(jwh)) (F,) from the error with no
     limit acting, that of a cascade (2, F); `unstable` counts the controller's own poles outside the unit circle,
-    `integrators` those at 1. `starts` (k, d) are points of the cube to begin with; `plan` is that of an MPC, `ahead`
-    the samples that a Smith predictor looks ahead, `inner` says that it measures an inner output too.
+    `integrators` those at 1, and `settled` says that whatever its parameters none lies outside. `starts` (k, d) are
+    points of the cube to begin with; `plan` is that of an MPC, `ahead` the samples that a Smith predictor looks ahead,
+    `inner` says that it measures an inner output too.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Form:
     ahead: int = 0
     inner: bool = False
     integrators: int = 1
+    settled: bool = False
     data: Any = ()
     given: tuple[Any, ...] = ()
 

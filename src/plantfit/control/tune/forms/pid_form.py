@@ -57,6 +57,7 @@ def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa]
         loop,
         lambda _: 0,
         starts,
+        settled=True,
         data=(space.lower, space.upper, float(sign)),
         given=(limits,),
     )

@@ -10,7 +10,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.steps.robust import STEEPNESS, Demand
 from plantfit.control.tune.forms.form import Form
-from plantfit.control.tune.frequency import margins_in_search, noise_at_input, open_loop, outer_loop
+from plantfit.control.tune.frequency import margins_in_search, noise_at_input, open_loop, outer_loop, poles_outside
 from plantfit.control.tune.loop_scores import Judge, Program, scores_of
 from plantfit.control.tune.searching.figures import figure
 from plantfit.control.tune.wishes import Wishes
@@ -30,13 +30,17 @@ TAIL = 0.5
 AUGMENTED = (
     0.02  # how much the sum of the figures counts beside the worst of them, so that no point of a front is dominated
 )
+STEEPER = 100.0  # times the penalty of a limit that a first search has paid for a faster loop
+UNSTABLE = 10.0  # times the penalty: an unstable loop counts as one of an Ms of eleven times its limit, or worse
 ROOM = 0.95  # of a limit: what the search keeps, so that plants that it has not seen keep the limit
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
     """Controllers of a form over the plants of `judge`, whose sampled responses are `h` (n, F) at w (F,); `sizes`
-    are what figures are counted in, `weights` those that are made small, by name, their shares."""
+    are what figures are counted in, `weights` those that are made small, by name, their shares. `poles` are the
+    numbers (n,) of the plants' own poles at 1 and outside the unit circle; without them no loop is taken for unstable.
+    """
 
     judge: Judge
     h: np.ndarray
@@ -45,15 +49,32 @@ class Search:
     form: Form
     sizes: Mapping[str, float]
     weights: Mapping[str, float]
+    poles: tuple[np.ndarray, np.ndarray] | None = None
 
     def on_best_fit(self) -> "Search":
         """The same on the first plant alone."""
-        return replace(self, judge=self.judge.part(slice(0, 1)), h=self.h[:1])
+        first = slice(0, 1)
+        poles = None if self.poles is None else (self.poles[0][first], self.poles[1][first])
+        return replace(self, judge=self.judge.part(first), h=self.h[:1], poles=poles)
 
     def found(self, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None) -> np.ndarray:
         """The point (d,) of the cube of least cost; `starts` (k, d) are tried too. Raises SearchError where none
-        keeps all loops finite."""
-        return self._least(self._costs(False), starts, budget, seed, progress)
+        keeps all loops finite.
+
+        A penalty can be the price of a faster loop, and the search ends there. Where too many plants miss what is asked
+        for, it therefore begins again with a penalty that no speed pays for, and the point that fewer miss is taken.
+        """
+        found = self._least(self._costs(False), starts, budget, seed, progress)
+        missed = self._missed(found)
+        if missed <= 1.0 - self.wishes.share:
+            return found
+        strict = self._costs(False, steepness=STEEPER * STEEPNESS)
+        again = self._least(strict, np.r_[starts, found[None]], budget, seed, progress)
+        return again if self._missed(again) < missed else found
+
+    def _missed(self, point: np.ndarray) -> float:
+        """The share of the plants that miss what is asked for, at a point (d,) of the cube."""
+        return float(_in_rows(self._costs(False, room=1.0, counted=True), point[None])[0])
 
     def nearest(
         self, goal: "Goal", starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None
@@ -89,30 +110,48 @@ class Search:
             )
         return np.asarray(run.x if run.cost < np.min(first) else best[0])
 
-    def _costs(self, front: bool, goal: "Goal | None" = None) -> CostOfData:
+    def _costs(
+        self,
+        front: bool,
+        goal: "Goal | None" = None,
+        steepness: float = STEEPNESS,
+        room: float = ROOM,
+        counted: bool = False,
+    ) -> CostOfData:
         wishes, program = self.wishes, self.judge.program
         limited = tuple(n for n, given in EXTRA.items() if given(wishes))
         demand = demand_of(wishes)
-        function = _costs_of(program, self.form.build, self.form.response, demand, tuple(self.weights), limited, front)
-        return CostOfData(function, self._data(goal))
+        known = self.poles is not None and self.form.settled
+        function = _costs_of(
+            program, self.form.build, self.form.response, demand, tuple(self.weights), limited, front, known
+        )
+        return CostOfData(
+            function, self._data(goal) | {"limits": self._limits(room), "steepness": steepness, "counted": counted}
+        )
+
+    def _limits(self, room: float) -> dict[str, float]:
+        """What the search keeps, a share `room` of what is asked for."""
+        wishes = self.wishes
+        return {
+            "overshoot": room * wishes.overshoot, "ms": 1.0 + room * (wishes.ms - 1.0), "moved": wishes.input_noise,
+            "outside": room * wishes.tolerated, "left": wishes.settled,
+            "settling": room * wishes.settling if EXTRA["settling"](wishes) else 1.0,
+            "travel": room * wishes.travel if EXTRA["travel"](wishes) else 1.0,
+            "gain": 1.0 + (wishes.gain_margin - 1.0) / room, "phase": wishes.phase_margin / room,
+        }  # fmt: skip
 
     def _data(self, goal: "Goal | None") -> dict[str, Any]:
-        """All numbers that costs are made of."""
+        """All numbers that costs are made of, but for the limits and what missing them costs."""
         wishes, weights = self.wishes, np.gradient(self.w) / np.pi * self.wishes.period
-        limits = {
-            "overshoot": ROOM * wishes.overshoot, "ms": 1.0 + ROOM * (wishes.ms - 1.0), "moved": wishes.input_noise,
-            "outside": ROOM * wishes.tolerated, "left": wishes.settled,
-            "settling": ROOM * wishes.settling if EXTRA["settling"](wishes) else 1.0,
-            "travel": ROOM * wishes.travel if EXTRA["travel"](wishes) else 1.0,
-            "gain": 1.0 + (wishes.gain_margin - 1.0) / ROOM, "phase": wishes.phase_margin / ROOM,
-        }  # fmt: skip
         shares = np.array(list(self.weights.values()))
         found = {
             "loop": self.judge.data(), "form": self.form.data, "h": self.h, "w": self.w, "weights": weights,
             "sizes": {n: self.sizes[n] for n in self.weights}, "shares": shares,
             "half": 0.5 * self.judge.course.seconds,
-            "limits": limits, "noise": noises(wishes, self.form.inner),
+            "noise": noises(wishes, self.form.inner),
         }  # fmt: skip
+        if self.poles is not None:
+            found["poles"] = (self.poles[0] + self.form.integrators, self.poles[1])
         if goal is not None:
             found["goal"] = (goal.ideal, goal.spread, goal.shares)
         return jax.tree.map(jnp.asarray, found)
@@ -174,15 +213,15 @@ def _in_rows(costs: CostOfData, points: np.ndarray) -> np.ndarray:
 def _costs_of(
     program: Program, build: Callable[[Any, Any], Any], respond: Callable[..., Any], demand: Demand,
     figures: tuple[str, ...],
-    limited: tuple[str, ...], front: bool,
+    limited: tuple[str, ...], front: bool, known: bool,
 ) -> Callable[[Any, Any], Any]:  # fmt: skip
-    """The cost of points (n, d) of the cube, given `Search._data`; one identity for a choice, so that it is compiled
-    once."""
+    """The cost of points (n, d) of the cube, given the data of `Search._costs`; one identity for a choice, so that it
+    is compiled once. `known`: the poles of all plants and controllers are, and unstable loops are told by them."""
 
-    def over(value, limit):
-        return STEEPNESS * jnp.maximum(value / limit - 1.0, 0.0)
+    def excess(value, limit):
+        return jnp.maximum(value / limit - 1.0, 0.0)
 
-    def more_than_asked(scores, loop, limits):
+    def more_than_asked(scores, loop, limits, over):
         """Factors (controllers, plants) for limits that are seldom asked for."""
         found: Any = 1.0
         for name in ("settling", "travel"):
@@ -207,22 +246,29 @@ def _costs_of(
             ms = jnp.max(jnp.abs(s), axis=-1)
             if c.ndim > 1:
                 ms = jnp.maximum(ms, jnp.max(jnp.abs(1.0 / (1.0 + outer_loop(c, h))), axis=-1))
-            return s, ms, noise_at_input(c, s, data["weights"], data["noise"], jnp)
+            integrators, unstable = data["poles"] if known else (0, 0)
+            outside = poles_outside(1.0 / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
+            return s, ms, outside, noise_at_input(c, s, data["weights"], data["noise"], jnp)
 
-        s, ms, moved = jax.vmap(response)(controllers)
+        s, ms, outside, moved = jax.vmap(response)(controllers)
         parts = [figure(name, scores, moved, data["half"]) / sizes[name] for name in figures]
 
+        def over(value, limit):
+            return data["steepness"] * excess(value, limit)
+
         def punished(cost):
-            cost = cost * (
-                1.0
-                + over(scores.overshoot, limits["overshoot"])
-                + over(ms, limits["ms"])
-                + over(moved, limits["moved"])
-            )
-            cost = cost * (1.0 + over(scores.outside, limits["outside"]))
-            cost = cost * (1.0 + STEEPNESS * jnp.maximum(scores.left - limits["left"], 0.0))
-            cost = cost * more_than_asked(scores, 1.0 / s - 1.0, limits) if limited else cost
-            return demand.over_plants(jnp.where(jnp.isfinite(cost), cost, 1e6))
+            # Ms falls again beyond the border of stability, where a loop gets the worse the less it is near it
+            worst = UNSTABLE * data["steepness"]
+            wild = jnp.where(outside == 0, jnp.minimum(over(ms, limits["ms"]), worst), worst * (1.0 + 1.0 / ms))
+            missed = over(scores.overshoot, limits["overshoot"]) + wild
+            more = 1.0 + over(scores.outside, limits["outside"])
+            more = more * (1.0 + data["steepness"] * jnp.maximum(scores.left - limits["left"], 0.0))
+            more = more * more_than_asked(scores, 1.0 / s - 1.0, limits, over) if limited else more
+            # what noise moves the input by is a target, and no plant misses a limit by it
+            misses = (missed > 0.0) | (more > 1.0) | ~jnp.isfinite(cost)
+            cost = cost * (1.0 + missed + over(moved, limits["moved"])) * more
+            every = demand.over_plants(jnp.where(jnp.isfinite(cost), cost, 1e6))
+            return jnp.where(data["counted"], jnp.mean(misses, axis=-1), every)
 
         if not front:
             return punished(sum(data["shares"][i] * part for i, part in enumerate(parts)))
