@@ -38,7 +38,7 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
     given = {
         "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
         "sheet": r.sheet, "sort": r.sort or None, "duplicates": r.duplicates,
-        "missing": r.missing or None,
+        "missing": r.missing or None, "dates": r.dates,
     }  # fmt: skip
     with errors_at(f"{path.name}, [recording.{name}]"):
         record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})

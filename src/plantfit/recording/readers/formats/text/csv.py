@@ -42,7 +42,7 @@ def read_csv(
 
     `delimiter`, `decimal` and `header` are found when left out; quoted numbers like "1,5" between
     commas need delimiter="," and decimal=",". `skip` lines at the top are not looked at. `options`
-    are those of `assemble.Options`: time, period, time_unit, signals, units, sort, duplicates, name.
+    are those of `assemble.Options`: time, period, time_unit, dates, signals, units, sort, duplicates, name.
     Units stand in the header as "u [V]" or "u (V)" or in a row below it; columns without header are
     named "0", "1", ... Raises RecordingError with file and line.
     """
