@@ -78,13 +78,13 @@ def test_a_record_that_runs_one_way_alone_needs_both_levels():
     assert signs([0, 0, 0, 0], forward=1, backward=0) == [0, -1, -2, -3]
     assert signs([2, 1, 2, 1], backward=1) == [0, -1, 2, -3]
     assert signs([2, 1, 2, 1], backward=2) == [0, 1, -2, 3]
-    with pytest.raises(RecordingError, match="has 1 level.*write both levels, as in forward = 1, backward = 0"):
+    with pytest.raises(RecordingError, match=r"has 1 level.*write both levels, as in forward = 1, backward = 0"):
         signs([1, 1, 1, 1])
     with pytest.raises(RecordingError, match="has 1 level"):
         signs([1, 1, 1, 1], forward=1)
     with pytest.raises(RecordingError, match="forward is 1 and backward 0, but 'dir' is 0 or 2"):
         signs([0, 2, 0, 2], forward=1, backward=0)
-    with pytest.raises(RecordingError, match="has 3 levels.*name another signal"):
+    with pytest.raises(RecordingError, match=r"has 3 levels.*name another signal"):
         signs([0, 1, 2, 2])
     with pytest.raises(RecordingError, match="forward and backward are both 1"):
         signs([0, 1, 1, 1], forward=1, backward=1)
