@@ -2,6 +2,7 @@
 
 import re
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -243,7 +244,7 @@ def _from_text(
 ) -> tuple[np.ndarray, str]:
     _no_gaps(table, column, np.array([cell is not None for cell in text]))
     clock = _CLOCK.fullmatch(first) is not None
-    alike = [[_clock_seconds(cell or "") for cell in text]] if clock else readings(text, dates)
+    alike: list[Any] = [[_clock_seconds(cell or "") for cell in text]] if clock else readings(text, dates)
     if None in alike[0]:
         row = alike[0].index(None)
         kind = "a clock reading like 13:05:59.2" if clock else "a timestamp like 2024-05-31T13:05:59.2"
