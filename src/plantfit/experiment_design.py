@@ -24,7 +24,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.clean.sampling import usual_period
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.experiment.criteria import KINDS, Difference, Precision
-from plantfit.trust.experiment.designed import Designed, Limits, designed, errors_after, gains
+from plantfit.trust.experiment.designed import Designed, Limits, designed, errors_after, errors_if_known, gains
 from plantfit.trust.experiment.told import difference_sentences, precision_sentences
 from plantfit.trust.experiment.trial_record import TrialRecord
 from plantfit.trust.finish.unknown_noise import few_samples, unknown_noise
@@ -37,6 +37,7 @@ MOST_COORDINATES = 60
 MOST_SAMPLES = 200_000
 RUN_AWAY = 30.0  # times the range that an output had in the recordings
 # of a value, of its typical size or of a quarter of bounds of both signs: a standard error above it determines nothing
+MORE = 1.5  # times, beyond which something else than unlike sizes of errors makes variances larger
 OPEN = 0.5
 
 Range = tuple[float | str | None, float | str | None]
@@ -100,6 +101,9 @@ class ExperimentDesign:
             else [],
             noise=dict(trial.noise),
             inflation=one.inflation,
+            unlike=one.unlike,
+            correlated=one.inflation > MORE * one.unlike and _correlated(self.answer.findings),
+            widened=[r["name"] for r in self.answer.findings["parameters"] if r.get("scatter")],
             kind=self.found.best.kind,
             shape=self.found.best.name,
             compared=gains(self.found),
@@ -125,6 +129,7 @@ class ExperimentDesign:
         now = {r["name"]: r["standard_error"] for r in self.answer.findings["parameters"]}
         then, worst = errors_after(one, told)
         alone, _ = errors_after(one, told, before=False)
+        known = errors_if_known(one, told)
         rows = []
         for k, i in enumerate(one.shared):
             c = space.coordinates[i]
@@ -134,7 +139,8 @@ class ExperimentDesign:
                 ErrorsAfter(
                     name=c.name, unit=c.unit, value=float(one.trial.plants[0][i]), now=_number(now.get(c.name)),
                     then=_number(then[k], width), worst=_number(worst[k], width), alone=_number(alone[k], width),
-                    open=bool(then[k] > OPEN * size),
+                    open=bool(then[k] > OPEN * size), if_known=_number(known[k], width),
+                    alone_open=bool(known[k] > OPEN * size),
                 )
             )  # fmt: skip
         return rows
@@ -359,14 +365,14 @@ def _goal(
         [np.nan if (e := {r["name"]: r["standard_error"] for r in rows}[n]) is None else e for n in problem.space.names]
     )
     information = _information(problem, z, levels)
-    inflation = _inflation(information, errors)
+    inflation, unlike = _inflation(information, errors), _unlike(problem, z, levels, information)
     trial = TrialRecord(problem, plants, t, levels, errors, watched)
     begins = np.array([trial.begins[n] for n in trial.model.inputs])
     bits = np.random.default_rng(0).random((len(t) // 8 + 1, len(begins)))
     seen = np.array([np.ptp(problem.experiments[trial.recording].recording[n]) for n in trial.model.inputs])
     trial = trial.refined([begins + np.repeat(bits, 8, axis=0)[: len(t)] * seen])
     known = np.zeros_like(information) if alone else information / inflation
-    return Precision(trial, known, inflation, criterion, chosen)
+    return Precision(trial, known, inflation, criterion, chosen, unlike)
 
 
 def _noise(problem: Problem, z: np.ndarray) -> dict[str, float]:
@@ -408,6 +414,29 @@ def _inflation(information: np.ndarray, errors: np.ndarray) -> float:
     scaled = information / np.outer(size, size)
     white = np.sqrt(np.maximum(np.diag(np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)), 1e-300)) / size
     return float(max(1.0, np.median((errors[on] / white[on]) ** 2)))
+
+
+def _correlated(findings: Mapping[str, Any]) -> bool:
+    """Whether a test of a study finds its residuals correlated."""
+    return any(not test["white"] for test in (*findings["residual_tests"], *findings["short_recordings"]))
+
+
+def _unlike(problem: Problem, z: np.ndarray, levels: Mapping[str, float], information: np.ndarray) -> float:
+    """How many times larger variances are because errors are larger where parameters are told, if no two errors have
+    to do with each other: the median over the parameters, at least 1 (White, Econometrica 48 (1980) 817)."""
+    residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
+    jacobian = jacobian / problem.space.slopes(z)
+    met, few = np.zeros_like(information), few_samples(problem)
+    for _, output, block in named_blocks(problem):
+        r, j = residuals[block.rows], jacobian[block.rows]
+        size = (levels[output] / problem.scales[output]) ** 2 if output in few else float(np.mean(r**2))
+        own = j * r[:, None] if output not in few else j * np.sqrt(size)
+        met += own.T @ own / max(size, 1e-300) ** 2
+    by = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information / np.outer(by, by), rcond=1e-12, hermitian=True)
+    white, own = np.diag(inverse), np.diag(inverse @ (met / np.outer(by, by)) @ inverse)
+    on = white > 0
+    return float(max(1.0, np.median(own[on] / white[on]))) if np.any(on) else 1.0
 
 
 def _unit_of(model: Model, name: str) -> str | None:

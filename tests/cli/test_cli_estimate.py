@@ -171,6 +171,26 @@ def test_standard_input_is_tracked(bench, capsys, monkeypatch):
     assert said.record("track")["samples"] > 500
 
 
+@pytest.mark.parametrize("levels", ["", ", backward = 1", ", forward = 1, backward = 2"])
+def test_a_duty_with_its_direction_is_followed_also_while_it_runs_one_way(tmp_path, levels):
+    """The study's own recording says the levels of a direction that rows to come may not show."""
+    from plantfit.cli.commands.bench.track import _reader, _source
+    from plantfit.spec.reading import load
+
+    recording = lag.record(41, 400)
+    t, duty, y = recording.t, recording["u"], recording["y"]
+    way = np.where(np.arange(400) < 250, 1, 2)
+    rows = [f"{a},{b},{c},{d}\n" for a, b, c, d in zip(t, duty, way, y, strict=True)]
+    (tmp_path / "bench.csv").write_text("".join(["t,duty,dir,y\n", *rows]))
+    step = f'clean = [{{ step = "signed", signal = "duty", direction = "dir", name = "u"{levels} }}]'
+    (tmp_path / "lag.toml").write_text(WHOLE.replace('time = "t"', f'time = "t"\n{step}', 1))
+    read = _reader(load(tmp_path / "lag.toml"), None, True)
+    (tmp_path / "new.csv").write_text("".join(["t,duty,dir,y\n", *rows[:200]]))
+    parts = list(_source(str(tmp_path / "new.csv"), read, True, 0.1, lambda: False))
+    sign = 1.0 if "forward" in levels else -1.0
+    np.testing.assert_allclose(np.concatenate([p["u"] for p in parts]), sign * duty[:200])
+
+
 @pytest.mark.parametrize(
     ("change", "words", "code", "sentence"),
     [

@@ -427,6 +427,13 @@ def test_a_duty_with_its_direction_in_another_column_becomes_a_plant_that_turns_
     assert "rpm answers to pwm_signed." in said.out
     look = call(capsys, monkeypatch, "look", "m.toml")
     assert "rpm reacts to pwm_signed within a sample" in look.out
+    look = call(capsys, monkeypatch, "look", "m.csv")
+    assert "'pwm' has no sign and 'dir' gives it one: they are one input, pwm_signed" in look.out
+    assert "rpm reacts to pwm_signed within a sample" in look.out
+    look = call(capsys, monkeypatch, "look", "m.csv", "--input", "pwm")
+    assert "'pwm' has no sign and 'dir' gives it one, which is not in what follows" in look.out
+    (tmp_path / "one_way.csv").write_text("".join(rows[:1] + [r for r in rows[1:] if r.split(",")[2] == str(high)]))
+    assert "has no sign" not in call(capsys, monkeypatch, "look", "one_way.csv").out
     assert "a fit of 99" in call(capsys, monkeypatch, "run", "m.toml").out
 
 

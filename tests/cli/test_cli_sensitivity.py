@@ -30,6 +30,34 @@ def test_morris_around_a_point(folder, capsys, monkeypatch):
     assert "Elementary effects by group" in (folder / "page.html").read_text("utf-8")
 
 
+def test_values_of_a_study_whose_file_or_recordings_have_changed_since_are_told(folder, capsys, monkeypatch):
+    changed = "are those of study 1, which was of another problem: the study file or its recordings have changed"
+    words = ("sensitivity", "heater.toml", "--trajectories", "4")
+    assert call(capsys, monkeypatch, "run", "heater.toml", "--no-diagnose").code == 0
+    text, table = (folder / "heater.toml").read_text(), (folder / "heater.csv").read_text()
+    (folder / "heater.toml").write_text(text.replace("name = ", "# a comment is no change\nname = ", 1))
+    same = call(capsys, monkeypatch, *words)
+    assert same.code == 0, same.err
+    assert changed not in same.err
+    rows = table.splitlines(keepends=True)
+    (folder / "heater.csv").write_text("".join(rows[: len(rows) // 2]))
+    assert changed in " ".join(call(capsys, monkeypatch, *words).err.split())
+    assert changed not in " ".join(call(capsys, monkeypatch, *words, *AT).err.split())  # nothing is taken from it
+    (folder / "heater.csv").write_text(table)
+    (folder / "heater.toml").write_text(text.replace("tau", "slow"))
+    said = call(capsys, monkeypatch, *words)
+    assert said.code == 10
+    assert "Study 1 has no value for slow, which the file has: it has changed since." in " ".join(said.err.split())
+
+
+def test_a_check_at_some_values_says_where_the_others_are(folder, capsys, monkeypatch):
+    at = [w.replace("--set", "--at") for w in AT]
+    assert "at K=0.8, the others in the middle of their bounds: RMSE" in " ".join(
+        call(capsys, monkeypatch, "check", "heater.toml", *at[:2]).out.split()
+    )
+    assert "the others" not in call(capsys, monkeypatch, "check", "heater.toml", *at).out
+
+
 def test_sobol_over_the_box_by_group(folder, capsys, monkeypatch):
     words = ["--method", "sobol", "--samples", "64", "--group", "rest=K,T0", "--group", "speed=tau,L"]
     said = call(capsys, monkeypatch, "sensitivity", "heater.toml", *words)

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+import plantfit.recording as rec
+from plantfit.errors import RecordingError
 from plantfit.recording import guess_roles
 
 
@@ -63,3 +65,26 @@ def test_of_many_columns_switches_are_looked_at_by_name(tmp_path):
         found = _told(tmp_path, names, *two, *other, duty, y)
         signed = {r.name: r.direction for r in found.values() if r.direction}
         assert signed == ({"pwm": "direction"} if name == "direction" else {})
+
+
+def test_a_record_that_runs_one_way_alone_needs_both_levels():
+    def made(way):
+        return rec.from_arrays({"t": np.arange(4.0), "pwm": np.arange(4.0), "dir": np.array(way, dtype=float)})
+
+    def signs(way, **given):
+        return rec.signed(made(way), "pwm", "dir", "u", **given)["u"].tolist()
+
+    assert signs([1, 1, 1, 1], forward=1, backward=0) == [0, 1, 2, 3]
+    assert signs([0, 0, 0, 0], forward=1, backward=0) == [0, -1, -2, -3]
+    assert signs([2, 1, 2, 1], backward=1) == [0, -1, 2, -3]
+    assert signs([2, 1, 2, 1], backward=2) == [0, 1, -2, 3]
+    with pytest.raises(RecordingError, match=r"has 1 level.*write both levels, as in forward = 1, backward = 0"):
+        signs([1, 1, 1, 1])
+    with pytest.raises(RecordingError, match="has 1 level"):
+        signs([1, 1, 1, 1], forward=1)
+    with pytest.raises(RecordingError, match="forward is 1 and backward 0, but 'dir' is 0 or 2"):
+        signs([0, 2, 0, 2], forward=1, backward=0)
+    with pytest.raises(RecordingError, match=r"has 3 levels.*name another signal"):
+        signs([0, 1, 2, 2])
+    with pytest.raises(RecordingError, match="forward and backward are both 1"):
+        signs([0, 1, 1, 1], forward=1, backward=1)

@@ -70,3 +70,43 @@ def test_days_of_a_spreadsheet_are_not_taken_as_seconds(tmp_path):
 def test_a_time_that_is_not_read_is_told_how_to_be_written(tmp_path, cell, told):
     with pytest.raises(PlantfitError, match=told):
         rec.read_csv(_file(tmp_path, [cell] * 12))
+
+
+def _stamps(first, count, **step):
+    return [f"{datetime.fromisoformat(first) + k * timedelta(**step):%d/%m/%Y %H:%M:%S}" for k in range(count)]
+
+
+def test_a_date_that_may_be_two_is_not_said_to_be_one(tmp_path):
+    """4 March or 3 April: the times of one day are the same, and the log names both."""
+    r = rec.read_csv(_file(tmp_path, _stamps("2024-03-04T12:00", 20, seconds=1)))
+    np.testing.assert_array_equal(r.t, np.arange(20.0))
+    assert any("12:00:00 on 2024-04-03 or 2024-03-04: day and month can be exchanged" in line for line in r.log)
+    for given, day in (("day first", "2024-03-04"), ("month first", "2024-04-03")):
+        told = " ".join(rec.read_csv(_file(tmp_path, _stamps("2024-03-04T12:00", 20, seconds=1)), dates=given).log)
+        assert f"in seconds from {day} 12:00:00" in told
+        assert "exchanged" not in told
+    # the night to the 13th says which of the numbers is the day, and so does a date of two alike
+    for first in ("2024-03-12T23:59:50", "2024-04-04T12:00"):
+        assert "exchanged" not in " ".join(rec.read_csv(_file(tmp_path, _stamps(first, 20, seconds=1))).log)
+
+
+def test_dates_of_two_lengths_are_refused_with_the_line_to_write(tmp_path):
+    """From 2 January to 1 February, or back."""
+    times = ["01/02/2024 10:00:00", "02/01/2024 10:00:00"]
+    with pytest.raises(PlantfitError, match='write dates = "day first" or dates = "month first" under'):
+        rec.read_csv(_file(tmp_path, times))
+    assert rec.read_csv(_file(tmp_path, times), dates="month first").t[-1] == 30 * 86400
+    assert np.ptp(rec.read_csv(_file(tmp_path, times), dates="day first", sort=True).t) == 30 * 86400
+    with pytest.raises(PlantfitError, match=r"line 2.*'13/02/2024 10:00:00'.*with the month first, as dates says"):
+        rec.read_csv(_file(tmp_path, ["13/02/2024 10:00:00", *times]), dates="month first")
+    with pytest.raises(PlantfitError, match="dates is 'dmy'; use one of 'day first', 'month first', 'year first'"):
+        rec.read_csv(_file(tmp_path, times), dates="dmy")
+
+
+def test_an_hour_of_a_night_that_may_be_two_is_refused(tmp_path):
+    """Clocks of New York are put on 10 March 2024, and on 3 October nowhere."""
+    times = [f"{t:%d/%m/%Y %H:%M:%S}" for t in _local("2024-03-10T05:00", "America/New_York")]
+    with pytest.raises(PlantfitError, match=r"exchanged.*only some of them are a night.*dates = \"day first\""):
+        rec.read_csv(_file(tmp_path, times))
+    np.testing.assert_allclose(np.diff(rec.read_csv(_file(tmp_path, times), dates="day first").t), 60.0)
+    assert np.diff(rec.read_csv(_file(tmp_path, times), dates="month first").t).max() == 3660.0

@@ -148,7 +148,7 @@ def test_a_duty_gets_the_sign_of_its_direction():
         np.testing.assert_array_equal(r["u"], expected)
         assert r.signals["u"].unit == "%"
     for way, forward, told in (
-        (np.ones(6), None, "has 1 levels"),
+        (np.ones(6), None, "has 1 level,"),
         (np.array([0, 1, 2, 0, 1, 2.0]), None, "has 3 levels"),
         (np.array([0, 1, np.nan, 0, 1, 0]), None, "missing values"),
         (np.array([0, 1, 1, 0, 1, 0.0]), 2.0, "forward is 2, but 'dir' is 0 or 1"),

@@ -272,3 +272,76 @@ def test_a_table_of_which_each_row_holds_one_column_keeps_its_input():
     )
     assert headers(roles, "input") == {"u"}
     assert headers(roles, "output") == {"y", "z"}
+
+
+def _second_order(u, w, dt=0.02):
+    """What a servo does: w^2 (u - x) - 1.4 w v, by small steps."""
+    x, v, found = float(u[0]), 0.0, []
+    for wanted in u:
+        found.append(x)
+        for _ in range(10):
+            v += dt / 10 * (w * w * (wanted - x) - 1.4 * w * v)
+            x += dt / 10 * v
+    return np.array(found)
+
+
+@pytest.mark.parametrize("other", ["current", "voltage", "temp"])
+@pytest.mark.parametrize("names", [("angle_set", "angle_meas"), ("target", "angle"), ("sp_deg", "pot_deg")])
+@pytest.mark.parametrize("moves", ["steps", "sines"])
+def test_the_set_point_of_a_servo_is_its_input_where_nothing_else_drives_it(names, other, moves):
+    """Whatever else is measured: a battery, a current, the temperature of the room."""
+    for seed in range(3):
+        rng, t = np.random.default_rng(seed), 0.02 * np.arange(800)
+        wanted = steps(rng, 800, 50, 0, 180) if moves == "steps" else 90 + 60 * np.sin(2 * t) + 20 * np.sin(5.6 * t)
+        angle = np.round(_second_order(wanted, 12.0) + rng.normal(0, 0.3, 800), 1)
+        beside = {
+            "current": np.abs(np.gradient(angle)) * 0.1 + rng.normal(0, 0.02, 800),
+            "voltage": 7.4 + rng.normal(0, 0.02, 800),
+            "temp": 30 + np.cumsum(rng.normal(0, 0.005, 800)),
+        }[other]
+        roles = roles_of(in_a_table(**{names[0]: wanted, names[1]: angle, other: beside}))
+        assert names[0] in headers(roles, "input"), seed
+        assert names[1] in headers(roles, "output"), seed
+        assert names[0] in next(r.answers for r in roles.columns if r.header == names[1])
+
+
+@pytest.mark.parametrize("name", ["heating", "out", "x1"])
+def test_the_set_point_of_a_loop_whose_controller_is_recorded_is_no_input(name):
+    for seed in range(6):
+        rng, y, integral = np.random.default_rng(seed), 0.0, 0.0
+        wanted, us, ys = steps(rng, 1200, 160, 20, 80), [], []
+        for goal in wanted:
+            integral += 0.02 * (goal - y)
+            u = 2 * (goal - y) + 1.5 * integral
+            us.append(u)
+            ys.append(y)
+            y += 0.02 * (u - y)
+        u, y = np.array(us) + rng.normal(0, 0.5, 1200), np.array(ys) + rng.normal(0, 0.2, 1200)
+        roles = roles_of(in_a_table(**{"setpoint": wanted, name: u, "temp": y}))
+        assert headers(roles, "set point") == {"setpoint"}, seed
+        assert headers(roles, "input") == {name}, seed
+
+
+@pytest.mark.parametrize("names", [("distance [mm]", "voltage [V]"), ("d", "adc"), ("dist_cm", "raw"), ("x", "y")])
+def test_a_sensor_answers_to_what_it_is_held_at(names):
+    """A distance sensor over a target that is moved by hand: its voltage falls with the distance at once."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        held = steps(rng, 800, 60, 100, 900)
+        sensed = 10 / (0.01 * held + 0.1) + rng.normal(0, 0.03, 800)
+        roles = roles_of(in_a_table(**{names[0]: held, names[1]: sensed}))
+        assert headers(roles, "input") == {names[0]}, seed
+        # a plant with memory goes on answering: there names and what the past tells decide
+        slow = lag(held, 1.0, 10.0) + rng.normal(0, 3.0, 800)
+        roles = roles_of(in_a_table(**{names[0]: held, names[1]: slow}))
+        assert not any("shakes" in r.why for r in roles.columns)
+
+
+def test_a_distance_is_measured_and_no_input_of_a_speed():
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        speed = lag(steps(rng, 800, 60, -200, 200), 1.0, 5.0)
+        distance = np.round(600 + np.cumsum(0.02 * speed) + rng.normal(0, 1, 800))
+        roles = roles_of(in_a_table(speed=np.round(speed + rng.normal(0, 2, 800)), distance=distance))
+        assert headers(roles, "output") == {"distance"}, seed
+        assert roles.unsure

@@ -243,6 +243,37 @@ def test_an_exchange_is_named_from_one_run_too_and_not_where_there_is_none(seed)
     assert not told(findings, "can be exchanged")
 
 
+def shared(extra="", unit="1", whole=1.0, seed=3, low=0.0) -> Answer:
+    """f exp(-a t) + (1 - f) exp(-b t) with f = 0.3, a = 4, b = 0.7."""
+    t = np.linspace(0.0, 3.0, 80)
+    y = 0.3 * np.exp(-4.0 * t) + 0.7 * np.exp(-0.7 * t) + 0.002 * np.random.default_rng(seed).normal(size=80)
+    rate = {"bounds": (0.01, 30.0)}
+    declared = {"f": {"bounds": (low * whole, whole), "unit": unit}, "a": rate, "b": rate}
+    share = f"f/{whole:g}"
+    text = f"y = {share}*exp(-a*u) + (1 - {share})*exp(-b*u){extra}"
+    model = equations(text, inputs=["u"], outputs=["y"], parameters=declared, check=False)
+    return fit(Problem(model, Recording(t, {"u": Signal(t), "y": Signal(y)})), runs=6, seed=seed)
+
+
+@pytest.mark.parametrize(("unit", "whole"), [("1", 1.0), (None, 1.0), ("%", 100.0)])
+def test_a_share_that_becomes_the_rest_is_one_answer(unit, whole):
+    findings = shared(unit=unit, whole=whole).findings
+    assert told(findings, f"a and b can be exchanged while f becomes {whole:g} - f: same model")
+    assert len(findings["agreement"]["answers"]) == 1
+    assert findings["agreement"]["agree"] == 6
+    [same] = findings["agreement"]["symmetries"]
+    assert same["whole"] == [whole, 0.0, 0.0]
+    assert same["sign"] == [-1, 1, 1]
+    assert not told(findings, "different answers")
+
+
+def test_a_share_whose_terms_are_not_alike_is_no_exchange():
+    """Only a acts on the other term too: exchanged it is another model."""
+    findings = shared(extra=" + 0.001*a*u").findings
+    assert not findings["agreement"]["symmetries"]
+    assert not told(findings, "becomes")
+
+
 def test_answers_that_are_different_models_are_told_apart():
     """y = |p|: two answers of the same cost, and no map of the model: the other output of the same shape sees the
     sign."""

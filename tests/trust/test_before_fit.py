@@ -92,6 +92,49 @@ def test_a_parameter_without_effect_and_an_input_at_rest():
     assert found.unseen == ("K",)
 
 
+def tabled(text, over, nodes, y=None, u=U):
+    """A plant with a table k over `over`, and the outputs y (N,) that were recorded."""
+    tables = {"k": {"over": [over], "nodes": [list(map(float, nodes))]}}
+    model = pf.equations(text, inputs=["u"], states=["x"], outputs=["y"], parameters=["K"], tables=tables, name="plant")
+    record = pf.from_arrays(T, signals={"u": u, "y": np.zeros(N) if y is None else y})
+    space = {"K": pf.Parameter((0.01, 0.1)), "k": pf.Parameter((0.5, 5.0))}
+    return before_fit(pf.Problem(model, record, space, scales={"y": 1.0}))
+
+
+@pytest.mark.parametrize("gain", [1.0, 2.0])
+def test_entries_that_only_the_recordings_come_to_are_not_said_to_have_no_effect(gain):
+    """Trial simulations stay below 1, the record goes to 7: of nodes at 0, 2, 4, 6, 8, 10 and 12 it touches five."""
+    text = f"x' = K*u - k(x)*x; y = {'x' if gain == 1.0 else '2*x'}"
+    found = tabled(text, "x", range(0, 14, 2), y=7.0 * np.sin(T) ** 2)
+    assert found is not None
+    assert not any("no effect" in s for s in told(found))
+    if gain == 1.0:
+        assert {n for n, seen in found.entries.items() if seen} == {"k[2]", "k[3]", "k[4]"}
+        assert {n for n, seen in found.entries.items() if seen is False} == {"k[5]", "k[6]"}
+        assert told(found)[0].startswith(
+            "No simulation at 8 random points of the bounds comes to k[2], k[3] and k[4], and"
+        )
+        assert told(found)[1].startswith("No fitted sample comes to k[5] and k[6]: hold values, leave these nodes out")
+    else:  # no output is the state as it is
+        assert set(found.entries.values()) == {None}
+        assert "What the table is over is not measured" in told(found)[0]
+
+
+def test_entries_of_a_table_over_an_input_are_known_to_be_visited_or_not():
+    found = tabled("x' = K*u - k(u)*x; y = x", "u", [-9.0, -6.0, -3.0, 0.0, 3.0, 6.0])
+    assert found is not None
+    assert found.entries == {"k[0]": False, "k[1]": False, "k[5]": False}
+    # inputs come to these nodes, and the table acts on nothing
+    found = tabled("x' = K*u - x + 0*k(u); y = x", "u", [-3.0, 0.0, 3.0])
+    assert found is not None
+    assert found.entries == {}
+    assert told(found)[0].startswith("k[0], k[1] and k[2] have no effect on the fitted samples")
+    found = tabled("x' = K*u - k(u)*x; y = x", "u", [-3.0, 0.0, 3.0])
+    assert found is not None
+    assert found.entries == {}
+    assert not any("comes to" in s for s in told(found))
+
+
 def holds_along(formula, names, values, direction, logs):
     """Whether a named formula changes along an open direction, by a step that is not small."""
     at = dict(zip(names, values, strict=True))

@@ -209,7 +209,63 @@ def test_what_no_input_can_tell_stays_open_in_words():
     open_ = {r["name"]: r["open"] for r in found.record["parameters"]}
     assert open_ == {"a": True, "b": True, "tau": False}
     warned = [v["sentence"] for v in found.verdict if v["level"] == "warning"]
-    assert any(s.startswith("a and b would stay open") for s in warned)
+    assert any(s.startswith("a and b would stay open, each by itself,") for s in warned)
+    assert any("because others can make up for them; hold or measure one of them" in s for s in warned)
+    assert not any("too little effect" in s for s in warned)
+
+
+def test_what_hardly_acts_is_not_said_to_be_made_up_for_by_others():
+    """c acts a thousandth as much as noise does, and on nothing that another parameter touches."""
+    t = 0.1 * np.arange(150)
+    u = np.where(t < 1, 0.0, 1.0)
+    bounds = {"K": ((0.1, 10.0), "1"), "c": ((0.1, 100.0), "1"), "tau": ((0.1, 10.0), "s")}
+    text = "x' = (K*u - x)/tau\ny = x + 1e-6*c*sin(40*x)"
+    answer = answer_of(text, {"x": "1"}, bounds, t, u, first_order(u, 2.0, 0.8, 0.0), 0.02)
+    found = pf.design(answer, inputs={"u": (0, 1)}, draws=0, budget=300)
+    told = [v["sentence"] for v in found.verdict]
+    assert any(s.startswith("c would stay open under every input") and "it has too little effect" in s for s in told)
+    assert not any("make up for" in s for s in told)
+
+
+def _pulses(noise, seed):
+    """A lag that answers to a pulse in every 16 s, sampled at 10 Hz, with `noise` (n,) of white errors."""
+    t = RATE * np.arange(len(noise))
+    u = np.where(np.arange(len(t)) % 160 < 8, 1.0, 0.0)
+    bounds = {"K": ((0.2, 10.0), "1"), "tau": ((0.1, 10.0), "s")}
+    y = first_order(u, 2.0, 0.6, 0.0) + noise * np.random.default_rng(seed).standard_normal(len(t))
+    return answer_of("x' = (K*u - x)/tau\ny = x", {"x": "1"}, bounds, t, u, y, 0.0)
+
+
+def test_white_errors_that_are_larger_where_parameters_are_told_are_not_called_correlated():
+    noise = np.where(np.arange(1600) % 160 < 24, 0.2, 0.01)
+    for seed in (4, 5):  # tests that take errors as of one size call those of 5 not white
+        told = pf.design(_pulses(noise, seed), budget=100, draws=0).typed
+        assert told.inflation > 2
+        assert told.unlike == pytest.approx(told.inflation, rel=0.3)
+        assert not told.correlated
+        said = " ".join(v.sentence for v in told.verdict)
+        assert "are correlated" not in said
+        assert "white noise of one size: its errors are larger where the parameters are told" in said
+    even = pf.design(_pulses(np.full(1600, 0.05), 4), budget=100, draws=0).typed
+    assert "white noise" not in " ".join(v.sentence for v in even.verdict)
+
+
+def test_errors_that_are_correlated_are_called_so():
+    t = RATE * np.arange(600)
+    u = np.where(np.arange(600) % 80 < 40, 1.0, 0.0)
+    slow = lfilter([0.03], [1.0, -0.9], np.random.default_rng(2).standard_normal(600))
+    bounds = {"K": ((0.2, 10.0), "1"), "tau": ((0.1, 10.0), "s")}
+    answer = answer_of("x' = (K*u - x)/tau\ny = x", {"x": "1"}, bounds, t, u, first_order(u, 2.0, 0.6, 0.0) + slow, 0.0)
+    made = pf.design(answer, budget=100, draws=0).typed
+    assert made.correlated
+    said = [v["sentence"] for v in precision_sentences(made)]
+    assert any(s.startswith("The residuals of the study are correlated, which makes variances") for s in said)
+    scattered = made.model_copy(update={"widened": ["K"]})
+    said = [v["sentence"] for v in precision_sentences(scattered)]
+    assert any("are correlated, and its recordings scatter in K, which makes" in s for s in said)
+    said = [v["sentence"] for v in precision_sentences(scattered.model_copy(update={"correlated": False}))]
+    assert any(s.startswith("The study's recordings scatter in K, which makes variances") for s in said)
+    assert not any("are correlated" in s for s in said)
 
 
 def test_the_same_seed_gives_the_same_input(lag):

@@ -3,12 +3,14 @@
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
 
 from benchmarks.diagnosis import PLANTS, write
 
+import plantfit as pf
 from plantfit import fit
 from plantfit.recording.clean import outliers
 from plantfit.spec import load
@@ -56,3 +58,42 @@ def test_a_diagnosis_that_is_stopped_says_how_far_it_came(spiky, turn, said):
     assert meter.stopped
     assert any(s.startswith("It was stopped: ") and said in s for s in sentences)
     assert not any(v["sentence"].startswith("It was stopped") for v in diagnosis_record(whole)["verdict"])
+
+
+def _stepped(taken, seed=1, spikes=()):
+    """A lag of 0.12 s under steps every 0.8 s, sampled every 0.02 s: y as it was at the times `taken` (n,)."""
+    rng = np.random.default_rng(seed)
+    levels, n = rng.choice([0.0, 1.0, 2.0, 3.0], 21), len(taken)
+    y, k, x, now = np.empty(n), 0, 0.0, 0.0
+    for i, at in enumerate(taken):
+        while 0.8 * (k + 1) <= at:
+            x = 2 * levels[k] + (x - 2 * levels[k]) * np.exp(-(0.8 * (k + 1) - now) / 0.12)
+            k, now = k + 1, 0.8 * (k + 1)
+        x, now = 2 * levels[k] + (x - 2 * levels[k]) * np.exp(-(at - now) / 0.12), at
+        y[i] = x
+    y += 0.004 * rng.standard_normal(n)
+    y[list(spikes)] += 0.3
+    u = levels[np.arange(n) // 40]
+    model = pf.equations(
+        "x' = (K*u - x)/tau; y = x", inputs=["u"], states=["x"], outputs=["y"], name="lag",
+        parameters={"K": {"bounds": (0.1, 10)}, "tau": {"bounds": (0.02, 2)}},
+    )  # fmt: skip
+    answer = fit(pf.Problem(model, pf.from_arrays({"t": 0.02 * np.arange(n), "u": u, "y": y}, time="t")), budget=300)
+    return [v["sentence"] for v in diagnosis_record(diagnose(answer.problem, answer.best.x, rounds=1))["verdict"]]
+
+
+def test_samples_behind_steps_of_an_input_are_no_outliers_where_the_clock_shakes():
+    rng = np.random.default_rng(3)
+    t = 0.02 * np.arange(800)
+    said = _stepped(t + np.abs(rng.normal(0, 0.004, 800)))
+    assert any("right behind steps of inputs lie far from their neighbours" in s for s in said)
+    assert not any("drop_samples" in s for s in said)
+    said = _stepped(t)  # an even clock
+    assert not any("far from their neighbours" in s for s in said)
+
+
+def test_spikes_anywhere_stay_outliers():
+    t = 0.02 * np.arange(800)
+    said = _stepped(t, spikes=(55, 133, 210, 377, 491, 642, 755))
+    assert any("7 of 800 samples of y lie far from their neighbours" in s for s in said)
+    assert not any("right behind steps" in s for s in said)

@@ -67,11 +67,12 @@ class DistinctAnswer(Record):
 
 class SameModel(Record):
     """A map between answers that are one model: parameter `name` takes the value of `source[name]`, times its
-    `sign`."""
+    `sign`, added to its `whole` (0, but of a share that becomes the rest 1, or 100 %)."""
 
     sentence: str
     source: dict[str, str] = {}
     sign: list[int] = []
+    whole: list[float] = []
 
 
 class Agreement(Record):

@@ -32,7 +32,7 @@ _INPUT = re.compile(
 )
 _OUTPUT = re.compile(
     r"(?:y|out|temp|temperature|speed|rpm|velocity|vel|omega|w|position|pos|angle|theta|phi|level|height|pressure|flow|pv|"
-    r"response|tacho|encoder|enc|displacement|acceleration|acc|concentration|ph|humidity|current|i|t|x|outlet|level|adc|"
+    r"response|tacho|encoder|enc|displacement|distance|dist|range|ultrasonic|sonar|lidar|tof|abstand|entfernung|acceleration|acc|concentration|ph|humidity|current|i|t|x|outlet|level|adc|"
     r"drehzahl|temperatur|geschwindigkeit|winkel|füllstand|niveau|druck|durchfluss|istwert|ist|ausgang|strom|lage|weg|"
     r"température|vitesse|mesure|sortie|pression|débit|courant|angle)"
 )
@@ -150,12 +150,13 @@ def _said(column: Column, words: re.Pattern[str]) -> bool:
 
 
 def _judged(
-    columns: Mapping[str, Column], values: Mapping[str, np.ndarray], missing: Mapping[str, int]
+    columns: Mapping[str, Column], values: Mapping[str, np.ndarray], missing: Mapping[str, int], commanded: bool = False
 ) -> dict[str, Role]:
+    """The roles of columns of numbers; `commanded` where set points are inputs, as of a servo."""
     heads, n = list(columns), min(map(len, values.values()))
     stride = max(1, n // MOST)
     v = np.column_stack([values[h][::stride] for h in heads])
-    goals = {h for h in heads if _said(columns[h], _GOAL)}
+    goals = set() if commanded else {h for h in heads if _said(columns[h], _GOAL)}
     sparse = {h for h in heads if h not in goals and missing[h] > (1 - SPARSE) * n}
     if len(sparse) == len(heads) - len(
         goals
@@ -167,13 +168,15 @@ def _judged(
     if len(heads) - len(goals) - len(copies) < 2:  # nothing but set points: then they are inputs
         goals = set()
     own = [h for h in heads if h not in goals and h not in copies and h not in sparse]
-    v = v[:, [heads.index(h) for h in own]]
+    everything, v = v / np.abs(v).max(axis=0), v[:, [heads.index(h) for h in own]]
     v = v / np.abs(v).max(axis=0)  # squares of values near the end of float64 overflow
     tells = _tells(v) if len(own) > 1 else np.zeros((len(own), len(own)))
     evidence, reasons = (
-        zip(*(_evidence(columns[h], v[:, k], tells, k) for k, h in enumerate(own)), strict=True) if own else ((), ())
+        zip(*(_evidence(columns[h], v, tells, k) for k, h in enumerate(own)), strict=True) if own else ((), ())
     )
     inputs = [k for k in range(len(own)) if evidence[k] > 0]
+    if goals and not _controlled(tells, inputs, everything[:, [heads.index(h) for h in (*own, *sorted(goals))]]):
+        return _judged(columns, values, missing, commanded=True)
     forced = None
     if not inputs or (len(inputs) == len(own) and not sparse):
         forced = int(np.argmax(evidence) if not inputs else np.argmin(evidence))
@@ -289,7 +292,7 @@ def _copies(heads: Sequence[str], columns: Mapping[str, Column], v: Mapping[str,
 
 
 def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple[float, dict[str, str]]:
-    """(evidence, above 0 for an input; the clauses that speak for each role)."""
+    """(evidence, above 0 for an input; the clauses that speak for each role) of column k of v (n, m)."""
     total, said = 0.0, {"input": [], "output": []}
 
     def add(weight: float, clause: str) -> None:
@@ -302,7 +305,7 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         add(1.2 * named, "its name")
     if column.unit in _IN_UNITS or column.unit in _OUT_UNITS:
         add(0.5 if column.unit in _IN_UNITS else -0.5, f"its unit {column.unit}")
-    jumps = _jumps(v)
+    jumps = _jumps(v[:, k])
     if jumps:
         add(1.3 * jumps, "it stays level and jumps" if jumps > 0 else "it changes gradually")
     others = [i for i in range(len(tells)) if i != k]
@@ -311,11 +314,40 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
         lead = (out - back) / max(out + back, 0.05)
         if abs(lead) > 0.3:
             add(1.2 * lead, "other columns react to it" if lead > 0 else "it reacts to another column")
+        if any(_shakes_with(v[:, k], v[:, i]) for i in others):
+            add(2.0, "another column jumps with it, and shakes where it stays level")
+        elif any(_shakes_with(v[:, i], v[:, k]) for i in others):
+            add(-2.0, "it shakes where another column is level, and jumps with it")
     return total, {kind: ", ".join(clauses) for kind, clauses in said.items()}
+
+
+def _controlled(tells: np.ndarray, inputs: Sequence[int], v: np.ndarray) -> bool:
+    """Whether the output of a controller is among the columns, whose `tells` (m, m) are given: it moves another one,
+    and looks like an input or does not follow a set point itself. Set points are the last of all columns v (n, more).
+    """
+    m = len(tells)
+    leads = [i for i in range(m) if any(tells[i, k] > tells[k, i] for k in range(m) if k not in inputs)]
+    if any(i in inputs for i in leads):
+        return True
+    told = _tells(v)[m:, :m] if leads else np.zeros((1, m))
+    moved = np.maximum(STILL, 0.5 * told.max(axis=0))  # (m,): a walk that is slow seems to tell a little of all
+    return any(np.any(tells[i] >= moved) and told[:, i].max() < 0.5 for i in leads)
+
+
+def _shakes_with(level: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a column (n,) stays exactly level between jumps, and another one jumps with it but never stays level:
+    what was set, and what a sensor without memory says of it."""
+    moves, steps = np.diff(level) != 0, np.abs(np.diff(other))
+    if not 5 <= np.count_nonzero(moves) <= 0.2 * len(moves) or np.mean(steps[~moves] > 0) < 0.5:
+        return False
+    after = np.roll(moves, 1) & ~moves  # of a plant with memory the answer goes on
+    return bool(np.median(steps[moves]) > 5.0 * max(np.median(steps[~moves]), np.median(steps[after])))
 
 
 def _named(column: Column) -> float:
     """1 where the name is that of an input, -1 of an output, 0 of neither."""
+    if _said(column, _GOAL):
+        return 1.0
     words = [
         (1.0 if _INPUT.fullmatch(w) else -1.0)
         for w in _words(column)

@@ -11,8 +11,10 @@ from typing import Any
 import numpy as np
 
 from plantfit import recording as rec
-from plantfit.errors import SpecError, in_words
+from plantfit import units
+from plantfit.errors import SpecError, UnitError, in_words
 from plantfit.problem import Experiment, split
+from plantfit.recording.readers.columns import unit_in_name
 from plantfit.recording.unmeasured import unmeasured
 from plantfit.spec.error_place import errors_at
 from plantfit.spec.limits import check_step
@@ -25,6 +27,7 @@ CLEANING = (
     "counts_to_speed",
     "period_to_speed", "moving_rms", "odometry", "backdate", "keep_every", "signed", "unwrap",
 )  # fmt: skip
+_LEVEL = re.compile(r".*[^_\W]_(?P<unit>dB[mVuW]?)")  # names that end in a level
 
 
 def recording_file(r: RecordingTable, path: Path) -> Path:
@@ -38,7 +41,7 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
     given = {
         "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
         "sheet": r.sheet, "sort": r.sort or None, "duplicates": r.duplicates,
-        "missing": r.missing or None,
+        "missing": r.missing or None, "dates": r.dates,
     }  # fmt: skip
     with errors_at(f"{path.name}, [recording.{name}]"):
         record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})
@@ -74,6 +77,39 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
             ) from error
     with errors_at(f"{path.name}, [recording.{name}]"):
         return unmeasured(record, r.unmeasured) if r.unmeasured else record
+
+
+def check_units_in_names(
+    name: str, r: RecordingTable, record: rec.Recording, needs: Mapping[str, str | None], path: Path
+) -> None:
+    """Refuse a column without a unit whose name ends in another one than the model's, as f_Hz for a rate in rad/s:
+    its numbers would be taken as they are, off by 2 pi, 1000 or 273."""
+    for signal, need in needs.items():
+        header = (r.signals or {}).get(signal, signal)
+        cleaned = any(signal in (step.get("signal"), step.get("name")) for step in r.clean)
+        known = signal not in record.signals or record.signals[signal].unit is not None
+        if need is None or known or cleaned or not isinstance(header, str):
+            continue
+        level = _LEVEL.fullmatch(header.strip())
+        have = level["unit"] if level else unit_in_name(header)
+        if have is None or (not level and (_alike(have, need) or units.dimension(have) != units.dimension(need))):
+            continue
+        if level and units.logarithmic(need):
+            continue
+        said = f"{path.name}, [recording.{name}]: the column {header!r} ends in {have!r}, and {signal!r} is in {need!r}"
+        meant = f'units = {{ {signal} = "{need}" }} if its numbers are in {need}'
+        if level:
+            raise UnitError(
+                f"{said} in the model. Levels are not converted: convert the column to a linear unit, declare "
+                f"{signal!r} without a unit to compute with levels, or write {meant}."
+            )
+        turns = not units.compatible(have, need) and have.endswith("Hz")
+        line = f'units = {{ {signal} = "{"turn/s" if have == "Hz" else "kiloturn/s" if turns else have}" }}'
+        raise UnitError(f"{said} in the model. Write {line}{' if a cycle is one turn' if turns else ''}, or {meant}.")
+
+
+def _alike(have: str, need: str) -> bool:
+    return units.equal(have, need) or units.is_difference(need)
 
 
 def counted_signals(clean: Sequence[Mapping[str, Any]]) -> dict[str, float]:

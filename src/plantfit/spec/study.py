@@ -21,7 +21,7 @@ from plantfit.space import Parameter
 from plantfit.spec.error_place import errors_at
 from plantfit.spec.instruments import missing_instruments
 from plantfit.spec.limits import check_problem
-from plantfit.spec.recordings import counted_signals, experiments_of
+from plantfit.spec.recordings import check_units_in_names, counted_signals, experiments_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, RecordingTable, SpecTable
 from plantfit.spec.uncertainty import errors_of
 from plantfit.study.plan import AFTER_SHOOTING, Plan, default_budget
@@ -57,6 +57,8 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
     model, tables, experiments = model_of(table, path), {}, {}
     for n, r in table.recording.items():
         own = experiments_of(n, r, path, files)
+        measured = model.inputs if isinstance(model, Model) else model.signals
+        check_units_in_names(n, r, next(iter(own.values())).recording, {**measured, **model.outputs}, path)
         if twice := own.keys() & experiments.keys():
             raise SpecError(
                 f"{path.name}: a piece of recording.{n} is called "

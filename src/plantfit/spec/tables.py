@@ -77,6 +77,7 @@ class RecordingTable(_Table):
     file: str
     time: str | int | None = None
     time_unit: str | None = None
+    dates: Literal["day first", "month first", "year first"] | None = None
     period: float | None = Field(None, gt=0)
     signals: dict[str, str | int] | None = None
     units: dict[str, str] = {}

@@ -59,6 +59,10 @@ class ErrorsAfter(Record):
     """With the new recording alone."""
     open: bool
     """Whether the new recording does not determine it."""
+    if_known: Number = None
+    """`then`, if all other parameters were known."""
+    alone_open: bool = False
+    """Whether it stays open also if all others were known."""
 
 
 class NextExperiment(Printed):
@@ -83,6 +87,12 @@ class NextExperiment(Printed):
     """Standard deviation by output."""
     inflation: float
     """How many times larger the variances are than those of white residuals."""
+    unlike: float = 1.0
+    """How many times by errors that are larger where the parameters are told."""
+    correlated: bool = False
+    """Whether residuals that are correlated make up for the rest."""
+    widened: list[str] = []
+    """Parameters whose errors in the study allow for scatter between recordings."""
     kind: str
     shape: str
     """Of the input that was found."""

@@ -12,6 +12,7 @@ from plantfit.recording.readers.clock import guess_time, seconds
 from plantfit.recording.readers.columns import Column, Table, close_match, identifier, unknown_unit
 from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import mostly_numbers, numbers
+from plantfit.recording.readers.timestamps import ORDERS, Dates
 from plantfit.recording.record import Recording, Signal
 from plantfit.units import gauge, logarithmic, parse
 
@@ -25,6 +26,7 @@ class Options(TypedDict, total=False):
     `time`: column of time (header or number); left out, it is recognised by its name or cells.
     `period`: seconds between rows, instead of a time column.
     `time_unit`: unit of a time column of numbers whose header has none.
+    `dates`: "day first", "month first" or "year first", where the dates of time stamps do not tell it.
     `signals`: own names to columns, or a list of columns; left out, every column of numbers.
     `units`: units by own name, for columns whose header has none.
     `missing`: words and numbers in cells that stand for no value, such as "Bad" and -999.
@@ -35,6 +37,7 @@ class Options(TypedDict, total=False):
     time: str | int | None
     period: float | None
     time_unit: str | None
+    dates: Dates | None
     signals: Mapping[str, str | int] | Sequence[str | int] | None
     units: Mapping[str, str] | None
     missing: Sequence[str | float] | None
@@ -96,6 +99,10 @@ def _check_options(table: Table, options: Options) -> None:
         )
     if options.get("duplicates") not in (None, "mean", "first"):
         raise RecordingError(f"{table.source}: duplicates is {options.get('duplicates')!r}; use 'mean' or 'first'.")
+    if options.get("dates") not in (None, *ORDERS):
+        raise RecordingError(
+            f"{table.source}: dates is {options.get('dates')!r}; use one of {', '.join(map(repr, ORDERS))}."
+        )
     if options.get("time") is not None and options.get("period") is not None:
         raise RecordingError(f"{table.source}: both time and period are given; leave one of them out.")
     if not table.columns or not len(table.columns[0].cells):
@@ -126,7 +133,7 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
             f"{[c.header for c in table.columns]} or period= in seconds; rows that have no times, as those of a static "
             "curve, take period = 1."
         )
-    t, sentence = seconds(table, column, options.get("time_unit"))
+    t, sentence = seconds(table, column, options.get("time_unit"), options.get("dates"))
     return t, column, [sentence]
 
 

@@ -2,6 +2,7 @@
 
 import re
 from datetime import datetime
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -10,7 +11,7 @@ from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import Column, Table
 from plantfit.recording.readers.numbers import casted, clean_text, is_missing, is_number, numbers
 from plantfit.recording.readers.running_on import without_daylight_saving, without_overruns
-from plantfit.recording.readers.timestamps import is_date, is_timestamp, timestamps
+from plantfit.recording.readers.timestamps import UNCLEAR, Dates, is_date, is_timestamp, readings, told_apart
 from plantfit.units import compatible, factor_offset
 
 _CLOCK = re.compile(r"(\d+):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
@@ -131,7 +132,7 @@ def may_be_milliseconds(table: Table) -> bool:
     return not len(text) and known_by.startswith("assumed") and bool(whole) and float(np.median(steps)) > 1
 
 
-def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.ndarray, str]:
+def seconds(table: Table, column: Column, time_unit: str | None, dates: Dates | None = None) -> tuple[np.ndarray, str]:
     """Times (n,) in seconds and a log sentence; timestamps and clock readings count from the first row."""
     cells = column.cells
     if cells.dtype.is_temporal():
@@ -147,7 +148,7 @@ def seconds(table: Table, column: Column, time_unit: str | None) -> tuple[np.nda
         first = next((cell for cell in text if cell is not None), "")
         if looks_like_time(first):
             _refuse_unit(column, time_unit, "timestamps or clock readings")
-            return _from_text(table, column, text, first)
+            return _from_text(table, column, text, first, dates)
         if _AS_TIME.fullmatch(first) and not is_number(first):
             _refuse_unread(table, column, text.index(first), first)
     values, _ = numbers(table, column, "time")
@@ -238,35 +239,56 @@ def _from_temporal(table: Table, column: Column) -> np.ndarray:
     return (nanoseconds - nanoseconds[0]).to_numpy() / ticks
 
 
-def _from_text(table: Table, column: Column, text: list[str | None], first: str) -> tuple[np.ndarray, str]:
+def _from_text(
+    table: Table, column: Column, text: list[str | None], first: str, dates: Dates | None
+) -> tuple[np.ndarray, str]:
     _no_gaps(table, column, np.array([cell is not None for cell in text]))
     clock = _CLOCK.fullmatch(first) is not None
-    found, unclear = ([_clock_seconds(cell or "") for cell in text], None) if clock else timestamps(text)
-    if None in found:
-        row = found.index(None)
+    alike: list[Any] = [[_clock_seconds(cell or "") for cell in text]] if clock else readings(text, dates)
+    if None in alike[0]:
+        row = alike[0].index(None)
         kind = "a clock reading like 13:05:59.2" if clock else "a timestamp like 2024-05-31T13:05:59.2"
+        said = f" with the {dates}, as dates says" if dates and not clock else ""
         raise RecordingError(
-            f"{table.where(row)}, time column {column.header!r}: {text[row]!r} is not {kind}; correct that cell."
+            f"{table.where(row)}, time column {column.header!r}: {text[row]!r} is not {kind}{said}; correct that cell."
         )
     if clock:
-        return _past_midnight(np.array(found, dtype=float), column)
-    if unclear:
-        raise RecordingError(
-            f"{table.source}: time column {column.header!r}: {unclear}; write them as 2024-05-31 13:05:59."
-        )
-    start = found[0]
+        return _past_midnight(np.array(alike[0], dtype=float), column)
+    if told_apart(alike):
+        _refuse_dates(table, column, UNCLEAR)
+    found = [_from_stamps(table, column, stamps) for stamps in alike]
+    starts = [stamps[0] for stamps in alike]
+    values, told = found[0]
+    if any(not np.array_equal(values, other) for other, _ in found):
+        _refuse_dates(table, column, f"{UNCLEAR}, and only some of them are a night in which clocks are put")
+    if len({*starts}) > 1:
+        days = " or ".join(f"{start:%Y-%m-%d}" for start in starts)
+        when = f"{starts[0]:%H:%M:%S} on {days}: day and month can be exchanged, and the times are the same"
+    else:
+        when = f"{starts[0]}"
+    return values, f"Time from the timestamps {column.header!r}, in seconds from {when}.{told}"
+
+
+def _refuse_dates(table: Table, column: Column, why: str) -> None:
+    raise RecordingError(
+        f'{table.source}: time column {column.header!r}: {why}; write dates = "day first" or dates = '
+        '"month first" under [recording.NAME] (in Python dates="day first"), or the dates as 2024-05-31 13:05:59.'
+    )
+
+
+def _from_stamps(table: Table, column: Column, stamps: list) -> tuple[np.ndarray, str]:
+    """Times (n,) in s from the first of the stamps, without changes of the clock, and what is told of these."""
+    start = stamps[0]
     try:
-        values = np.array([(stamp - start).total_seconds() for stamp in found])  # pyrefly: ignore[missing-attribute, unsupported-operation]
+        values = np.array([(stamp - start).total_seconds() for stamp in stamps])
     except TypeError:
         raise RecordingError(
             f"{table.source}: time column {column.header!r} mixes "
             "timestamps with and without a time zone; write all alike."
         ) from None
-    told = f"Time from the timestamps {column.header!r}, in seconds from {start}."
     if isinstance(start, datetime) and start.tzinfo is None:
-        values, said = without_daylight_saving(values, start, table)
-        told += said
-    return values, told
+        return without_daylight_saving(values, start, table)
+    return values, ""
 
 
 def _clock_seconds(cell: str) -> float | None:

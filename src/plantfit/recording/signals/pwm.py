@@ -8,12 +8,20 @@ from plantfit.recording.clean.sampling import require_positive, signal_of, with_
 from plantfit.recording.record import Recording
 
 
-def signed(recording: Recording, signal: str, direction: str, name: str, forward: float | None = None) -> Recording:
+def signed(
+    recording: Recording,
+    signal: str,
+    direction: str,
+    name: str,
+    forward: float | None = None,
+    backward: float | None = None,
+) -> Recording:
     """Add `signal` with the sign that `direction` gives it as `name`, in its unit: as it is where the direction is
-    `forward` (the higher of its two levels if left out), negative elsewhere.
+    `forward` (the higher of its two levels if left out), negative where it is `backward`, the other level.
 
-    For boards that command a duty and, by another pin, the direction of the bridge. Raises RecordingError where the
-    signal has a sign already, or where the direction has not two levels or no value.
+    Where both are given a record may hold one of them alone, as one of a plant that never turned back. For boards that
+    command a duty and, by another pin, the direction of the bridge. Raises RecordingError where the signal has a sign
+    already, or where the direction has not two levels or no value.
     """
     source, way = signal_of(recording, signal), signal_of(recording, direction).values
     step = f"signed({signal!r})"
@@ -25,17 +33,38 @@ def signed(recording: Recording, signal: str, direction: str, name: str, forward
         )
     levels = np.unique(way)
     known = bool(np.isfinite(levels).all())
-    if len(levels) != 2 or not known:
-        seen = f"{len(levels)} levels" if known else "missing values"
+    ahead, behind = _ways(levels, forward, backward) if known else (None, None)
+    if ahead is None or behind is None:
+        seen = f"{len(levels)} level{'s' * (len(levels) != 1)}" if known else "missing values"
+        treated = "name another signal, or correct it"
+        if known and len(levels) == 1:
+            treated = "if the plant only ran one way here, write both levels, as in forward = 1, backward = 0"
         raise RecordingError(
-            f"{step}: {direction!r} has {seen}, where a direction has two levels throughout; name another signal, or "
-            "correct it."
+            f"{step}: {direction!r} has {seen}, where a direction has two levels throughout; {treated}."
         )
-    ahead = float(levels[1] if forward is None else forward)
-    if ahead not in levels:
-        raise RecordingError(f"{step}: forward is {ahead:g}, but {direction!r} is {levels[0]:g} or {levels[1]:g}.")
+    if ahead == behind:
+        raise RecordingError(f"{step}: forward and backward are both {ahead:g}; give the two levels of {direction!r}.")
+    stray = [level for level in levels if level not in (ahead, behind)]
+    if stray:
+        held = " or ".join(f"{level:g}" for level in levels) if len(levels) < 3 else f"also {stray[0]:g}"
+        said = f"forward is {ahead:g}" + (f" and backward {behind:g}" if backward is not None else "")
+        raise RecordingError(f"{step}: {said}, but {direction!r} is {held}.")
     sentence = f"{name!r} is {signal!r}, positive where {direction!r} is {ahead:g} and negative elsewhere."
     return with_new(recording, name, np.where(way == ahead, 1.0, -1.0) * source.values, source.unit, sentence, step)
+
+
+def _ways(levels: np.ndarray, forward: float | None, backward: float | None) -> tuple[float | None, float | None]:
+    """The levels forward and backward as they are given, or as the levels of a record say; None where these do not."""
+    if forward is not None and backward is not None:
+        return float(forward), float(backward)
+    if len(levels) != 2:
+        return None, None
+    low, high = map(float, levels)
+    if forward is None and backward is None:
+        return high, low
+    if forward is not None:
+        return float(forward), high if forward == low else low
+    return low if backward == high else high, float(backward or 0.0)
 
 
 def duty_to_voltage(

@@ -215,11 +215,12 @@ def _folded(
 
 def _image(values: Mapping[str, Number], symmetry: SameModel) -> Mapping[str, Number] | None:
     moved = dict(values)
-    for (name, source), sign in zip(symmetry.source.items(), symmetry.sign, strict=True):
+    wholes = symmetry.whole or [0.0] * len(symmetry.sign)
+    for (name, source), sign, whole in zip(symmetry.source.items(), symmetry.sign, wholes, strict=True):
         value = values.get(source)
         if value is None:
             return None
-        moved[name] = sign * value
+        moved[name] = whole + sign * value
     return moved
 
 

@@ -1,7 +1,8 @@
-"""Answers that are one model written twice: equal terms exchanged, or signs changed together.
+"""Answers that are one model written twice: equal terms exchanged, signs changed together, or a share as the rest.
 
 The two terms of b1 exp(-b2 t) + b3 exp(-b4 t) can change places, the width of a Gaussian that enters squared can change
-its sign. Such answers lie far apart in the box and are the same optimum.
+its sign. Where the rates of f exp(-a t) + (1 - f) exp(-b t) change places, the share f becomes 1 - f. Such answers lie
+far apart in the box and are the same optimum.
 """
 
 from collections.abc import Iterator, Sequence
@@ -13,7 +14,9 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate.points import residuals
 from plantfit.problem.problem import Problem
+from plantfit.space import Coordinate
 
+Option = tuple[int, int, float]  # what a value becomes: the place of its source, a sign, and what it is added to
 NEAR = 0.05  # share of the bounds by which a mapped answer may miss the other one
 ROUNDING = 1e-9  # relative difference of costs and residuals that rounding explains
 POINTS = 4  # random points at which a map must leave the residuals as they are
@@ -24,15 +27,22 @@ FEW = 8  # candidates whose residuals are compared without a look at their costs
 @dataclass(frozen=True)
 class Symmetry:
     """A map of parameter values that leaves every residual as it is: value i becomes `sign[i]` times value
-    `source[i]`."""
+    `source[i]`, added to `whole[i]` (0, or the whole that it is a share of)."""
 
     names: tuple[str, ...]
     source: tuple[int, ...]
     sign: tuple[int, ...]
+    whole: tuple[float, ...]
 
     def __call__(self, values: np.ndarray) -> np.ndarray:
         """Values (..., d) to values (..., d)."""
-        return np.asarray(values)[..., list(self.source)] * np.array(self.sign)
+        return np.array(self.whole) + np.asarray(values)[..., list(self.source)] * np.array(self.sign)
+
+    def back(self, values: np.ndarray) -> np.ndarray:
+        """Values (d,) that the map takes to these."""
+        found = np.zeros(len(values))
+        found[list(self.source)] = np.array(self.sign) * (values - np.array(self.whole))
+        return found
 
     @property
     def cycles(self) -> list[list[int]]:
@@ -59,10 +69,15 @@ class Symmetry:
             else:
                 terms = sorted(([ring[k] for ring in own] for k in range(length)), key=lambda t: t[0])
             parts.append(f"{_and(', '.join(self.names[i] for i in term) for term in terms)} can be exchanged")
-        flipped = [self.names[ring[0]] for ring in self.cycles if len(ring) == 1 and self.sign[ring[0]] < 0]
-        turned = any(self.sign[i] < 0 for ring in rings for i in ring)
-        if turned:
+        alone = [ring[0] for ring in self.cycles if len(ring) == 1 and self.sign[ring[0]] < 0]
+        flipped = [self.names[i] for i in alone if not self.whole[i]]
+        rest = [f"{self.names[i]} {{}} {self.whole[i]:g} - {self.names[i]}" for i in alone if self.whole[i]]
+        if any(self.sign[i] < 0 and not self.whole[i] for ring in rings for i in ring):
             parts[-1] += " with a change of sign"
+        if any(self.whole[i] for ring in rings for i in ring):
+            parts[-1] += ", shares as what is left of the whole"
+        if rest:
+            parts.append(_and(share.format("becomes" if parts else "can become") for share in rest))
         if flipped:
             parts.append(
                 f"the sign of {flipped[0]} does not matter"
@@ -120,43 +135,51 @@ def _candidates(problem: Problem, z1: np.ndarray, z2: np.ndarray, near: float) -
     late = {d.parameter for d in getattr(problem.model, "delays", ())} | {
         d.parameter for d in getattr(problem.model, "state_delays", ())
     }
-    options: list[list[tuple[int, int]]] = []
+    options: list[list[Option]] = []
     for i, c in enumerate(space.coordinates):
         found = []
         for j, other in enumerate(space.coordinates):
             if other.unit != c.unit or other.recording != c.recording:
                 continue
-            for sign in (1, -1):
-                if sign < 0 and (c.log or other.log or c.parameter in late):
-                    continue
+            ways = [(1, 0.0)]
+            if not (c.log or other.log or c.parameter in late):
+                ways.append((-1, 0.0))
+            if (whole := max(_whole(c), _whole(other))) < np.inf:
+                ways.append((-1, whole))
+            for sign, of in ways:
                 moved = values.copy()
-                moved[i] = sign * values[j]
-                miss = abs(float(space.cube(moved)[i]) - z2[i])
+                moved[i] = of + sign * values[j]
+                with np.errstate(invalid="ignore", divide="ignore"):
+                    miss = abs(float(space.cube(moved)[i]) - z2[i])
                 if miss <= near:
-                    found.append((i != j or sign < 0, miss, j, sign))
+                    found.append((i != j or sign < 0, miss, j, sign, of))
         if not found:
             return
-        options.append([(j, sign) for _, _, j, sign in sorted(found)])
+        options.append([(j, sign, of) for _, _, j, sign, of in sorted(found)])
     yield from (Symmetry(space.names, *_split(chosen)) for chosen in _permutations(options, len(space.coordinates)))
 
 
-def _split(chosen: Sequence[tuple[int, int]]) -> tuple[tuple[int, ...], tuple[int, ...]]:
-    return tuple(j for j, _ in chosen), tuple(s for _, s in chosen)
+def _whole(c: Coordinate) -> float:
+    """Of what a parameter within these bounds may be a share: 1 or 100 %; infinite for one that may be none."""
+    whole = {None: 1.0, "": 1.0, "1": 1.0, "-": 1.0, "%": 100.0}.get(c.unit, np.inf)
+    return whole if c.lower >= 0.0 and c.upper <= whole else np.inf
 
 
-def _permutations(
-    options: Sequence[Sequence[tuple[int, int]]], d: int, most: int = 20_000
-) -> Iterator[list[tuple[int, int]]]:
+def _split(chosen: Sequence[Option]) -> tuple[tuple[int, ...], tuple[int, ...], tuple[float, ...]]:
+    return tuple(j for j, _, _ in chosen), tuple(s for _, s, _ in chosen), tuple(w for _, _, w in chosen)
+
+
+def _permutations(options: Sequence[Sequence[Option]], d: int, most: int = 20_000) -> Iterator[list[Option]]:
     """One option for each place so that every coordinate is taken once; not the identity. Ends after `most` steps."""
     order = sorted(range(d), key=lambda i: len(options[i]))
-    stack: list[tuple[int, dict[int, tuple[int, int]], frozenset[int]]] = [(0, {}, frozenset())]
+    stack: list[tuple[int, dict[int, Option], frozenset[int]]] = [(0, {}, frozenset())]
     for _ in range(most):
         if not stack:
             return
         depth, chosen, taken = stack.pop()
         if depth == d:
             found = [chosen[i] for i in range(d)]
-            if any(option != (i, 1) for i, option in enumerate(found)):
+            if any(option != (i, 1, 0.0) for i, option in enumerate(found)):
                 yield found
             continue
         i = order[depth]
@@ -190,13 +213,14 @@ def _inside(problem: Problem, symmetry: Symmetry, draw: np.ndarray) -> np.ndarra
     for ring in symmetry.cycles:
         # bounds of all of a ring, seen from each of its places with the signs on the way
         for i in ring:
-            low, high, place, sign = -np.inf, np.inf, i, 1
+            low, high, place, sign, whole = -np.inf, np.inf, i, 1, 0.0
             for _ in range(2 * len(ring)):
-                ends = sorted((sign * space.lower[place], sign * space.upper[place]))
+                ends = sorted((sign * (space.lower[place] - whole), sign * (space.upper[place] - whole)))
                 low, high = max(low, ends[0]), min(high, ends[1])
                 # value `place` goes where it is the source
                 target = symmetry.source.index(place)
-                sign, place = sign * symmetry.sign[target], target
+                turn = symmetry.sign[target]
+                sign, whole, place = sign * turn, symmetry.whole[target] + turn * whole, target
             if low < high:
                 lower[i], upper[i] = low, high
     with np.errstate(invalid="ignore", divide="ignore"):

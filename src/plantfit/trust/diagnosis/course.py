@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.models.extensions import KINDS
 from plantfit.trust.diagnosis.catalogue import Extension, inside_kinds
 from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, times_noise, unseen, validated
-from plantfit.trust.diagnosis.outliers import Outliers, outliers_of, outlying
+from plantfit.trust.diagnosis.outliers import Outliers, apart_of, outliers_of
 from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.curves import Curve
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
@@ -118,8 +118,8 @@ class Course:
         """At the answer of a carrier: the model as it is, fitted without outliers."""
         rows = carrier.rows
         base = fitted(carrier, (), carrier.x, np.zeros(0), rows.fit)
-        apart = outlying(base.residuals, rows)
-        outliers = outliers_of(base, apart, carrier)
+        apart, behind = apart_of(base.residuals, carrier)
+        outliers = outliers_of(base, apart, carrier, behind)
         if apart.any():
             base = fitted(carrier, (), base.x, np.zeros(0), rows.fit & ~apart)
         return cls(carrier, base, base, apart, outliers, say)
@@ -253,11 +253,12 @@ class Course:
         """What a finding changes: outliers that it uncovers, dry friction that is sharper, and earlier findings that
         stood for it."""
         one = self.made[-1]
-        anew = outlying(self.base.residuals, self.carrier.rows)
+        anew, behind = apart_of(self.base.residuals, self.carrier)
+        self.outliers = replace(self.outliers, **outliers_of(self.base, anew, self.carrier, behind).of_steps)
         if np.any(anew != self.apart):  # what a wrong model hid, or took for outliers
             self.apart = anew
             self.base = fitted(self.carrier, self.base.additions, self.base.x, self.base.theta, self.use)
-            self.outliers = outliers_of(self.base, self.apart, self.carrier)
+            self.outliers = outliers_of(self.base, self.apart, self.carrier, behind)
             self._told(one)
         if sharper := self._sharper(self.base):
             self.carrier, self.base = sharper

@@ -1,6 +1,7 @@
 """Samples that no model should follow: far from their neighbours' residuals, and few."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -9,17 +10,27 @@ from plantfit.trust.diagnosis.plant.carrier import Carrier, Rows
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 
 WINDOW, FAR, MOST = 11, 6.0, 0.1  # samples around, robust deviations, share of all samples
+BEHIND = 3  # samples after a step of an input, in which what acts between samples shows; it fades in WINDOW of them
+STEPS, MANY = 0.1, 0.5  # share of samples at which an input that steps does so, and of outliers that stand behind steps
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
 
 
 @dataclass(frozen=True)
 class Outliers:
     """Samples that lie apart from their neighbours: how many of how many by output, and their share of the squares
-    of the residual, that of the model with the additions `beside`."""
+    of the residual, that of the model with the additions `beside`. `behind` are samples by output that lie as far, but
+    right behind steps of inputs, which are no outliers, and `behind_share` is their share of the squares."""
 
     counts: dict[str, tuple[int, int]]
     share: float
     beside: tuple[Extension, ...] = ()
+    behind: dict[str, int] = field(default_factory=dict)
+    behind_share: float = 0.0
+
+    @property
+    def of_steps(self) -> dict[str, Any]:
+        """What is known of samples behind steps."""
+        return {"behind": self.behind, "behind_share": self.behind_share}
 
     @property
     def named(self) -> bool:
@@ -55,8 +66,42 @@ def outlying(residuals: np.ndarray, rows: Rows) -> np.ndarray:
     return found
 
 
-def outliers_of(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
-    """Of the rows that are `apart` (m,) bool from a fit."""
+def apart_of(residuals: np.ndarray, carrier: Carrier) -> tuple[np.ndarray, np.ndarray]:
+    """Rows (m,) bool that are outliers, and those that lie as far but right behind steps of inputs.
+
+    Where the clock shakes, or a computer writes an input between two samples, the recorded step is a part of a sample
+    early or late: the samples behind it are off, and right. A dead time that the model lacks looks alike.
+    """
+    far, rows = outlying(residuals, carrier.rows), carrier.rows
+    behind = np.zeros(len(far), dtype=bool)
+    for name in dict.fromkeys(rows.recording[far]):
+        own = rows.recording == name
+        near, fading = (own & _after_steps(carrier, name, k)[rows.sample] for k in (BEHIND, WINDOW))
+        for output in dict.fromkeys(rows.output[far & own]):
+            found = far & own & (rows.output == output)
+            chance = float(np.mean(near[own & (rows.output == output)]))
+            there = int(np.sum(found & near))
+            if there >= 2 and there >= max(MANY, 3.0 * chance) * np.sum(found):
+                behind |= found & fading
+    return far & ~behind, behind
+
+
+def _after_steps(carrier: Carrier, name: str, length: int) -> np.ndarray:
+    """Whether a sample (n,) of a recording is one of the `length` behind a step of an input that is level else."""
+    record = carrier.problem.experiments[name].recording
+    found = np.zeros(max(len(record), int(np.max(carrier.rows.sample, initial=0)) + 1), dtype=bool)
+    for u in getattr(carrier.problem.model, "inputs", {}):
+        size = np.ptp(record[u])  # a carrier's inputs move by 1e-9 of it at every sample
+        steps = np.flatnonzero(np.abs(np.diff(record[u])) > 1e-6 * size) + 1
+        if 0 < len(steps) <= STEPS * len(record):
+            steps = np.r_[0, steps] if length > BEHIND else steps  # a record begins with one, too, or in the middle
+            for k in range(length):
+                found[np.minimum(steps + k, len(record) - 1)] = True
+    return found
+
+
+def outliers_of(base: Fitted, apart: np.ndarray, carrier: Carrier, behind: np.ndarray) -> Outliers:
+    """Of the rows that are `apart` (m,) bool from a fit, and of those right `behind` steps (m,) bool."""
     rows = carrier.rows
     scored = rows.fit | rows.unseen
     total = float(np.sum(base.residuals[scored] ** 2))
@@ -65,4 +110,6 @@ def outliers_of(base: Fitted, apart: np.ndarray, carrier: Carrier) -> Outliers:
         o: (int(np.sum(apart & (rows.output == o))), int(np.sum(scored & (rows.output == o))))
         for o in dict.fromkeys(rows.output)
     }
-    return Outliers(counts, share, base.additions)
+    late = {o: n for o in counts if (n := int(np.sum(behind & (rows.output == o))))}
+    their = float(np.sum(base.residuals[scored & behind] ** 2)) / total if total > 0 else 0.0
+    return Outliers(counts, share, base.additions, late, their)

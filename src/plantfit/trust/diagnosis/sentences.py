@@ -98,6 +98,16 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
                     count=count,
                     share=d.outliers.share,
                 )
+    for output, count in d.outliers.behind.items() if d.outliers.behind_share >= 0.05 else ():
+        yield say(
+            "info",
+            f"{count} samples of {output} right behind steps of inputs lie far from their neighbours and hold "
+            f"{100 * d.outliers.behind_share:.0f} % of the squares of the residual. They are no outliers: a clock that "
+            "shakes, or an input that is written between two samples, makes the recorded step early or late. Keep "
+            "them; sample faster, or record when the input was written.",
+            count=count,
+            share=d.outliers.behind_share,
+        )
     for k, one in enumerate(r for r in d.rounds if r.found):
         yield _found(d, one, k)
     if d.rival is not None:

@@ -17,10 +17,10 @@ class Precision:
     """Errors of the parameters after a new recording, as `criterion` sums them up over the plants.
 
     `known` (d, d) is the information that the study's own recordings give, in the parameters' units, 0 where it shall
-    not count; `inflation` how many times larger variances are than those of white noise. "D": the mean log error of all
-    axes of the ellipsoid; "A": the root of the mean square relative error, of `chosen` coordinates (d,) only. (Fedorov,
-    Theory of Optimal Experiments, 1972, section 2.1; averaged over the plants: Pronzato and Walter, Math. Biosci. 75
-    (1985) 103.)
+    not count; `inflation` how many times larger variances are than those of white noise, `unlike` those of errors that
+    are only of unlike size. "D": the mean log error of all axes of the ellipsoid; "A": the root of the mean square
+    relative error, of `chosen` coordinates (d,) only. (Fedorov, Theory of Optimal Experiments, 1972, section 2.1;
+    averaged over the plants: Pronzato and Walter, Math. Biosci. 75 (1985) 103.)
     """
 
     trial: TrialRecord
@@ -28,6 +28,7 @@ class Precision:
     inflation: float
     criterion: str
     chosen: np.ndarray
+    unlike: float = 1.0
 
     @cached_property
     def shared(self) -> np.ndarray:
@@ -43,7 +44,7 @@ class Precision:
         return np.maximum(np.maximum(values, typical), 1e-3 * (space.upper - space.lower)[self.shared])
 
     @cached_property
-    def _before(self) -> np.ndarray:
+    def known_before(self) -> np.ndarray:
         """Information (s, s) in units of `scale` that is there before the new recording; hardly any of what nothing
         is known of."""
         on = self.shared
@@ -66,7 +67,7 @@ class Precision:
     def covariance(self, told: Told | None, before: bool = True) -> np.ndarray:
         """Covariance (K, s, s) in units of `scale` with a recording (None: without), and with or without what was
         known before."""
-        base = self._before if before else self._hardly
+        base = self.known_before if before else self._hardly
         return np.linalg.inv(base[None] + (0.0 if told is None else self.information(told)))
 
     @cached_property
@@ -79,7 +80,7 @@ class Precision:
         """Mean over the plants of the log of the mean error."""
         if not told.finite:
             return np.inf
-        total = self._before[None] + self.information(told)
+        total = self.known_before[None] + self.information(told)
         if self.criterion == "D":
             sign, log_det = np.linalg.slogdet(total)
             return float(np.mean(np.where(sign > 0, -0.5 * log_det / len(self.shared), np.inf)))
@@ -121,7 +122,7 @@ class Difference:
 def _open(model: Precision, told: Told) -> np.ndarray:
     """What the errors of a model's parameters do to its outputs: columns (m, c) of one standard deviation each."""
     shared, own = ~model.trial.own, model.trial.own
-    values, vectors = np.linalg.eigh(np.linalg.inv(model._before))
+    values, vectors = np.linalg.eigh(np.linalg.inv(model.known_before))
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     columns = [told.effects[0][:, shared] * model.scale @ root]
     if np.any(own):

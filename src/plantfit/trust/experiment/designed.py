@@ -199,6 +199,13 @@ def errors_after(goal: Precision, told: Told | None, before: bool = True) -> tup
     return found[0], np.max(found, axis=0)
 
 
+def errors_if_known(goal: Precision, told: Told) -> np.ndarray:
+    """Standard errors (s,) in their units at the first plant with a new recording, of each one if all others were
+    known."""
+    total = goal.known_before + goal.information(told)[0]
+    return goal.scale / np.sqrt(np.maximum(np.diag(total), 1e-300))
+
+
 def gains(found: Designed) -> list[InputGain]:
     """How many times as large errors are with the best of each classical kind, or by how much less far apart the
     models."""

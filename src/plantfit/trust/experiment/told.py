@@ -18,13 +18,7 @@ def precision_sentences(record: NextExperiment) -> list[Sentence]:
     rows = record.parameters
     found = [_changed(rows, record)]
     found += _beside(record, "Standard errors would be {times:.2f} times as large in the mean")
-    lost = [r.name for r in rows if r.open]
-    if lost:
-        found.append(
-            say("warning", f"{some(lost)} would stay open, each by itself, under every input that was tried within "
-                           f"these limits; "
-                  "hold or measure one of them, or widen the limits.")
-        )  # fmt: skip
+    found += _open(rows)
     larger = {r.name: r.worst / r.then for r in rows if r.then and r.worst}
     spread = [f"{n} {times:.2g} times" for n, times in larger.items() if times > 1.5]
     if spread:
@@ -117,12 +111,55 @@ def _scattering(record: NextExperiment) -> list[Sentence]:
     return [say("info", text)]
 
 
-def _coloured(record: NextExperiment) -> list[Sentence]:
-    if record.inflation > 2.0:
+def _open(rows: Sequence[ErrorsAfter]) -> list[Sentence]:
+    """What the input does not tell: parameters that others can make up for, and those that hardly act."""
+    found = []
+    tied, weak = ([r.name for r in rows if r.open and r.alone_open is alone] for alone in (False, True))
+    under = "under every input that was tried within these limits"
+    if tied:
+        each = "each by itself, " if len(tied) > 1 else ""
+        one = "one of them" if len(tied) > 1 else "it"
         sentence = (
-            f"The residuals of the study are correlated, which makes variances {record.inflation:.2g} "
-            "times those of white noise; the same is assumed of the new recording. What the model "
+            f"{some(tied)} would stay open, {each}{under}, because others can make up for "
+            f"{'them' if len(tied) > 1 else 'it'}; hold or measure {one}, or widen the limits."
+        )
+        found.append(say("warning", sentence))
+    if weak:
+        many = len(weak) > 1
+        sentence = (
+            f"{some(weak)} would stay open {under}, also if all others were known: {'they have' if many else 'it has'} "
+            f"too little effect there. Hold {'them' if many else 'it'}, widen the limits, or record longer."
+        )
+        found.append(say("warning", sentence))
+    return found
+
+
+def _coloured(record: NextExperiment) -> list[Sentence]:
+    """Why variances are taken to be larger than those of white noise."""
+    if record.inflation <= 2.0:
+        return []
+    times = f"{record.inflation:.2g} times"
+    scatter = f"recordings scatter in {some(record.widened)}" if record.widened else ""
+    if record.correlated:
+        sentence = (
+            f"The residuals of the study are correlated{', and its ' + scatter if scatter else ''}, which makes "
+            f"variances {times} those of white noise; the same is assumed of the new recording. What the model "
             "lacks counts as noise here: look for it first (plantfit diagnose)."
         )
         return [say("warning", sentence)]
-    return []
+    if scatter:
+        sentence = (
+            f"The study's {scatter}, which makes variances {times} those of white noise; the same is assumed of the "
+            "new recording."
+        )
+        return [say("info", sentence)]
+    why = (
+        "its errors are larger where the parameters are told"
+        if record.unlike > 0.5 * record.inflation
+        else "its standard errors allow for more than noise"
+    )
+    sentence = (
+        f"Variances of the study are {times} those of white noise of one size: {why}. The same is assumed of the new "
+        "recording."
+    )
+    return [say("info", sentence)]

@@ -68,6 +68,7 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
                 sentence=s.sentence,
                 source={n: names[k] for n, k in zip(names, s.source, strict=True)},
                 sign=list(s.sign),
+                whole=list(s.whole),
             )
             for s in found
         ],

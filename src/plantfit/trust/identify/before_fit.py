@@ -31,10 +31,11 @@ class BeforeFit:
     """What records can determine of the free parameters `names`, the true values being unknown.
 
     `rank` counts determined combinations. `alone` are parameters that are determined by themselves, `together` formulas
-    of those that are not, `unseen` parameters without any effect. `open` are the parameters of which only combinations
-    are determined, and each of `fix` is a set of them that makes the others determined. `rough` maps parameters that
-    noise of 1 % would leave roughly known to their median relative standard error. `points` were tried, `lost` of them
-    could not be simulated.
+    of those that are not, `unseen` parameters without any effect. `entries` are those of them that are entries of a
+    table to which no simulation came, and whether a recorded sample does; None where nobody can see. `open` are the
+    parameters of which only combinations are determined, and each of `fix` is a set of them that makes the others
+    determined. `rough` maps parameters that noise of 1 % would leave roughly known to their median relative standard
+    error. `points` were tried, `lost` of them could not be simulated.
 
     `silent` maps outputs whose fitted samples are no more than the parameters that follow them, and whose scale nobody
     gave, to the number of these samples: nothing shows how large their errors are, and a fit gives no interval that
@@ -56,6 +57,7 @@ class BeforeFit:
     heard: int = 0
     heard_alone: tuple[str, ...] = ()
     few: int = 0
+    entries: dict[str, bool | None] = field(default_factory=dict)
 
     @property
     def sentences(self) -> list[tuple[str, str]]:
@@ -71,6 +73,7 @@ class BeforeFit:
             "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points,
             "lost": self.lost,
             "silent": self.silent, "heard": self.heard, "heard_alone": list(self.heard_alone), "few": self.few,
+            "entries": self.entries,
             "sentences": [{"level": level, "sentence": sentence} for level, sentence in self.sentences],
         }  # fmt: skip
 
@@ -114,6 +117,7 @@ def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFi
         tuple(space.names[i] for i in np.flatnonzero(~effect)), tuple(fix), _rough(names, used, held), points,
         points - len(good),
         *_heard(own, problem, key, points), _too_few(problem),
+        _entries(problem, np.flatnonzero(~effect), [p for p, _ in good]),
     )  # fmt: skip
 
 
@@ -157,6 +161,20 @@ def _too_few(problem: Problem) -> int:
     fitted, d = sum(problem.parts.counts.values()), problem.space.dimension
     known = fitted <= d and all(source == GIVEN for source in problem.scale_sources.values())
     return fitted if problem.robust and problem.in_time and fitted < d + LEAST_FREE and not known else 0
+
+
+def _entries(problem: Problem, unseen: np.ndarray, points: Sequence[np.ndarray]) -> dict[str, bool | None]:
+    """Of coordinates without effect those that are entries of a table to which no simulation at the points (d,) comes,
+    and whether a recorded sample depends on them; None where what the table is over is not recorded."""
+    tables = {problem.space.root(t.name) for t in getattr(problem.model, "tables", ())}
+    names = [c.name for c in (problem.space.coordinates[i] for i in unseen) if c.parameter in tables]
+    if not names:
+        return {}
+    from plantfit.trust.identify.table_visits import recorded_visits, table_visits, unvisited
+
+    never = set.intersection(*(unvisited(table_visits(problem, values)) for values in points))
+    recorded = recorded_visits(problem, points[0])
+    return {n: recorded.get(n) for n in names if n in never}
 
 
 def _spread(problem: Problem, output: str) -> float:
@@ -315,13 +333,14 @@ def _rough(
 def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
     d = len(found.names)
     tried = f"{found.points - found.lost} random points of the bounds"
-    if found.unseen:
-        does = "has" if len(found.unseen) == 1 else "have"
+    if plain := [n for n in found.unseen if n not in found.entries]:
+        does = "has" if len(plain) == 1 else "have"
         yield (
             "warning",
-            f"{some(found.unseen)} {does} no effect on the fitted samples "
+            f"{some(plain)} {does} no effect on the fitted samples "
             f"at any of {tried}: hold a value, or record what it acts on.",
         )
+    yield from _of_tables(found, tried)
     yield from _unheard(found)
     if found.rank == d:
         given = (
@@ -333,6 +352,8 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
     elif found.rank + len(found.unseen) < d:
         told = [*found.alone, *found.together]
         can = f"These records can determine {found.rank} of {d} at best"
+        if any(seen is not False for seen in found.entries.values()):
+            can = f"Of what these points reach, the records can determine {found.rank} of {d - len(found.unseen)}"
         if len(told) == found.rank:
             what = f"{can}: {', '.join(told)}."
         else:
@@ -347,6 +368,29 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
             f"{100 * ROUGH:.0f} %"
         )
         yield "info", f"{left} at half of these points{known}."
+
+
+def _of_tables(found: BeforeFit, tried: str) -> Iterator[tuple[str, str]]:
+    """Entries of tables that no trial simulation comes to: the recordings may."""
+    there, nowhere, hidden = ([n for n, seen in found.entries.items() if seen is s] for s in (True, False, None))
+    if there:
+        yield (
+            "info",
+            f"No simulation at {tried} comes to {some(there)}, and the recordings do: the fit shows what they tell "
+            f"of {'it' if len(there) == 1 else 'them'}.",
+        )
+    if nowhere:
+        yield (
+            "warning",
+            f"No fitted sample comes to {some(nowhere)}: hold {'a value' if len(nowhere) == 1 else 'values'}, leave "
+            f"{'that node' if len(nowhere) == 1 else 'these nodes'} out, or record what goes there.",
+        )
+    if hidden:
+        yield (
+            "info",
+            f"No simulation at {tried} comes to {some(hidden)}. What the table is over is not measured, so only the "
+            "fit shows whether the recordings do.",
+        )
 
 
 def _unheard(found: BeforeFit) -> Iterator[tuple[str, str]]:

@@ -49,10 +49,52 @@ def table_visits(problem: Problem, values: Any) -> list[Visits]:
     The operating point is the simulated one, where the tables were looked up. A tied table counts as use of the one it
     is tied to.
     """
+    used = _used(problem)
+    return _visits(problem, used, operating_points(problem, values) if used else {})
+
+
+def recorded_visits(problem: Problem, values: Any) -> dict[str, bool]:
+    """Whether a recorded sample depends on an entry, by coordinate; without those of tables over what is not recorded.
+
+    Recorded are inputs, and what an output gives as it is: the two are alike in a simulation at values (d,).
+    """
+    used, simulated = _used(problem), operating_points(problem, values)
+    recorded = {name: _recorded(problem, name, points, values) for name, points in simulated.items()}
+    tables = {t.name: t for t in problem.model.tables}  # type: ignore[union-attr]
+    known = {n: root for n, root in used.items() if all({*tables[n].over} <= {*own} for own in recorded.values())}
+    found = _visits(problem, known, recorded)
+    return {name: bool(seen) for v in found for name, seen in zip(v.names, v.visited.ravel(), strict=True)}
+
+
+def _recorded(problem: Problem, recording: str, points: Mapping[str, np.ndarray], values: Any) -> dict[str, np.ndarray]:
+    """Of simulated signals (n,) those that the recording holds, as it holds them."""
+    record, found = problem.experiments[recording].recording, {}
+    outputs = problem.predict(values, recording)
+    for signal, simulated in points.items():
+        n = len(simulated)
+        same = [
+            o for o, y in outputs.items()
+            if o in record.signals and np.allclose(np.asarray(y)[:n], simulated, rtol=1e-6, atol=1e-9 * np.ptp(y))
+        ]  # fmt: skip
+        if signal in getattr(problem.model, "inputs", {}):
+            found[signal] = simulated
+        elif same:
+            found[signal] = np.asarray(record[same[0]], dtype=float)[:n]
+    return found
+
+
+def _used(problem: Problem) -> dict[str, str]:
+    """Tables with free entries, each with the one that it is tied to or itself."""
+    space = problem.space
+    names = [t.name for t in getattr(problem.model, "tables", ())]
+    return {n: space.root(n) for n in names if space.parameters[space.root(n)].value is None}
+
+
+def _visits(problem: Problem, used: Mapping[str, str], places: Mapping[str, Mapping[str, np.ndarray]]) -> list[Visits]:
+    """Visits of the tables `used` at operating points by recording and signal."""
     space, tables = problem.space, {t.name: t for t in getattr(problem.model, "tables", ())}
-    used = {n: space.root(n) for n in tables if space.parameters[space.root(n)].value is None}
     found: dict[tuple[str, str | None], Visits] = {}
-    for recording, points in (operating_points(problem, values) if used else {}).items():
+    for recording, points in places.items():
         weights: dict[Any, np.ndarray] = {}  # tables over the same nodes have the same
         for name, root in used.items():
             table, own = tables[name], recording if space.parameters[root].per_recording else None

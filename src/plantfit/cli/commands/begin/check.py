@@ -184,6 +184,9 @@ def _say_simulated(problem: Any, record: Mapping[str, Any], at: Sequence[str], t
 
     rmse = f"RMSE (scaled) {record['rmse_at_middle']:.4g}" if record["rmse_at_middle"] is not None else "not finite"
     place = f"at {', '.join(at)}" if at else "at the middle of the bounds"
+    named = numbers_by_name("--at", at)
+    if at and any(c.name not in named and c.parameter not in named for c in problem.space.coordinates):
+        place += ", the others in the middle of their bounds"
     each = (
         f"{1e3 * record['seconds_per_evaluation']:.2g} ms an evaluation, "
         f"{steps_text(record['stepper'], record['substeps'])}"

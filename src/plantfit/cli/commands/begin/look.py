@@ -15,10 +15,11 @@ def look(
     """Look at a study file's recording with its inputs and outputs, or at a file of measurements."""
     from plantfit.report.html import check_place
 
-    recording, own_in, own_out, masks = (
-        _of_study(path, name) if path.endswith(".toml") else _of_file(path, inputs, outputs)
+    recording, own_in, own_out, masks, told = (
+        (*_of_study(path, name), "") if path.endswith(".toml") else _of_file(path, inputs, outputs)
     )
-    own_in, own_out = list(inputs) or own_in, list(outputs) or own_out
+    if path.endswith(".toml"):
+        own_in, own_out = list(inputs) or own_in, list(outputs) or own_out
     for signal in (*own_in, *own_out):
         if signal not in recording.signals:
             raise RecordingError(f"{path} has no signal {signal!r}; it has {list(recording.signals)}.")
@@ -36,6 +37,8 @@ def look(
         return print_json(found.printed(written=str(to)))
     words = f"input{'s' * (len(own_in) > 1)} {', '.join(own_in)}, output{'s' * (len(own_out) > 1)} {', '.join(own_out)}"
     out.print(f"{recording.name}: {words}", markup=False)
+    if told:
+        out.print(told, markup=False)
     verdict(found.plain())
     out.print(f"\nPage: {to}", markup=False)
 
@@ -63,7 +66,10 @@ def _of_study(path: str, name: str | None) -> tuple[Any, list[str], list[str], A
     return experiment.recording, inputs, list(problem.outputs), masks
 
 
-def _of_file(path: str, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Any, list[str], list[str], None]:
+def _of_file(path: str, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Any, list[str], list[str], None, str]:
+    """The recording of a file, its inputs and outputs, and what was made of its columns."""
+    import numpy as np
+
     from plantfit import recording as rec
 
     read = rec.read(path)
@@ -76,4 +82,20 @@ def _of_file(path: str, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[
     own_in = list(inputs) or [n for n, r in roles.items() if r.kind == "input" and n not in outputs]
     own_out = list(outputs) or [n for n, r in roles.items() if r.kind == "output" and n not in own_in]
     left = [s for s in moving if s not in (*own_in, *own_out)]
-    return read, own_in or left[:1], own_out or left[-1:], None
+    own_in, own_out, told = own_in or left[:1], own_out or left[-1:], ""
+    names = {r.header: r.name for r in roles.values()}
+    for of in [*own_in]:
+        way = names.get(roles[of].direction) if of in roles else None
+        if way is None:
+            continue
+        if way not in own_in or not np.isfinite(read[way]).all():
+            told = f"{of!r} has no sign and {way!r} gives it one, which is not in what follows: name both with --input."
+            continue
+        # their effects do not add up: the direction turns the effect of the other one round
+        made = f"{of}_signed"
+        while made in read.signals:
+            made += "_"
+        read = rec.signed(read, of, way, made)
+        own_in = [made if n == of else n for n in own_in if n != way]
+        told = f"{of!r} has no sign and {way!r} gives it one: they are one input, {made}, as `plantfit init` writes it."
+    return read, own_in, own_out, None, told

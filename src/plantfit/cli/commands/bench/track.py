@@ -15,7 +15,7 @@ from plantfit.cli.terminal.out import out, print_json, said_line, warn
 from plantfit.errors import RecordingError, SpecError, StoreError
 
 POLL = 0.2  # seconds between looks at a growing file
-ROWWISE = ("subtract", "scale", "convert_units", "duty_to_voltage")
+ROWWISE = ("subtract", "scale", "convert_units", "duty_to_voltage", "signed")
 
 
 def track(
@@ -115,10 +115,28 @@ def _reader(study: Any, like: str | None, grows: bool) -> Callable[[Path], Any]:
             "finished file without --follow, or leave the step out of the study."
         )
 
+    table = _with_directions(table, study.path)
+
     def read(file: Path) -> Any:
         return read_recording("recording", table, study.path, {table.file: file})
 
     return read
+
+
+def _with_directions(table: Any, path: Path) -> Any:
+    """The table of a recording with both levels of its directions: rows to come may hold one of them alone."""
+    import numpy as np
+
+    from plantfit.spec.recordings import read_recording
+
+    clean = [dict(step) for step in table.clean]
+    for k, step in enumerate(clean):
+        if step.get("step") == "signed" and not {"forward", "backward"} <= {*step}:
+            way = read_recording("recording", table.model_copy(update={"clean": clean[:k]}), path)[step["direction"]]
+            low, high = map(float, np.unique(way))
+            ahead = step.get("forward", low if step.get("backward") == high else high)
+            clean[k] = {**step, "forward": ahead, "backward": low if ahead == high else high}
+    return table.model_copy(update={"clean": clean})
 
 
 def _source(

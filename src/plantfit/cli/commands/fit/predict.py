@@ -40,7 +40,7 @@ def predict(
             "cannot be used with --set, so leave one of the two out."
         )
     problem = choose_substeps(loaded.problem)
-    named = values_at(problem.space.names, values, loaded.name, study, store)
+    named = values_at(problem, values, loaded.name, study, store)
     vector, answer = problem.space.vector(named), None
     if not values and (share is not None or outputs_begun_at(problem, np.asarray(problem.space.cube(vector)))):
         answer = _answer(loaded.name, study, store)

@@ -32,7 +32,7 @@ def sensitivity(
     wide = radius if method == "sobol" else None if box else 0.01 if radius is None else radius
     point = None
     if wide is not None:
-        given = values_at(problem.space.names, values, read.name, study, store)
+        given = values_at(problem, values, read.name, study, store)
         point = problem.space.cube(problem.space.vector(given))
         _inside(problem.space, given, point)
     same: dict[str, Any] = {"radius": wide, "groups": _groups(groups), "confidence": confidence, "seed": counts["seed"]}

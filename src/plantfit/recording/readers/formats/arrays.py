@@ -38,7 +38,7 @@ def from_arrays(arrays: Any = None, /, **options: Any) -> Recording:
 
     `options` are those of `read_csv` (`assemble.Options`): `time` names the array of times, left out it is recognised
     by its name, or `period` gives the seconds between samples; `signals` maps own names to names of `arrays`, or lists
-    some of them, left out all are signals; `units` by own name; `time_unit`, `sort`, `duplicates`, `name`.
+    some of them, left out all are signals; `units` by own name; `time_unit`, `dates`, `sort`, `duplicates`, `name`.
 
     As in earlier programs, `from_arrays(t, signals={"u": u, "w": (w, "rad/s")})` takes times (n,) in seconds, or None
     and a `period`, and the arrays themselves as `signals`. Raises RecordingError and UnitError.

@@ -93,9 +93,7 @@ def _named_alike(walk: Followed, found: Mapping[int, Range], place: np.ndarray) 
     symmetry = same_by_symmetry(walk.problem, walk.room.outer(walk.z), walk.room.outer(np.where(fixed, place, walk.z)))
     if symmetry is None:
         return place
-    values, back = walk.room.physical(place), np.zeros(len(place))
-    back[list(symmetry.source)] = np.array(symmetry.sign) * values
-    alike = np.clip(walk.room.cube(back), 0.0, 1.0)
+    alike = np.clip(walk.room.cube(symmetry.back(np.asarray(walk.room.physical(place)))), 0.0, 1.0)
     walk.growths[alike.tobytes()] = walk.growths[place.tobytes()]
     return alike
 

@@ -5,7 +5,7 @@ import io
 import os
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, Unpack
 
 import numpy as np
@@ -19,6 +19,7 @@ from plantfit.recording.readers.files import decoded, existing, read_bytes
 from plantfit.recording.readers.formats.text.header import above_the_table, headings, is_header, unique, unit_row
 from plantfit.recording.readers.formats.text.labelled import table_of_labels
 from plantfit.recording.readers.formats.text.plain_text import ENOUGH, head_of, plain_frame
+from plantfit.recording.readers.formats.text.received import is_received, name_of_stamps, stamped
 from plantfit.recording.readers.numbers import is_missing, is_number
 from plantfit.recording.record import Recording
 
@@ -42,7 +43,7 @@ def read_csv(
 
     `delimiter`, `decimal` and `header` are found when left out; quoted numbers like "1,5" between
     commas need delimiter="," and decimal=",". `skip` lines at the top are not looked at. `options`
-    are those of `assemble.Options`: time, period, time_unit, signals, units, sort, duplicates, name.
+    are those of `assemble.Options`: time, period, time_unit, dates, signals, units, sort, duplicates, name.
     Units stand in the header as "u [V]" or "u (V)" or in a row below it; columns without header are
     named "0", "1", ... Raises RecordingError with file and line.
     """
@@ -52,7 +53,7 @@ def read_csv(
 @dataclass(frozen=True)
 class _Lines:
     """Lines with content, their numbers in the file from 1, and the comment lines before them; `labelled` where their
-    header was made of the labels in them."""
+    header was made of the labels in them. `received`: by number, when a serial monitor says that a line came."""
 
     source: str
     lines: list[str]
@@ -60,6 +61,7 @@ class _Lines:
     leading: list[str]
     comments: int
     labelled: bool = False
+    received: dict[int, str] = field(default_factory=dict)
 
 
 def csv_table(
@@ -88,7 +90,8 @@ def csv_table(
     del text
     top = _top(found, delimiter, decimal, header)
     frame, places = _parse(found, top.first, top.separator, len(top.rows[0]), top.log)
-    return _table(file.name, encoding, top, frame, places, decimal)
+    times = [found.received.get(int(place)) for place in places] if found.received else None
+    return _table(file.name, encoding, top, frame, places, decimal, times)
 
 
 @dataclass(frozen=True)
@@ -114,6 +117,8 @@ def _top(found: _Lines, delimiter: str | None, decimal: str, header: bool | None
     log = [f"{found.comments} comment lines were skipped."] if found.comments else []
     if found.labelled:
         log.append("Names are the labels beside the numbers of each row.")
+    if found.received:
+        log.append("The serial monitor's times before -> are a column of their own.")
     if above:
         log.append(f"{above} lines above the table were skipped.")
     names, units, first = _header(rows, header, found, separator, log, above)
@@ -132,7 +137,7 @@ def _quickly(
         top = _top(found, delimiter, decimal, header)
     except RecordingError:  # a cell in quotation marks may go on behind the head
         return None
-    if found.labelled:
+    if found.labelled or found.received:
         return None
     rows = _fields_of(found.lines[top.first : top.first + ENOUGH], top.separator)
     plain = plain_frame(data, rows, found.numbers[top.first], top.separator) if len(rows) == ENOUGH else None
@@ -145,7 +150,13 @@ def _quickly(
 
 
 def _table(
-    source: str, encoding: str, top: _Top, frame: pl.DataFrame, places: Sequence[int] | np.ndarray, decimal: str
+    source: str,
+    encoding: str,
+    top: _Top,
+    frame: pl.DataFrame,
+    places: Sequence[int] | np.ndarray,
+    decimal: str,
+    times: list[str | None] | None = None,
 ) -> Table:
     log = [
         *top.story,
@@ -160,6 +171,8 @@ def _table(
         for i, c in enumerate(columns)
         if not (c.cells.null_count() == len(c.cells) and named and not (top.names or [])[i].strip())
     )
+    if times is not None:
+        columns = (*named_columns([name_of_stamps(top.names)], [pl.Series(times, dtype=pl.String)]), *columns)
     mark = "." if top.separator == "," and decimal == "auto" else decimal
     return Table(source, columns, places, "line", mark, named, tuple(log))
 
@@ -174,7 +187,10 @@ def _content(source: str, text: str, skip: int) -> _Lines:
     lines, numbers, leading, comments = [], [], [], 0
     raw = text.replace("\r\n", "\n").replace("\r", "\n").split("\n")
     pending = ""
+    monitor, received = is_received(raw[skip:]), {}
     for number, line in enumerate(raw[skip:], start=skip + 1):
+        if monitor and (pair := stamped(line)):
+            received[number], line = pair
         if pending or line.count('"') % 2:  # a quoted cell goes on in the next line
             pending = f"{pending} {line}" if pending else line
             if pending.count('"') % 2:
@@ -195,8 +211,8 @@ def _content(source: str, text: str, skip: int) -> _Lines:
         )
     if not lines:
         raise RecordingError(f"{source} holds no rows of data; check that the file is complete.")
-    labelled = table_of_labels(lines, numbers)
-    return _Lines(source, *(labelled or (lines, numbers)), leading, comments, labelled is not None)
+    labelled = table_of_labels(lines, numbers, least=1 if monitor else 2)
+    return _Lines(source, *(labelled or (lines, numbers)), leading, comments, labelled is not None, received)
 
 
 def _fields(line: str, separator: str) -> list[str]:

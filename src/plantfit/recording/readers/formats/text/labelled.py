@@ -11,8 +11,8 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[nN][aA][nN]|null"
 _PAIR = re.compile(rf"\s*\"?({_LABEL})\"?\s*[:=]\s*({_NUMBER})\s*(?:[,;|]\s*|(?=\s)|$)")
 
 
-def pairs_of(line: str) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """Labels and numbers of a line that holds two pairs of them or more and nothing else, in braces or not."""
+def pairs_of(line: str, least: int = 2) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """Labels and numbers of a line that holds `least` pairs of them or more and nothing else, in braces or not."""
     text = line.strip()
     if text[:1] + text[-1:] == "{}":
         text = text[1:-1]
@@ -24,15 +24,15 @@ def pairs_of(line: str) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
         found.append((pair[1], pair[2].replace("null", "nan")))
         at = pair.end()
     labels, numbers = zip(*found, strict=True) if found else ((), ())
-    return (labels, numbers) if len(found) > 1 and len(set(labels)) == len(labels) else None
+    return (labels, numbers) if len(found) >= least and len(set(labels)) == len(labels) else None
 
 
-def table_of_labels(lines: Sequence[str], numbers: Sequence[int]) -> tuple[list[str], list[int]] | None:
+def table_of_labels(lines: Sequence[str], numbers: Sequence[int], least: int = 2) -> tuple[list[str], list[int]] | None:
     """Lines and their numbers with the labels as a header and the numbers with commas between; None where most lines
-    are no pairs, or not of the same labels. Lines that are none stay as they are."""
-    if sum(pairs_of(line) is not None for line in lines[:50]) < min(LEAST, 0.5 * len(lines[:50])):
+    are no `least` pairs, or not of the same labels. Lines that are none stay as they are."""
+    if sum(pairs_of(line, least) is not None for line in lines[:50]) < min(LEAST, 0.5 * len(lines[:50])):
         return None
-    found = [pairs_of(line) for line in lines]
+    found = [pairs_of(line, least) for line in lines]
     labels, count = Counter(p[0] for p in found if p).most_common(1)[0] if any(found) else ((), 0)
     if count < max(LEAST, MOST_OF * len(lines)):
         return None
