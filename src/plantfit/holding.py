@@ -276,7 +276,10 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
             given[name] = float(end(seen))
             most = "lowest" if name == "lower" else "highest"
             proposed[name] = f"{given[name]:.5g}{f' {unit_u}' if unit_u else ''}, the {most} {input_} of the recording"
-    check_limits(input_, unit_u, float(given["lower"]), float(given["upper"]), proposed)  # type: ignore[arg-type]
+    lower, upper = given["lower"], given["upper"]
+    assert lower is not None
+    assert upper is not None
+    check_limits(input_, unit_u, lower, upper, proposed)
     period = None if chosen.period is None else units.in_unit("[control] period", chosen.period, "s")
     if period is None:
         period = usual_period(recording)

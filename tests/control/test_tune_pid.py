@@ -3,6 +3,7 @@ be refused."""
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -198,6 +199,7 @@ def test_a_search_that_pays_for_speed_begins_again_within_the_limits(seed):
     assert found.best.margins.stable
     assert found.best.share == 1.0
     rule = found.row("AMIGO")  # keeps the limits, slowly; faster rules do not
+    assert rule is not None
     assert rule.share == 1.0
     assert found.best.scores.iae < 0.5 * rule.scores.iae
 
@@ -312,8 +314,9 @@ def test_proposals_have_the_unit_of_their_signal_or_none(unit):
     u, y = np.repeat([0.25, 0.55], 50), np.round(np.linspace(0, 0.3, 100), 2)
     own = from_arrays(np.arange(100.0), signals={"u": (u, unit or None), "y": (y, unit or None)})
     model = SimpleNamespace(inputs={"u": unit or "1"}, outputs={"y": unit or "1"})
-    answer = SimpleNamespace(problem=SimpleNamespace(experiments={"a": SimpleNamespace(recording=own)}))
-    loop, proposed = SimpleNamespace(model=model, input="u", output="y"), {}
+    answer: Any = SimpleNamespace(problem=SimpleNamespace(experiments={"a": SimpleNamespace(recording=own)}))
+    loop: Any = SimpleNamespace(model=model, input="u", output="y")
+    proposed: dict[str, str] = {}
     asked = _Asked(answer, loop, ControlTable(), own, proposed)
     assert asked.limits() == (0.25, 0.55)
     asked.sensor()

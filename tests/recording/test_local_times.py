@@ -100,7 +100,7 @@ def test_dates_of_two_lengths_are_refused_with_the_line_to_write(tmp_path):
     with pytest.raises(PlantfitError, match=r"line 2.*'13/02/2024 10:00:00'.*with the month first, as dates says"):
         rec.read_csv(_file(tmp_path, ["13/02/2024 10:00:00", *times]), dates="month first")
     with pytest.raises(PlantfitError, match="dates is 'dmy'; use one of 'day first', 'month first', 'year first'"):
-        rec.read_csv(_file(tmp_path, times), dates="dmy")
+        rec.read_csv(_file(tmp_path, times), dates="dmy")  # pyrefly: ignore[bad-argument-type]
 
 
 def test_an_hour_of_a_night_that_may_be_two_is_refused(tmp_path):

@@ -5,7 +5,7 @@ import re
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from itertools import pairwise
-from typing import Literal
+from typing import Any, Literal
 
 Order = Literal["ymd", "dmy", "mdy"]
 Dates = Literal["day first", "month first", "year first"]
@@ -67,11 +67,12 @@ def readings(cells: Sequence[str | None], dates: Dates | None = None) -> list[li
     return [whole[o] for o in whole if took[o] == least and o in others]
 
 
-def told_apart(alike: Sequence[Sequence[datetime | None]]) -> bool:
-    """Whether `readings` of the same cells differ in the times between rows, and not in the date of them alone."""
+def told_apart(alike: Sequence[Sequence[Any]]) -> bool:
+    """Whether `readings` of the same cells, of which each is a time, differ in the times between rows, and not in the
+    date of them alone."""
     firsts = [found[0] for found in alike if found]
     return any(
-        (a - start) != (b - other)  # type: ignore[operator]
+        (a - start) != (b - other)
         for start, other, found, again in zip(firsts, firsts[1:], alike, alike[1:], strict=False)
         for a, b in zip(found, again, strict=True)
     )

@@ -60,7 +60,7 @@ def recorded_visits(problem: Problem, values: Any) -> dict[str, bool]:
     """
     used, simulated = _used(problem), operating_points(problem, values)
     recorded = {name: _recorded(problem, name, points, values) for name, points in simulated.items()}
-    tables = {t.name: t for t in problem.model.tables}  # type: ignore[union-attr]
+    tables = {t.name: t for t in problem.model.tables}  # pyrefly: ignore[missing-attribute]
     known = {n: root for n, root in used.items() if all({*tables[n].over} <= {*own} for own in recorded.values())}
     found = _visits(problem, known, recorded)
     return {name: bool(seen) for v in found for name, seen in zip(v.names, v.visited.ravel(), strict=True)}
