@@ -176,6 +176,8 @@ class _Fit:
         both = [np.c_[here.residuals, here.slopes][o.places] for o in self.outputs]
         draws = [drawn(n, c, seed=i) for i, (n, c) in enumerate(zip(noises, both, strict=True))]
         weights = shares(np.sum([logs for _, logs in draws], axis=0))
+        if not any(len(n.unknowns) for n in noises):
+            weights = np.ones(1)  # all draws are the same
         matrix, gradient = self._normal(here, noises)
         covariance, open_ = _inverse(matrix)
         centre, d = -covariance @ gradient, self.dimension

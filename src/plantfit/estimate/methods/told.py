@@ -18,6 +18,7 @@ from plantfit.findings.verdict import Sentence
 from plantfit.recording.told import listed
 
 MEMORY = 0.1  # correlation of neighbouring innovations from which on intervals of filters are called too narrow
+SLOW = 0.05  # of the samples that are independent, below which what a model lacks is more likely than noise
 
 
 def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> list[Sentence]:
@@ -77,7 +78,8 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
                 f"out: intervals of {GENERALISED} are {'too narrow' if noise.left > 0 else 'too wide'}.",
             )
     if shorter := _shorter(record):
-        say("info", shorter)
+        slow = any(n.independent < SLOW * n.samples for n in record.correlated)
+        say("warning" if slow else "info", shorter)
     known = [p for p in record.parameters if p.truth is not None]
     for methods, held in _alike({method: _held(known, method) for method in record.methods} if known else {}):
         say("info", f"{'By each of' if len(methods) > 1 else 'Of'} {listed(methods)}, {held}.")
@@ -95,7 +97,8 @@ def _taken(noise: CorrelatedNoise) -> str:
     if noise.order == 0:
         return f"{said}, and white."
     worth = (
-        f"{noise.samples} samples tell as much as {noise.independent:.0f} independent ones"
+        f"{noise.samples} samples tell as much as "
+        + (f"{noise.independent:.0f} independent ones" if noise.independent >= 1.5 else "one")
         if noise.independent < 0.95 * noise.samples
         else "which costs no information"
     )
