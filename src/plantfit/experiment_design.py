@@ -36,8 +36,8 @@ from plantfit.units import in_unit, per_second
 MOST_COORDINATES = 60
 MOST_SAMPLES = 200_000
 RUN_AWAY = 30.0  # times the range that an output had in the recordings
-# of a value, of its typical size or of a quarter of bounds of both signs: a standard error above it determines nothing
 MORE = 1.5  # times, beyond which something else than unlike sizes of errors makes variances larger
+# of a value, of its typical size or of a quarter of bounds of both signs: a standard error above it determines nothing
 OPEN = 0.5
 
 Range = tuple[float | str | None, float | str | None]
