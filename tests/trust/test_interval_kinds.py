@@ -234,24 +234,26 @@ def test_the_same_seed_draws_the_same_and_few_draws_are_told(white):
 
 
 def test_a_verdict_that_holds_another_answer_is_told_as_that():
-    """Two terms whose rates may be exchanged with their shares f and 1 - f: nothing leaves the bounds of the search."""
+    """An oral dose whose rates may be exchanged with another volume (flip-flop): nothing leaves the bounds of the
+    search."""
     x = np.linspace(0.0, 12.0, 40)
-    y = 0.3 * np.exp(-0.2 * x) + 0.7 * np.exp(-1.5 * x) + 0.005 * np.random.default_rng(2).normal(size=40)
+    exact = 1.5 / 1.3 * (np.exp(-0.2 * x) - np.exp(-1.5 * x))
+    y = exact + 0.005 * np.random.default_rng(2).normal(size=40)
     model = pf.equations(
-        "y = f*exp(-p*x) + (1 - f)*exp(-q*x)", inputs={"x": "1"}, outputs={"y": "1"}, parameters=["f", "p", "q"],
-        check=False,
+        "y = ka/(V*(ka - ke))*(exp(-ke*x) - exp(-ka*x))", inputs={"x": "1"}, outputs={"y": "1"},
+        parameters=["V", "ka", "ke"], check=False,
     )  # fmt: skip
-    bounds = {"f": (0.0, 1.0), "p": (0.01, 5.0), "q": (0.01, 5.0)}
+    bounds = {"V": (0.02, 5.0), "ka": (0.01, 5.0), "ke": (0.01, 5.0)}
     answer = pf.fit(pf.Problem(model, pf.from_arrays({"x": x, "y": y}, period=1.0, units={"x": "1", "y": "1"}), bounds))
     found = pf.compare_intervals(answer, kinds=("profile",))
     assert "different answers fit equally well" in " ".join(v["sentence"] for v in answer.findings["verdict"])
-    (f, *_) = found.typed.parameters
-    verdict, one = f.kinds
+    (volume, *_) = found.typed.parameters
+    verdict, one = volume.kinds
     assert verdict.low is not None
     assert verdict.high is not None
-    assert verdict.low < 0.3 < 0.7 < verdict.high
+    assert verdict.low < 0.2 / 1.5 < 1.0 < verdict.high
     assert one.width < 0.2
-    said = [s["sentence"] for s in found.record["verdict"] if s["sentence"].startswith("f:")]
+    said = [s["sentence"] for s in found.record["verdict"] if s["sentence"].startswith("V:")]
     assert "the verdict holds other answers of as little cost" in said[0]
 
 
