@@ -140,7 +140,8 @@ def estimate(
         list[str] | None,
         typer.Option(
             "--method",
-            help="maximum likelihood, ekf, ukf or kalman (repeat); those of the [estimate] table if left out.",
+            help="maximum likelihood, generalised least squares, ekf, ukf or kalman (repeat); those of the [estimate] "
+            "table if left out.",
         ),
     ] = None,
     store: StorePlace = STORE,
