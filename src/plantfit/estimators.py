@@ -44,6 +44,7 @@ from plantfit.report.text import columns
 from plantfit.spec.study import Study
 from plantfit.spec.tables import EstimateTable, validated
 from plantfit.spec.wished import table_in, wished
+from plantfit.trust.intervals.robust_or_classical import timed
 from plantfit.units import compatible, convert, difference_of
 
 if TYPE_CHECKING:
@@ -258,6 +259,12 @@ def check_estimable(
     checked = estimate_table(problem, table, wishes)
     if _need_noise(checked):
         _refuse(problem)
+    if GENERALISED in checked.methods and not (problem.in_time or timed(problem)):
+        raise SpecError(
+            f"{problem.name!r} has no time: its rows may stand in any order, so that neighbours tell nothing of each "
+            f"other and {GENERALISED} is least squares. Name the column of times (time under [recording.NAME]) if the "
+            "rows are samples one after another."
+        )
     if "kalman" in checked.methods:
         states = dict.fromkeys(problem.model.states, 1.0)  # pyrefly: ignore[missing-attribute]
         kalman_filter(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), states))

@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 import plantfit as pf
-from plantfit.errors import ModelError, SearchError
+from plantfit.errors import ModelError, SearchError, SpecError
 from plantfit.estimate.methods.correlated_noise import FEW, Noise, Rows, drawn, estimated, in_basis, restricted, shares
 from plantfit.estimate.methods.generalised import generalised_least_squares
 
@@ -339,6 +339,37 @@ def test_it_takes_models_that_no_filter_takes():
         error = rows[name].standard_error
         assert error is not None
         assert rows[name].value == pytest.approx(truth, abs=4 * error)
+
+
+def test_rows_without_times_are_no_neighbours_and_rows_with_times_are():
+    rng = np.random.default_rng(11)
+    model = pf.equations("y = a*x + b", inputs=["x"], outputs=["y"], parameters=["a", "b"])
+    signals = {"x": pf.Signal(rng.normal(size=80)), "y": pf.Signal(autoregression(80, [0.7], rng))}
+    bounds = {"a": (-10.0, 10.0), "b": (-10.0, 10.0)}
+    table = pf.Problem(model, pf.Recording(np.arange(80.0), signals, "run"), bounds)
+    with pytest.raises(SpecError, match=r"has no time.*Name the column of times"):
+        pf.estimate_parameters(table, methods=[GLS])
+    timed = pf.Problem(model, pf.Recording(0.5 * np.arange(80.0), signals, "run"), bounds)
+    assert pf.estimate_parameters(timed, methods=[GLS]).typed.correlated[0].order >= 1
+
+
+def test_numbers_do_not_depend_on_the_unit_of_the_output():
+    """A speed in rpm in place of rad/s: what is shared, and what comes of it, is the same."""
+    one = encoder(3)
+    own = one.experiments["run"]
+    speed = own.recording.signals["speed"]
+    recording = pf.Recording(own.recording.t, {**own.recording.signals, "speed": pf.Signal(1e5 * speed.values)}, "run")
+    from plantfit.problem.measure.experiment import Experiment
+
+    taken = Experiment(recording, shared_errors={"speed": "slot"})
+    many = pf.Problem(one.model, {"run": taken}, {"K": (1e4, 5e6), "tau": (0.01, 10)}, hold={"u": "previous"})
+    first, second = (
+        generalised_least_squares(p, values)
+        for p, values in ((one, {"K": 5.0, "tau": 0.4}), (many, {"K": 5e5, "tau": 0.4}))
+    )
+    assert second.noises[0].form == first.noises[0].form == "edges in proportion"
+    assert second.noises[0].shared == pytest.approx(first.noises[0].shared, rel=1e-3)
+    assert ends(second, "K")[0] == pytest.approx(1e5 * ends(first, "K")[0], rel=1e-6)
 
 
 def test_a_model_that_follows_exactly_and_few_samples_are_told():

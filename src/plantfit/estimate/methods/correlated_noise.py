@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 from scipy import sparse
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 from scipy.sparse.linalg import spsolve_triangular
 from scipy.stats import t
@@ -45,18 +45,25 @@ class Rows:
     errors: tuple[np.ndarray, ...] = ()
     sizes: tuple[np.ndarray, ...] = ()
 
+    def unit(self, form: Form) -> float:
+        """The root mean square of what the errors are multiplied by, so that what is shared compares with noise."""
+        if not form.endswith("proportion"):
+            return 1.0
+        sizes = np.concatenate([s[np.isfinite(e)] for e, s in zip(self.errors, self.sizes, strict=True)])
+        return max(float(np.sqrt(np.mean(sizes**2))), 1e-300)
+
     def spread(self, form: Form) -> sparse.csr_matrix:
-        """What errors of unit variance do to the rows (n, errors).
+        """What errors of unit variance, times `unit`, do to the rows (n, errors).
 
         `edges`: the error of a slot is the difference of those of its two edges, which it shares with its neighbours,
         and the last slot's with the first: over a turn of the disc they are nothing in the mean.
         """
-        found = []
+        found, unit = [], self.unit(form)
         for numbers, size in zip(self.errors, self.sizes, strict=True):
             there = np.flatnonzero(np.isfinite(numbers))
             number = numbers[there].astype(int)
             shape = len(numbers), int(np.max(number, initial=0)) + 1
-            times = size[there] if form.endswith("proportion") else np.ones(len(there))
+            times = size[there] / unit if form.endswith("proportion") else np.ones(len(there))
             own = sparse.csr_matrix((times, (there, number)), shape)
             if form.startswith("edges"):
                 own = sparse.csr_matrix((times, (there, (number + 1) % shape[1])), shape) - own
@@ -91,6 +98,11 @@ class Noise:
         return float(np.sqrt(self.variance * _predictors(self.partial)[1][0]))
 
     @property
+    def shared_variance(self) -> float:
+        """Of the errors that samples share: of shares of the output, or in the rows' unit; 0 without such."""
+        return 0.0 if self.form is None else self.variance * self.shared / self.rows.unit(self.form) ** 2
+
+    @property
     def skipped(self) -> np.ndarray | None:
         """By what share (n,) of the output the mean over all slots lies below that over samples, where edges are wrong.
 
@@ -107,7 +119,7 @@ class Noise:
             ahead = ahead[np.isfinite(ahead)]
             skips = float(np.mean((ahead > 1.5) & (ahead < count - 1.5))) if len(ahead) else 0.0
             found.append(np.where(np.isfinite(numbers), skips, 0.0))
-        return self.variance * self.shared * np.concatenate(found)
+        return self.shared_variance * np.concatenate(found)
 
     @property
     def degrees(self) -> float:
@@ -133,10 +145,7 @@ class Noise:
         a = filtered @ columns
         found = a.T @ a
         if self.spread is not None:
-            b = (filtered @ self.spread) * np.sqrt(self.shared)
-            inner = (b.T @ b).toarray()
-            inner[np.diag_indices_from(inner)] += 1.0
-            root = cholesky(inner, lower=True)
+            b, root = self._shared_part(filtered)
             c = solve_triangular(root, b.T @ a, lower=True)
             found = found - c.T @ c
             logarithm += 2.0 * float(np.sum(np.log(np.diag(root))))
@@ -158,10 +167,15 @@ class Noise:
         a = filtered @ column
         if self.spread is None:
             return a
+        b, root = self._shared_part(filtered)
+        return a - b @ cho_solve((root, True), b.T @ a)
+
+    def _shared_part(self, filtered: sparse.csr_matrix) -> tuple[sparse.csr_matrix, np.ndarray]:
+        """Shared errors after the filter, B (n, errors), and the lower root (errors, errors) of 1 + B'B."""
         b = (filtered @ self.spread) * np.sqrt(self.shared)
         inner = (b.T @ b).toarray()
         inner[np.diag_indices_from(inner)] += 1.0
-        return a - b @ np.linalg.solve(inner, b.T @ a)
+        return b, cholesky(inner, lower=True)
 
     def _filtered(self) -> tuple[sparse.csr_matrix, float]:
         """L of eq. (1) as a sparse matrix, and the log-determinant of the covariance that it whitens."""

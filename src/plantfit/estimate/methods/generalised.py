@@ -120,13 +120,15 @@ class _Fit:
     def check(self, z: np.ndarray) -> None:
         """Find the rows of every output; raise SearchError where there is no noise to be seen."""
         found = residuals(self.problem, z)
-        spread = self.problem.parts.spread(self.problem.scales)
-        if np.sqrt(np.mean(found**2)) <= EXACT * spread:
-            raise SearchError(
-                "The model follows the samples to rounding, so there is no noise whose correlation could be "
-                "estimated; leave generalised least squares out."
-            )
         self.outputs = self._rows(found)
+        for o in self.outputs:
+            name = o.rows.output
+            measured = np.concatenate(self.problem.parts.of_output(name)) / float(self.problem.scales[name])
+            if np.sqrt(np.mean(found[o.places] ** 2)) <= EXACT * max(float(np.std(measured)), 1e-300):
+                raise SearchError(
+                    f"The model follows {name} to rounding, so there is no noise whose correlation could be "
+                    "estimated; leave generalised least squares out."
+                )
 
     def linear(self, z: np.ndarray) -> _Linear:
         """Everything about z, in rows of unweighted scaled residuals."""
@@ -188,7 +190,8 @@ class _Fit:
             off = -inverse @ slope - centre
             spread += weight * (inverse + np.outer(off, off))
         spread += self._gains(here, noises, covariance)
-        wide = _widened(covariance, self._parts(here, noises), [len(o.places) - self.dimension for o in self.outputs])
+        freedom = [len(o.places) - d for o in self.outputs]
+        wide = _widened(covariance, self._products(here.slopes, noises), freedom)
         cube, error = spread[:d, :d] * np.outer(wide[:d], wide[:d]), np.sqrt(np.diag(spread)[:d]) * wide[:d]
         slopes = self.space.slopes(z)
         low, high = (self._physical(z + side * NORMAL * error) for side in (-1.0, 1.0))
@@ -337,26 +340,21 @@ class _Fit:
 
     # -- the weighted problem ---------------------------------------------------------------------
 
+    def _products(self, columns: np.ndarray, noises: Sequence[Noise]) -> list[np.ndarray]:
+        """columns' V^-1 columns of each output, for columns (m, k) over all rows."""
+        return [
+            noise.products(columns[o.places])[0] / noise.variance for o, noise in zip(self.outputs, noises, strict=True)
+        ]
+
     def _normal(self, here: _Linear, noises: Sequence[Noise]) -> tuple[np.ndarray, np.ndarray]:
         """Normal matrix (d + k, d + k) and gradient (d + k,)."""
-        both = np.c_[here.residuals, here.slopes]
-        found = np.c_[here.known, here.known_slopes].T @ np.c_[here.known, here.known_slopes]
-        for o, noise in zip(self.outputs, noises, strict=True):
-            found = found + noise.products(both[o.places])[0] / noise.variance
+        known = np.c_[here.known, here.known_slopes]
+        found = known.T @ known + sum(self._products(np.c_[here.residuals, here.slopes], noises))
         return found[1:, 1:], found[1:, 0]
 
     def _cost(self, here: _Linear, noises: Sequence[Noise]) -> float:
-        found = float(here.known @ here.known)
-        for o, noise in zip(self.outputs, noises, strict=True):
-            found += float(noise.products(here.residuals[o.places][:, None])[0][0, 0]) / noise.variance
-        return found
-
-    def _parts(self, here: _Linear, noises: Sequence[Noise]) -> list[np.ndarray]:
-        """Normal matrices of the outputs."""
-        return [
-            noise.products(here.slopes[o.places])[0] / noise.variance
-            for o, noise in zip(self.outputs, noises, strict=True)
-        ]
+        own = self._products(here.residuals[:, None], noises)
+        return float(here.known @ here.known) + sum(float(p[0, 0]) for p in own)
 
     def _physical(self, z: np.ndarray) -> np.ndarray:
         """Values at cube points that may lie outside of the box, not beyond their physical limits."""
@@ -370,11 +368,7 @@ class _Fit:
         found = np.zeros_like(covariance)
         for o, noise in zip(self.outputs, noises, strict=True):
             if noise.form == "edges in proportion" and noise.spread is not None:
-                size = (
-                    noise.variance
-                    * noise.shared
-                    * np.hypot(MEAN_OF_SQUARES, 3.0 * np.sqrt(2.0 / noise.spread.shape[1]))
-                )
+                size = noise.shared_variance * np.hypot(MEAN_OF_SQUARES, 3.0 * np.sqrt(2.0 / noise.spread.shape[1]))
                 columns = np.c_[np.concatenate(o.rows.sizes), here.slopes[o.places]]
                 moved = covariance @ noise.products(columns)[0][1:, 0] / noise.variance
                 found += size**2 * np.outer(moved, moved)
@@ -388,9 +382,7 @@ class _Fit:
             left = float(white[1:] @ white[:-1]) / max(float(white @ white), 1e-300)
             shared = None
             if noise.spread is not None and noise.form is not None:
-                shared = float(np.sqrt(noise.variance * noise.shared)) * (
-                    1.0 if noise.form.endswith("proportion") else scale
-                )
+                shared = float(np.sqrt(noise.shared_variance)) * (1.0 if noise.form.endswith("proportion") else scale)
             found.append(
                 CorrelatedNoise(
                     output=output,

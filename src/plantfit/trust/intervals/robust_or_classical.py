@@ -24,11 +24,12 @@ def robust_errors(problem: Problem, residuals: np.ndarray, blocks: Sequence[Bloc
     """
     if problem.standard_errors is not None or problem.in_time:
         return problem.robust
-    return _timed(problem) and _correlated(residuals, blocks)
+    return timed(problem) and _correlated(residuals, blocks)
 
 
-def _timed(problem: Problem) -> bool:
-    """Whether rows of any recording have times, and not only numbers from 0 or 1 that no column of time gave."""
+def timed(problem: Problem) -> bool:
+    """Whether rows of any recording of the problem have times, and not only numbers from 0 or 1 that no column of time
+    gave."""
     own = [e.recording for e in problem.experiments.values()]
     return any(
         r.clocked or r.t[0] not in (0.0, 1.0) or not np.array_equal(r.t - r.t[0], np.arange(len(r))) for r in own
