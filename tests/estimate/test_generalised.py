@@ -353,6 +353,16 @@ def test_rows_without_times_are_no_neighbours_and_rows_with_times_are():
     assert pf.estimate_parameters(timed, methods=[GLS]).typed.correlated[0].order >= 1
 
 
+def test_more_shared_errors_than_are_estimated_are_noise_of_their_samples(monkeypatch):
+    monkeypatch.setattr("plantfit.estimate.methods.generalised.MOST_ERRORS", 20)  # the disc has 30
+    found = generalised_least_squares(encoder(3), {"K": 5.0, "tau": 0.4})
+    assert found.noises[0].form is None
+    assert found.remarks == (
+        "speed: its samples share 30 errors, and generalised least squares estimates at most 20, so it takes them for "
+        "noise of the samples",
+    )
+
+
 def test_numbers_do_not_depend_on_the_unit_of_the_output():
     """A speed in rpm in place of rad/s: what is shared, and what comes of it, is the same."""
     one = encoder(3)

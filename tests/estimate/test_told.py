@@ -1,6 +1,7 @@
 """What is said of several filters: once where it is the same, of each by itself where it is not."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from plantfit.estimate.methods.estimates_record import innovation_memory, memory_by_chance
 from plantfit.estimate.methods.told import _memory, verdict_of
 from plantfit.findings.results.estimated import (
+    CorrelatedNoise,
     EstimatedParameter,
     EstimateOfMethod,
     EstimatesByMethod,
@@ -90,3 +92,66 @@ def test_white_innovations_of_few_samples_are_not_called_correlated():
     slow = np.convolve(rng.standard_normal(40), [1.0, 0.9])
     run.y, run.rank, run.told = slow[:, None], np.arange(41), {"white": slow[:, None]}
     assert _memory(innovation_memory([run]), memory_by_chance([run]))  # pyrefly: ignore[bad-argument-type]
+
+
+def of_noise(**changes):
+    """What is said of generalised least squares whose intervals are half as long as those of least squares."""
+    usual: dict[str, Any] = {
+        "output": "y", "unit": "V", "deviation": 0.5, "order": 1, "correlation": 0.7, "samples": 400,
+        "independent": 70.0, "left": 0.02, "shared": None, "form": None,
+    }  # fmt: skip
+    noise = CorrelatedNoise(**usual | changes)
+    ends: dict[str, tuple[float | None, float | None]] = {
+        "least squares": (1.8, 2.2), "generalised least squares": (1.9, 2.1),
+    }  # fmt: skip
+    if noise.independent < 8:
+        ends["generalised least squares"] = (None, None)
+    estimates = {
+        m: EstimateOfMethod(value=2.0, standard_error=0.1, low=low, high=high, at_bound=False)
+        for m, (low, high) in ends.items()
+    }
+    made = EstimatesByMethod(
+        name="lag", methods=list(ends), parameters=[
+            EstimatedParameter(name="K", unit=None, truth=None, estimates=estimates)
+        ], noise=[], filters=[], correlated=[noise], agreement=[], assumed=[], log_likelihood=None, agree=None,
+    )  # fmt: skip
+    return [(s.level, s.sentence) for s in verdict_of(made, None)]
+
+
+def test_noise_that_is_left_white_is_told_and_no_warning_given():
+    taken, shorter = of_noise()
+    assert taken == (
+        "info",
+        "Generalised least squares: the noise of y is 0.5 V, and correlated between neighbours (0.70, order 1): 400 "
+        "samples tell as much as 70 independent ones.",
+    )
+    assert shorter[0] == "info"
+    assert "are 0.5 times as long as those of least squares" in shorter[1]
+    assert of_noise(order=0, correlation=0.0, independent=400.0)[0][1].endswith("0.5 V, and white.")
+
+
+@pytest.mark.parametrize(("left", "words"), [(0.3, "too narrow"), (-0.3, "too wide"), (0.12, None), (-0.05, None)])
+def test_residuals_that_stay_correlated_are_a_warning(left, words):
+    """Of 400 samples 0.129 comes by chance in 1 %."""
+    warned = [s for level, s in of_noise(left=left) if level == "warning"]
+    assert (len(warned) == 1 and words in warned[0]) if words else not warned
+
+
+def test_slow_noise_warns_and_the_slowest_has_no_intervals():
+    assert [level for level, s in of_noise(independent=15.0) if "times as long" in s] == ["warning"]
+    told = of_noise(independent=0.4)
+    assert any(level == "warning" and "no intervals" in s for level, s in told)
+    assert not any("times as long" in s for _, s in told)
+    assert "tell as much as one." in told[0][1]
+
+
+@pytest.mark.parametrize(
+    ("form", "words"),
+    [
+        ("edges in proportion", "errors of 2 % at edges that neighbouring numbers share"),
+        ("own", "errors of 0.02 V of every number"),
+    ],
+)
+def test_shared_errors_are_told_in_their_unit(form, words):
+    assert words in of_noise(form=form, shared=0.02)[0][1]
+    assert "shared_errors" not in of_noise()[0][1]
