@@ -9,8 +9,8 @@ from scipy.stats import multivariate_normal
 
 import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
-from plantfit.estimate.methods.correlated_noise import FEW, Noise, Rows, drawn, estimated, in_basis, restricted, shares
 from plantfit.estimate.methods.generalised import generalised_least_squares
+from plantfit.problem.correlated.noise import FEW, Noise, Rows, drawn, estimated, in_basis, restricted, shares
 
 GLS = "generalised least squares"
 PARTIAL = np.array([0.7, -0.4])  # an autoregression of order 2: 0.98 and -0.4
@@ -354,7 +354,7 @@ def test_rows_without_times_are_no_neighbours_and_rows_with_times_are():
 
 
 def test_more_shared_errors_than_are_estimated_are_noise_of_their_samples(monkeypatch):
-    monkeypatch.setattr("plantfit.estimate.methods.generalised.MOST_ERRORS", 20)  # the disc has 30
+    monkeypatch.setattr("plantfit.problem.correlated.least_squares.MOST_ERRORS", 20)  # the disc has 30
     found = generalised_least_squares(encoder(3), {"K": 5.0, "tau": 0.4})
     assert found.noises[0].form is None
     assert found.remarks == (

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, lsim, lti
 
-from plantfit.trust.validate.residual_tests import cross_correlation, explained_by_past, independent, whiteness
+from plantfit.trust.validate.residuals.residual_tests import (
+    cross_correlation,
+    explained_by_past,
+    independent,
+    whiteness,
+)
 from plantfit.trust.verdict.outputs import noise_rows
 from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.residuals import residual_sentences

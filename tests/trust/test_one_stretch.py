@@ -9,7 +9,7 @@ from plantfit.fitting import fit
 from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.validate.one_stretch import one_stretch
+from plantfit.trust.validate.residuals.one_stretch import one_stretch
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 
 N, H = 1500, 0.1

@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import plantfit as pf
-from plantfit.trust.validate.residual_tests import short_recordings
+from plantfit.trust.validate.residuals.residual_tests import short_recordings
 
 
 def left(rng, lengths, taken):

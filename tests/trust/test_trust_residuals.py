@@ -10,7 +10,7 @@ from plantfit.problem import Experiment, Problem
 from plantfit.problem.measure.sample_noise import white_part
 from plantfit.recording import Recording, Signal
 from plantfit.trust import autocorrelation, cross_correlation, whiteness
-from plantfit.trust.validate.residual_tests import independent, measured_rows
+from plantfit.trust.validate.residuals.residual_tests import independent, measured_rows
 
 
 def ar1(rng, n, rho) -> np.ndarray:

@@ -10,7 +10,7 @@ from plantfit.fitting import fit
 from plantfit.models import equations
 from plantfit.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.trust.validate.turned import turned, turned_records
+from plantfit.trust.validate.residuals.turned import turned, turned_records
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 
 N = 1500

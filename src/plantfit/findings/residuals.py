@@ -1,5 +1,7 @@
 """Whether anything is left in the residuals: autocorrelation, and correlation with the inputs."""
 
+from typing import Literal
+
 from plantfit.findings.record import Number, Record, Values
 
 
@@ -74,3 +76,52 @@ class ResidualTest(Record):
     """By input."""
     stretch: Stretch | None = None
     turned: Turned | None = None
+
+
+class CorrelatedNoise(Record):
+    """The noise of an output as generalised least squares takes it."""
+
+    output: str
+    unit: str | None
+    deviation: float
+    """Standard deviation of a sample, without what samples share."""
+    order: int
+    """Of the autoregression."""
+    correlation: float
+    """Of neighbouring samples."""
+    samples: int
+    independent: float
+    """How many independent samples they are worth."""
+    left: float
+    """Correlation of neighbours that is left after all this is taken out."""
+    shared: Number
+    """Standard deviation of the errors that samples share (`shared_errors`): a share of the output, or in its unit."""
+    form: Literal["edges in proportion", "edges", "own in proportion", "own"] | None
+    """What is shared: errors of the edges between neighbouring numbers or of each number, in proportion to the output
+    or of one size."""
+
+
+class WeightedParameter(Record):
+    """A parameter by least squares weighted for noise that is correlated, in its unit, with its 95 % interval."""
+
+    name: str
+    unit: str | None
+    value: float
+    low: Number
+    high: Number
+
+
+class CorrelatedResiduals(Record):
+    """Residuals that are not white taken for noise that is correlated: generalised least squares (`plantfit
+    estimate`)."""
+
+    noise: list[CorrelatedNoise]
+    """By output."""
+    parameters: list[WeightedParameter]
+    p: Number
+    """Of the test that such noise alone moves the parameters from where they are; null where it hardly can move
+    them."""
+    moved: str | None
+    """The parameter that it moves most."""
+    differs: bool
+    """Whether that is more than such noise explains: the model lacks something."""

@@ -12,7 +12,7 @@ from plantfit.findings.heterogeneity import Heterogeneity
 from plantfit.findings.parameters import Combination, Determined, Parameter, StandardErrors
 from plantfit.findings.record import READ, Record
 from plantfit.findings.recordings import Recording, Score, Weight
-from plantfit.findings.residuals import ResidualTest, ShortRecordings
+from plantfit.findings.residuals import CorrelatedResiduals, ResidualTest, ShortRecordings
 from plantfit.findings.runs import Agreement, Basin, Run
 from plantfit.findings.simulation import Reproduction, Simulation
 from plantfit.findings.tables import OperatingTable, SmoothedTable
@@ -39,6 +39,8 @@ class Findings(Record):
     """By recording and output."""
     short_recordings: list[ShortRecordings] = []
     """By output, where recordings are too short for tests of their own."""
+    correlated: CorrelatedResiduals | None = None
+    """None where residuals are white, or cannot be taken for noise that is correlated."""
     data: list[Look] = []
     """What is odd about the recordings."""
     diagnosis: Diagnosis | None = None

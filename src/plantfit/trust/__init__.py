@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from plantfit.trust.stated_errors.reading_budgets import reading_budgets
     from plantfit.trust.stated_errors.uncertainty_budget import Budget, Source, type_a, type_b, uncertainty_budget
     from plantfit.trust.validate.dead_time import DeadTime, dead_time
-    from plantfit.trust.validate.residual_tests import autocorrelation, cross_correlation, whiteness
+    from plantfit.trust.validate.residuals.residual_tests import autocorrelation, cross_correlation, whiteness
 
 __all__ = [
     "BaseParameters",
@@ -117,7 +117,7 @@ names_of(
         "intervals.profile": "Profile profile",
         "stated_errors.reading_budgets": "reading_budgets",
         "intervals.regression_errors": "RegressionPart regression_covariance",
-        "validate.residual_tests": "autocorrelation cross_correlation whiteness",
+        "validate.residuals.residual_tests": "autocorrelation cross_correlation whiteness",
         "sensitivity.salib_extra": "has_salib need_salib",
         "sensitivity.screening": "Screening morris",
         "sensitivity.sobol_indices": "SobolIndices sobol_indices",

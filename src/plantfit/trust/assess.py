@@ -38,8 +38,9 @@ from plantfit.trust.looks import hold_looks, not_followed, problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
-from plantfit.trust.validate.one_stretch import one_stretch
-from plantfit.trust.validate.residual_tests import (
+from plantfit.trust.validate.residuals.correlated import correlated_residuals
+from plantfit.trust.validate.residuals.one_stretch import one_stretch
+from plantfit.trust.validate.residuals.residual_tests import (
     cross_correlation,
     explained_by_past,
     independent,
@@ -47,8 +48,8 @@ from plantfit.trust.validate.residual_tests import (
     short_recordings,
     whiteness,
 )
+from plantfit.trust.validate.residuals.turned import turned, turned_records
 from plantfit.trust.validate.spare_samples import with_spare
-from plantfit.trust.validate.turned import turned, turned_records
 from plantfit.trust.validate.unseen_starts import with_started
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import GOOD, ROUNDING, TESTED
@@ -102,6 +103,7 @@ def assess(
         scores=scores,
         residual_tests=tests,
         short_recordings=short,
+        correlated=correlated_residuals(problem, local, tests),
         data=[
             *not_followed(problem_looks(problem, fixed), problem, best.x),
             *stepped,

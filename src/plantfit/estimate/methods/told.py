@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.estimate.methods.correlated_noise import FEW
 from plantfit.estimate.methods.estimates_record import GENERALISED, LEAST_SQUARES, RARE
 from plantfit.findings.record import Level
 from plantfit.findings.results.estimated import (
@@ -15,6 +14,7 @@ from plantfit.findings.results.estimated import (
     EstimatesByMethod,
 )
 from plantfit.findings.verdict import Sentence
+from plantfit.problem.correlated.noise import FEW
 from plantfit.recording.told import listed
 
 MEMORY = 0.1  # correlation of neighbouring innovations from which on intervals of filters are called too narrow

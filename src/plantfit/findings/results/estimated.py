@@ -3,6 +3,7 @@
 from typing import Literal
 
 from plantfit.findings.record import Number, Printed, Record
+from plantfit.findings.residuals import CorrelatedNoise
 from plantfit.findings.verdict import Sentence
 
 
@@ -61,29 +62,6 @@ class FilterOfEstimate(Record):
     chance: dict[str, Number] = {}
     """How large it is by chance in 1 % of the recordings whose innovations are white, by output."""
     log_likelihood: Number
-
-
-class CorrelatedNoise(Record):
-    """The noise of an output as generalised least squares takes it."""
-
-    output: str
-    unit: str | None
-    deviation: float
-    """Standard deviation of a sample, without what samples share."""
-    order: int
-    """Of the autoregression."""
-    correlation: float
-    """Of neighbouring samples."""
-    samples: int
-    independent: float
-    """How many independent samples they are worth."""
-    left: float
-    """Correlation of neighbours that is left after all this is taken out."""
-    shared: Number
-    """Standard deviation of the errors that samples share (`shared_errors`): a share of the output, or in its unit."""
-    form: Literal["edges in proportion", "edges", "own in proportion", "own"] | None
-    """What is shared: errors of the edges between neighbouring numbers or of each number, in proportion to the output
-    or of one size."""
 
 
 class MethodPair(Record):

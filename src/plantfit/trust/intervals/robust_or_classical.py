@@ -8,7 +8,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.measure.long_run import first_correlation
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.covariance import Block
-from plantfit.trust.validate.residual_tests import whiteness
+from plantfit.trust.validate.residuals.residual_tests import whiteness
 
 TESTED = 20  # samples of an output in one recording from which on its residuals are tested
 # how often white residuals are taken for correlated by either test, and the normal quantile of that

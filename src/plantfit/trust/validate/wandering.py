@@ -8,7 +8,7 @@ from scipy.optimize import minimize_scalar
 from scipy.signal import lfilter
 from scipy.special import fdtrc
 
-from plantfit.trust.validate.residual_tests import whiteness
+from plantfit.trust.validate.residuals.residual_tests import whiteness
 
 FEWEST = 150  # samples
 BLOCKS, SLOW = 10, 0.6  # of a record, and the share of the residual's variance that their means have to hold

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.problem.measure.sample_noise import white_part
-from plantfit.trust.validate.residual_tests import measured_rows
+from plantfit.trust.validate.residuals.residual_tests import measured_rows
 from plantfit.trust.verdict.words import FEW, Sentence, some
 
 Findings = Mapping[str, Any]

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import comb
 from typing import Any
 
+from plantfit.trust.verdict.correlated import as_noise, may_be_noise, weighted_sentences
 from plantfit.trust.verdict.outputs import (
     FLOOR,
     Findings,
@@ -37,6 +38,9 @@ def residual_sentences(findings: Findings) -> Iterator[Sentence]:
     yield from each_output(findings, rows, _residual, _residuals)
     for row in _coloured_together(findings):
         yield _short(findings, row)
+    if not diagnosed(findings)["named"]:
+        coloured = [r["output"] for r in rows if not r["white"] and _left_by_a_solver(findings, r) is None]
+        yield from weighted_sentences(findings, list(dict.fromkeys(coloured)))
 
 
 def _coloured_together(findings: Findings) -> list[Row]:
@@ -185,6 +189,9 @@ def _residual(findings: Findings, row: Row) -> Sentence:
     if odd := _odd(row, known["named"]):
         text = text.removesuffix(", and something systematic is missing")
         return say("warning", f"{text}, and {odd}.", correlation=_next(row))
+    if not left and may_be_noise(findings, row["output"]):
+        text = text.removesuffix(", and something systematic is missing")
+        return say("info", f"{text}. {as_noise(findings)}.", correlation=_next(row))
     text += (
         "."
         if known["named"] or (known["tried"] and not left)
@@ -237,6 +244,10 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
         named = diagnosed(findings)["named"]
         odd = [r for r in coloured if _odd(r, named)]
         left = [] if named else [r for r in coloured if r not in odd and any(_follows(c) for c in r["cross"].values())]
+        if not (odd or left) and may_be_noise(findings, output):
+            text = text.removesuffix(", and something systematic is missing.")
+            yield say("info", f"{text}. {as_noise(findings)}.", correlation=max(map(_next, coloured)))
+            return
         text += (
             f" In {recordings_named(left)} it depends on an input: the model's response to it is incomplete."
             if left
@@ -268,6 +279,8 @@ def _noise(findings: Findings, row: Row) -> Sentence:
         if own.get("stretch")
         else "."
         if own.get("turned")
+        else ", by noise that is correlated or by what the model lacks."
+        if may_be_noise(findings, row["output"])
         else ", so a better model could still gain."
     )
     end = ": the fit is at the noise floor." if floor else above
@@ -283,7 +296,8 @@ def _noises(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Se
             f"in {len(above)} of {len(rows)} recordings ({recordings_named(above)}) the residual is up to "
             f"{most:.1f} times that: "
         )
-        text += "a better model could still gain."
+        noise_alone = may_be_noise(findings, output)
+        text += "correlated noise, or what the model lacks." if noise_alone else "a better model could still gain."
     else:
         text += (
             f"in all {len(rows)} recordings the residual is at most "

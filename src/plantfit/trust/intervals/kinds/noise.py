@@ -8,7 +8,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.linearised import named_blocks
-from plantfit.trust.validate.residual_tests import whiteness
+from plantfit.trust.validate.residuals.residual_tests import whiteness
 
 import jax
 import jax.numpy as jnp

@@ -1,0 +1,1 @@
+"""Tests of what a fit leaves: white or not, odd in one part, like noise that is correlated."""

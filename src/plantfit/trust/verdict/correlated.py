@@ -1,0 +1,94 @@
+"""What the verdict says of residuals that noise of the sensor may have left: noise that is correlated."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from plantfit.trust.verdict.outputs import Findings, Row, diagnosed, disagree
+from plantfit.trust.verdict.unseen import failing
+from plantfit.trust.verdict.words import Sentence, estimate, number, say, some
+
+SLOW = 0.05  # of the samples that are independent, below which what a model lacks is more likely than noise
+LEFT = 0.1  # correlation of neighbours that such noise may leave, or what chance does
+RARE = 2.576  # standard deviations that a normal variable exceeds, either way, in 1 % of draws
+SHORTER = 0.9  # of an interval's length, from which on it is worth a sentence
+BEST = 3  # parameters that it lists
+
+
+def may_be_noise(findings: Findings, output: str) -> bool:
+    """Whether noise that is correlated explains what is left of an output: it leaves nothing of the correlation, and
+    least squares weighted for it, which could have moved the parameters, does not; and no addition to the model, no
+    unseen samples and no recording against another shows a fault. A drift alone would pass the first two."""
+    found = findings.get("correlated")
+    if not found or found["differs"] or found["p"] is None:
+        return False
+    asked = diagnosed(findings)
+    if not asked["tried"] or asked["named"] or _unknown(findings) or disagree(findings) or output in failing(findings):
+        return False
+    noise = next((n for n in found["noise"] if n["output"] == output), None)
+    if noise is None or not (noise["order"] or noise["form"]):
+        return False
+    return _enough(noise) and abs(noise["left"]) <= max(LEFT, RARE / noise["samples"] ** 0.5)
+
+
+def as_noise(findings: Findings) -> str:
+    """That noise may have left it."""
+    return (
+        "Noise that is correlated would leave the same: weighted for it, the parameters stay where they are "
+        f"(p = {findings['correlated']['p']:.2g})"
+    )
+
+
+def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[Sentence]:
+    """What least squares weighted for the noise of the `coloured` outputs says beside plain least squares: that not
+    all is noise, or that it knows more."""
+    found = findings.get("correlated")
+    if not found or not coloured:
+        return
+    least = {p["name"]: p for p in findings["parameters"]}
+    if found["differs"] and all(_enough(n) for n in found["noise"]):
+        [moved] = [p for p in found["parameters"] if p["name"] == found["moved"]]
+        unit = f" {moved['unit']}" if moved["unit"] and moved["unit"] != "1" else ""
+        text = (
+            f"Not all that is left is noise: weighted for its correlation, {moved['name']} would be "
+            f"{number(moved['value'], 4)}{unit} in place of {number(least[moved['name']]['value'], 4)} "
+            f"(p = {found['p']:.2g}); the model lacks something that moves its parameters."
+        )
+        yield say("warning", text, p=found["p"])
+        return
+    if not all(may_be_noise(findings, output) for output in coloured):
+        return
+    ratios = [(p, ratio) for p in found["parameters"] if (ratio := _shorter(least.get(p["name"]), p)) is not None]
+    better = sorted((r for r in ratios if r[1] <= SHORTER), key=lambda r: r[1])
+    if better:
+        listed = [_as_estimate(p) for p, _ in better[:BEST]]
+        shown = some(listed) if len(better) <= BEST else f"{', '.join(listed)} and {len(better) - BEST} more"
+        text = (
+            f"If it is noise, generalised least squares knows more: {shown} "
+            '(`plantfit estimate --method "generalised least squares"`).'
+        )
+        yield say("info", text, ratio=better[0][1])
+
+
+def _enough(noise: Row) -> bool:
+    """Whether samples tell how the noise is correlated, and are not so slow that a model's fault is more likely."""
+    return noise["independent"] >= max(8.0, SLOW * noise["samples"])
+
+
+def _unknown(findings: Findings) -> bool:
+    """Whether residuals are too slow, or samples too few, for intervals that surely hold."""
+    return not (findings.get("determined") or {}).get("sound", True)
+
+
+def _shorter(least: Row | None, weighted: Mapping[str, Any]) -> float | None:
+    """Length of the weighted interval over that of least squares, where both ends of both are known."""
+    if least is None or least.get("status") != "determined":
+        return None
+    lengths = [r["high"] - r["low"] for r in (least, weighted) if r["low"] is not None and r["high"] is not None]
+    return lengths[1] / lengths[0] if len(lengths) == 2 and lengths[0] > 0 else None
+
+
+def _as_estimate(p: Mapping[str, Any]) -> str:
+    return estimate({**p, "standard_error": (p["high"] - p["low"]) / (2 * 1.96)})
+
+
+__all__ = ["as_noise", "may_be_noise", "weighted_sentences"]
