@@ -121,9 +121,18 @@ class Search:
         wishes, program = self.wishes, self.judge.program
         limited = tuple(n for n, given in EXTRA.items() if given(wishes))
         demand = demand_of(wishes)
-        known = self.poles is not None and self.form.settled
+        form = self.form
+        known = self.poles is not None and (form.settled or form.parts is not None)
         function = _costs_of(
-            program, self.form.build, self.form.response, demand, tuple(self.weights), limited, front, known
+            program,
+            form.build,
+            form.response,
+            None if form.settled else form.parts,
+            demand,
+            tuple(self.weights),
+            limited,
+            front,
+            known,
         )
         return CostOfData(
             function, self._data(goal) | {"limits": self._limits(room), "steepness": steepness, "counted": counted}
@@ -151,7 +160,8 @@ class Search:
             "noise": noises(wishes, self.form.inner),
         }  # fmt: skip
         if self.poles is not None:
-            found["poles"] = (self.poles[0] + self.form.integrators, self.poles[1])
+            at_one = self.form.integrators if self.form.settled else self.form.parted
+            found["poles"] = (self.poles[0] + at_one, self.poles[1])
         if goal is not None:
             found["goal"] = (goal.ideal, goal.spread, goal.shares)
         return jax.tree.map(jnp.asarray, found)
@@ -211,12 +221,14 @@ def _in_rows(costs: CostOfData, points: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _costs_of(
-    program: Program, build: Callable[[Any, Any], Any], respond: Callable[..., Any], demand: Demand,
+    program: Program, build: Callable[[Any, Any], Any], respond: Callable[..., Any],
+    divided: Callable[..., tuple[Any, Any]] | None, demand: Demand,
     figures: tuple[str, ...],
     limited: tuple[str, ...], front: bool, known: bool,
 ) -> Callable[[Any, Any], Any]:  # fmt: skip
     """The cost of points (n, d) of the cube, given the data of `Search._costs`; one identity for a choice, so that it
-    is compiled once. `known`: the poles of all plants and controllers are, and unstable loops are told by them."""
+    is compiled once. `known`: the poles of all plants and controllers are, and unstable loops are told by them; those
+    of controllers that are `divided` are in what is below the line."""
 
     def excess(value, limit):
         return jnp.maximum(value / limit - 1.0, 0.0)
@@ -241,13 +253,14 @@ def _costs_of(
         scores = scores_of(program, controllers, data["loop"])
 
         def response(parameters):
-            c = respond(parameters, w, jnp)
+            above, below = (respond(parameters, w, jnp), 1.0) if divided is None else divided(parameters, w, jnp)
+            c = above / below
             s = 1.0 / (1.0 + open_loop(c, h, jnp))
             ms = jnp.max(jnp.abs(s), axis=-1)
             if c.ndim > 1:
                 ms = jnp.maximum(ms, jnp.max(jnp.abs(1.0 / (1.0 + outer_loop(c, h))), axis=-1))
             integrators, unstable = data["poles"] if known else (0, 0)
-            outside = poles_outside(1.0 / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
+            outside = poles_outside(below / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
             return s, ms, outside, noise_at_input(c, s, data["weights"], data["noise"], jnp)
 
         s, ms, outside, moved = jax.vmap(response)(controllers)
