@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.steps.robust import STEEPNESS, Demand
+from plantfit.control.steps.robust import STEEPNESS, Demand, stacked_controllers
 from plantfit.control.tune.forms.form import Form
 from plantfit.control.tune.frequency import margins_in_search, noise_at_input, open_loop, outer_loop, poles_outside
 from plantfit.control.tune.loop_scores import Judge, Program, scores_of
@@ -32,6 +32,7 @@ AUGMENTED = (
 )
 STEEPER = 100.0  # times the penalty of a limit that a first search has paid for a faster loop
 UNSTABLE = 10.0  # times the penalty: an unstable loop counts as one of an Ms of eleven times its limit, or worse
+GONE = 1e4  # times the figures of a rule on the best fit: a loop that grows without bound
 ROOM = 0.95  # of a limit: what the search keeps, so that plants that it has not seen keep the limit
 
 
@@ -103,12 +104,43 @@ class Search:
             progress=progress,
         )
         run = min(runs, key=lambda r: r.cost)
-        if min(run.cost, np.min(first)) >= 1e5:
-            raise SearchError(
-                f"No {form.name} within the bounds of the search keeps the loops of all "
-                "plants finite; give a longer period or wider limits, or measure again."
+        best_point = np.asarray(run.x if run.cost < np.min(first) else best[0])
+        if min(run.cost, np.min(first)) >= 10.0 * GONE:
+            raise SearchError(self._why_not_finite(best_point))
+        return best_point
+
+    def _why_not_finite(self, point: np.ndarray) -> str:
+        """On how many plants the loop with the least bad controller ends at no number, and what to do."""
+        controller = self.form.made(jnp.asarray(point))
+        scores = self.judge.scores(stacked_controllers([controller]))
+        size = sum(np.asarray(getattr(scores, name))[0] / self.sizes.get(name, 1.0) for name in ("iae", "load_iae"))
+        lost = ~(size < min(GONE, 0.999 * np.max(np.nan_to_num(size, nan=np.inf))))
+        count, n = int(np.sum(lost)), len(lost)
+        said = f"No {self.form.name} within the bounds of the search keeps the loops of all plants finite"
+        if n == 1 or lost[0]:
+            which = "the loop of the best fit" if n == 1 else f"{count} of {n} loops, that of the best fit among them,"
+            return (
+                f"{said}: with the best one {which} ends where the model has no number, or grows without bound. "
+                "Keep the loop where the model was measured: a smaller step ([control] step, or --step), limits of the "
+                "input nearer to those of the recording (lower and upper), or another set point; or a shorter period."
             )
-        return np.asarray(run.x if run.cost < np.min(first) else best[0])
+        return (
+            f"{said}: with the best one {count} of {n} loops {'end' if count > 1 else 'ends'} where the model has no "
+            f"number, or {'grow' if count > 1 else 'grows'} without bound, and that of the best fit does not. These "
+            f"plants are allowed because the data do not know them better{self._apart(lost)}: measure again (`plantfit "
+            "design` says how), or give a smaller step ([control] step, or --step)."
+        )
+
+    def _apart(self, lost: np.ndarray) -> str:
+        """The parameter whose values tell the lost plants from the others best; empty where none does."""
+        found = ("", 1.0)
+        for name, values in self.judge.plant.plants.items():
+            spread = float(np.std(values))
+            if np.ndim(values) == 1 and spread > 0:
+                away = abs(float(np.mean(values[lost]) - np.mean(values[~lost]))) / spread
+                ends = f" ({name} is {np.min(values[lost]):.3g} to {np.max(values[lost]):.3g} there)"
+                found = max(found, (ends, away), key=lambda f: f[1])
+        return found[0]
 
     def _costs(
         self,
