@@ -125,7 +125,8 @@ class BlockFilter:
         to `length`."""
         if self.carry is None:
             self._first(t, u, y)
-        before, begin = self.carry[0], float(t[0]) if self.rows.last is None else self.rows.last
+        before: Any = self.carry
+        begin = float(t[0]) if self.rows.last is None else self.rows.last
         fed, told = self.rows.feed(t, u), []
         chunks = fed.chunks(self.size, y)
         for rows, moved in chunks:
@@ -135,7 +136,7 @@ class BlockFilter:
         carry: Any = self.carry
         mean, root = (np.asarray(v) for v in carry[2:])
         own = np.moveaxis(slopes, 0, -1)[fed.places]
-        self.past.append(Kept(before, begin, chunks, fed.places, t, white[fed.places]))
+        self.past.append(Kept(before[0], begin, chunks, fed.places, t, white[fed.places]))
         return Block(t, white[fed.places], own, np.sum(np.isfinite(y), axis=1), mean, root)
 
     def since(self, blocks: int, onsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -113,8 +113,9 @@ class Search:
         """On how many plants the loop with the least bad controller ends at no number, and what to do."""
         controller = self.form.made(jnp.asarray(point))
         scores = self.judge.scores(stacked_controllers([controller]))
-        size = sum(np.asarray(getattr(scores, name))[0] / self.sizes.get(name, 1.0) for name in ("iae", "load_iae"))
-        lost = ~(size < min(GONE, 0.999 * np.max(np.nan_to_num(size, nan=np.inf))))
+        parts = [np.asarray(getattr(scores, name))[0] / self.sizes.get(name, 1.0) for name in ("iae", "load_iae")]
+        size = np.nan_to_num(parts[0] + parts[1], nan=np.inf)
+        lost = size >= min(GONE, 0.999 * float(np.max(size)))
         count, n = int(np.sum(lost)), len(lost)
         said = f"No {self.form.name} within the bounds of the search keeps the loops of all plants finite"
         if n == 1 or lost[0]:
