@@ -194,9 +194,9 @@ def false_alarms(plant: Plant, trackers: list[Tracker], records: int, kind: str,
 
 def delays(
     plant: Plant, trackers: list[Tracker], records: int, size: float, seed: int
-) -> list[tuple[str, float | None, str | None]]:
+) -> list[tuple[str, float | None, tuple[str, ...]]]:
     """For each record: the parameter that changed, seconds to the alarm (None: none, negative: before), the
-    parameter that it named."""
+    parameters that it named, of which the data at its end tell none apart."""
     found, names, n = [], list(plant.truth), LONGER * plant.samples
     for k in range(records):
         rng = np.random.default_rng((seed, k))
@@ -210,7 +210,7 @@ def delays(
             (
                 name,
                 None if alarm is None else alarm.t - float(recording.t[after]),
-                None if alarm is None else alarm.parameter,
+                () if alarm is None or alarm.parameter is None else (alarm.parameter, *alarm.alike),
             )
         )
     return found
@@ -245,11 +245,13 @@ def main(words: list[str] | None = None) -> dict[str, Any]:
             for name in plant.truth:
                 mine = [(d, named) for n, d, named in runs if n == name]
                 seen = [d for d, _ in mine if d is not None and d >= 0]
-                right = sum(named == name for d, named in mine if d is not None and d >= 0)
+                after = [named for d, named in mine if d is not None and d >= 0]
+                alone, among = sum(n == (name,) for n in after), sum(name in n and len(n) > 1 for n in after)
                 middle, late = (np.median(seen), np.quantile(seen, 0.9)) if seen else (np.nan, np.nan)
                 print(
                     f"{plant.name}, {name} by {100 * size:.0f} %: {len(seen)} of {len(mine)} "
-                    f"seen, delay {middle:.3g} s (90 %: {late:.3g} s), named rightly {right}",
+                    f"seen, delay {middle:.3g} s (90 %: {late:.3g} s), named alone {alone}, among others {among}, "
+                    f"not {len(after) - alone - among}",
                     flush=True,
                 )
             print(f"{plant.name}, {100 * size:.0f} %: {early} alarms before the change", flush=True)

@@ -57,12 +57,14 @@ TWINS = (
 @dataclass(frozen=True, eq=False)
 class _Plants:
     """What a study knows: its model, plants (parameters (n,) by name, the first the best fit), a recording, its
-    name."""
+    name; parameters that the data leave open, and whether they determine no parameter at all."""
 
     model: Model
     values: Mapping[str, np.ndarray]
     recording: Recording
     name: str
+    open: tuple[str, ...] = ()
+    nothing: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +72,14 @@ class Held:
     """A regulator with its filter: `design` with all that it was judged by, `proposed` what was not asked for.
 
     `typed` has all figures as attributes, `record` the same as JSON types; `parameters` is its `StateFeedback`,
-    `verdict` its sentences.
+    `verdict` its sentences. `open` are parameters that the data leave open, `nothing` says that they determine none.
     """
 
     name: str
     design: HoldDesign
     proposed: Mapping[str, str]
+    open: tuple[str, ...] = ()
+    nothing: bool = False
 
     @property
     def parameters(self) -> Any:
@@ -88,7 +92,7 @@ class Held:
 
     @cached_property
     def _sentences(self) -> list[Sentence]:
-        return verdict(self.design, ALLOWED)
+        return [*_of_the_fit(self.open, self.nothing), *verdict(self.design, ALLOWED)]
 
     @property
     def record(self) -> dict[str, Any]:
@@ -126,6 +130,21 @@ class Held:
     def __repr__(self) -> str:
         head = f"LQR of {self.name} by {self.design.wishes.input}"
         return "\n".join([head, *(f"  {v['level']}: {v['sentence']}" for v in self.verdict)])
+
+
+def _of_the_fit(open_: tuple[str, ...], nothing: bool) -> list[Sentence]:
+    """What the fit says about the plant, where that is little."""
+    if nothing:
+        told = (
+            "The data determine none of the parameters, so that the fit says nothing about the plant: the plants below "
+            "are as different as the bounds of the study let them be. Measure again before you use this regulator."
+        )
+        return [Sentence(level="bad", sentence=told)]
+    if not open_:
+        return []
+    told = f"{', '.join(open_)} {'is' if len(open_) == 1 else 'are'} not determined by the data"
+    whole = "the plants spread over the whole range that the data allow."
+    return [Sentence(level="warning", sentence=f"{told}: {whole}")]
 
 
 def _point(design: HoldDesign) -> dict[str, float]:
@@ -166,7 +185,7 @@ def hold(
     design = designed(known.model, train, family, asked, progress)
     if chosen.lean is None:
         design, proposed["lean"] = _leaning(design, known)
-    return Held(known.name, design, proposed)
+    return Held(known.name, design, proposed, known.open, known.nothing)
 
 
 def _answered(answer: Answer, count: int, seed: int) -> _Plants:
@@ -181,8 +200,9 @@ def _answered(answer: Answer, count: int, seed: int) -> _Plants:
     drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], count, seed, within=True)
     name = next(iter(answer.problem.experiments))
     return _Plants(
-        model, plants_of(answer, drawn, name), answer.problem.experiments[name].recording, answer.problem.name
-    )
+        model, plants_of(answer, drawn, name), answer.problem.experiments[name].recording, answer.problem.name,
+        tuple(drawn.open), all(p["status"] not in ("determined", "fixed") for p in answer.findings["parameters"]),
+    )  # fmt: skip
 
 
 def _regressed(study: Study, count: int, seed: int) -> _Plants:
@@ -287,7 +307,7 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     spread = {n: float(np.nanstd(recording[n])) if n in recording.signals else 0.0 for n in model.outputs}
     widest = max(spread.values()) or 1.0
     sizes = {n: s if s > 1e-3 * widest else widest for n, s in spread.items()}
-    told = ", ".join(f"{n} {v:.3g}" for n, v in sizes.items())
+    told = ", ".join(f"{n} {v:.3g}{f' {u}' if (u := model.outputs[n]) and u != '1' else ''}" for n, v in sizes.items())
     proposed["sizes"] = f"{told}: how the outputs spread in the recording; deviations are weighed by them"
     measured = {n: recording[n] for n in model.outputs if n in recording.signals}
     quantum = {n: quantum_of(measured[n]) if n in measured else 0.0 for n in model.outputs}
@@ -329,7 +349,7 @@ def _leaning(design: HoldDesign, known: _Plants) -> tuple[HoldDesign, str]:
 
     far = float(np.min(design.best.caught[0]))
     lean = rounded(LEAN * far, far) if far > 0 else float(design.distances[0])
-    unit = known.model.states[design.wishes.along] or ""
+    unit = known.model.states[design.wishes.along]
     return replace(
         design, wishes=replace(design.wishes, lean=lean)
-    ), f"{lean:.3g} {unit}, half of what the best fit is caught from"
+    ), f"{lean:.3g}{f' {unit}' if unit and unit != '1' else ''}, half of what the best fit is caught from"

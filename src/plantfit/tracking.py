@@ -14,13 +14,14 @@ from plantfit.errors import RecordingError, SearchError, SpaceError
 from plantfit.estimate.filters.state_space import state_space
 from plantfit.estimate.methods.levels import asked
 from plantfit.estimate.watch.blocks import BlockFilter, shapes
+from plantfit.estimate.watch.causes import FIRST, FOLLOWED, LATER, Causes, causes, onsets
 from plantfit.estimate.watch.changes import Calibration, Change, Changes
 from plantfit.estimators import Estimators, estimate_parameters, estimate_table
 from plantfit.problem.measure.experiment import in_units
 from plantfit.problem.measure.long_run import prewhitened_long_run
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.recording.told import listed
+from plantfit.recording.told import either
 from plantfit.report.numbers import significant
 from plantfit.spec.study import Study
 
@@ -36,8 +37,8 @@ class Alarm:
     """The plant has left what the study knows: noticed at `t`, in samples since `since` (s).
 
     `parameter` is the one whose change explains most, None where no parameter does; `from_value` and `to_value` in its
-    unit; `alike` are others that would explain as much. `p` is the chance of such a look with a healthy plant,
-    `allowed` what this look may have.
+    unit; `alike` are others that explain as much as far as the samples tell, and `told` (s) is when later samples left
+    fewer of them. `p` is the chance of such a look with a healthy plant, `allowed` what this look may have.
     """
 
     t: float
@@ -50,6 +51,7 @@ class Alarm:
     factor: float
     p: float
     allowed: float
+    told: float | None = None
 
     @property
     def sentence(self) -> str:
@@ -61,15 +63,22 @@ class Alarm:
                 f"as large as the study expects ({chance}), and no parameter explains it: look at the sensors."
             )
         unit = f" {self.unit}" if self.unit and self.unit != "1" else ""
-        more = f"; a change of {listed(list(self.alike))} would explain as much" if self.alike else ""
         was, now = significant(self.from_value, 4, True), significant(self.to_value, 3, True)
         share = ""
         if self.from_value:
             share = f", {100 * (self.to_value - self.from_value) / abs(self.from_value):+.0f} %"  # pyrefly: ignore[unsupported-operation]
+        value = f"about {now}{unit} in place of {was}{unit}{share}"
+        later = f"; samples up to {self.told:.6g} s tell it" if self.told is not None else ""
+        if not self.alike:
+            return (
+                f"ALARM at {self.t:.6g} s: {self.parameter} has left what the study knows: since {self.since:.6g} s "
+                f"{value} ({chance}{later})."
+            )
+        causes = either([self.parameter, *self.alike])
         return (
-            f"ALARM at {self.t:.6g} s: {self.parameter} has left what the study knows: since {self.since:.6g} s about "
-            f"{now}{unit} in "
-            f"place of {was}{unit}{share} ({chance}){more}."
+            f"ALARM at {self.t:.6g} s: the plant has left what the study knows since {self.since:.6g} s ({chance}). A "
+            f"change of {causes} explains it, and the samples so far do not tell which; if it is {self.parameter}, it "
+            f"is {value}."
         )
 
 
@@ -109,9 +118,10 @@ class Tracker:
     def restart(self) -> None:
         """Forget all samples and begin anew, as with another record of the plant."""
         self.filter.reset()
-        self.changes = Changes(self.watched, self.correlation, self.tested, self.calibration, self.false_alarm)
+        self.changes = Changes(self.correlation, self.tested, self.calibration, self.false_alarm)
         self.rows: list[dict[str, float]] = []
         self.alarms: list[Alarm] = []
+        self._following: tuple[Change, int, int] | None = None
         self.samples = self.left_out = 0
         self._begun: float | None = None
         self._waiting: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
@@ -300,6 +310,8 @@ class Tracker:
             )
         squares, measured = float(np.sum(block.white**2)), int(np.sum(block.measured))
         raised: list[Alarm] = []
+        if self._following is not None:
+            raised = self._told_later()
         if not first and not self.alarms:  # the first block shows where the states begin
             change = self.changes.look(
                 float(t[0]), float(t[-1]), np.sum(block.scores, axis=0), block.information, squares, measured
@@ -312,15 +324,56 @@ class Tracker:
         return raised
 
     def _alarm(self, change: Change) -> Alarm:
-        if change.name is None:
+        window = sum(block.t[0] >= change.since for block in self.filter.past)
+        # a change that is small is seen long after it began
+        blocks = min(2 * window + 1, self.changes.looks, len(self.filter.past))
+        self._following = change, blocks, FOLLOWED
+        if not change.scored:
             return Alarm(change.t, change.since, None, None, None, None, (), change.factor, change.p, change.allowed)
-        k = self.watched.index(change.name)
+        found = self._causes(blocks, FIRST)
+        if len(found.places) == 1:
+            self._following = None
+        return self._alarm_of(change, found)
+
+    def _causes(self, blocks: int, share: float) -> Causes:
+        """What explains the innovations of the last blocks, of which one at least is behind the change."""
+        t = np.concatenate([block.t for block in list(self.filter.past)[-blocks:]])
+        times = onsets(t)
+        white, slopes = self.filter.since(blocks, times)
+        space, at = self.problem.space, self.places
+        value = self.values[at]
+        # a time constant or a mass keeps its sign
+        low = np.where(space.lower[at] >= 0, -value, -np.inf)
+        high = np.where(space.upper[at] <= 0, -value, np.inf)
+        tested = [int(j) for j in np.flatnonzero(self.tested)]
+        noise = max(self.calibration.level, float(np.max(self.calibration.colour[self.tested])))
+        return causes(white, slopes, times, tested, (low / self.size, high / self.size), noise, share)
+
+    def _alarm_of(self, change: Change, found: Causes, told: float | None = None) -> Alarm:
+        k, *others = found.places
         c = self.problem.space.coordinates[self.places[k]]
         value = float(self.values[self.places[k]])
-        now = value + change.change * float(self.size[k])
-        return Alarm(
-            change.t, change.since, c.name, c.unit, value, now, change.alike, change.factor, change.p, change.allowed
-        )
+        now = value + found.change[0] * float(self.size[k])
+        alike = tuple(self.watched[j] for j in others)
+        since = change.since if alike else found.since[0]
+        return Alarm(change.t, since, c.name, c.unit, value, now, alike, change.factor, change.p, change.allowed, told)
+
+    def _told_later(self) -> list[Alarm]:
+        """The alarm once more where samples behind it have told its cause."""
+        assert self._following is not None
+        change, blocks, left = self._following
+        blocks = min(blocks + 1, len(self.filter.past))
+        self._following = (change, blocks, left - 1) if left > 1 else None
+        found = self._causes(blocks, LATER)
+        before = self.alarms[0]
+        if before.parameter is None and not found.clear:
+            return []
+        fewer = before.parameter is None or len(found.places) < 1 + len(before.alike)
+        if len(found.places) > 1 and not (left == 1 and fewer):
+            return []
+        self._following = None
+        self.alarms = [self._alarm_of(change, found, float(self.filter.past[-1].t[-1]))]
+        return self.alarms
 
     def _row(self, block: Any, nis: float) -> dict[str, float]:
         plant = self.filter.tracked

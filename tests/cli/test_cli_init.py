@@ -469,3 +469,46 @@ def test_a_speed_in_turns_a_minute_of_a_german_file(tmp_path, capsys, monkeypatc
     for kind in ((), ("--force", "--candidates")):
         said = call(capsys, monkeypatch, "init", "n.csv", "--yes", *kind)
         assert said.code == 0, said.err
+
+
+def _exchangeable(place):
+    """A log of seven days whose dates are dates either way, as far apart at its ends."""
+    days = ["01/01", "02/02", "02/03", "03/03", "04/04", "04/05", "05/05"]
+    rng, rows, y = np.random.default_rng(3), [], 0.0
+    for day in days:
+        for hour in range(24):
+            u = float(hour // 6 % 2)
+            y += 0.3 * (2.0 * u - y)
+            rows.append(f"{day}/2024 {hour:02d}:00:00,{u:g},{y + 0.01 * rng.standard_normal():.4f}")
+    place.write_text("time,power [kW],temperature [degC]\n" + "\n".join(rows) + "\n")
+
+
+def test_dates_that_can_be_exchanged_are_told_by_an_option(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _exchangeable(tmp_path / "log.csv")
+    refused = call(capsys, monkeypatch, "init", "log.csv", "--yes")
+    assert refused.code != 0
+    assert "day and month can be exchanged in all of its dates; give --dates" in refused.err
+    assert 'give --dates "day first" or --dates "month first", or the dates as 2024-05-31' in refused.err
+    assert not (tmp_path / "log.toml").exists()
+    last = {}
+    for order in ("day first", "month first"):
+        said = call(capsys, monkeypatch, "init", "log.csv", "--yes", "--force", "--dates", order)
+        assert said.code == 0, said.err
+        table = tomllib.loads((tmp_path / "log.toml").read_text("utf-8"))["recording"]["data"]
+        assert (table["time"], table["dates"]) == ("time", order)
+        (experiment,) = spec.load(tmp_path / "log.toml").problem.experiments.values()
+        last[order] = float(experiment.recording.t[24 * 2])
+    # of the third day: 2 March and 3 February
+    assert last == {"day first": 61 * 86400.0, "month first": 33 * 86400.0}
+
+
+def test_no_order_is_written_where_none_was_given_and_a_wrong_one_is_told(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    heater(tmp_path)
+    assert call(capsys, monkeypatch, "init", "heater.csv", "--yes", "--force").code == 0
+    assert "dates" not in (tmp_path / "heater.toml").read_text("utf-8")
+    wrong = call(capsys, monkeypatch, "init", "heater.csv", "--force", "--dates", "dmy")
+    assert "--dates 'dmy': write one of 'day first', 'month first', 'year first'" in wrong.err
+    numbers = call(capsys, monkeypatch, "init", "heater.csv", "--force", "--dates", "day first")
+    assert "the times of heater.csv are no dates; leave it out" in numbers.err

@@ -189,6 +189,12 @@ def test_what_cannot_be_is_one_sentence(place, tuned, tmp_path, capsys, monkeypa
         said = call(capsys, monkeypatch, "tune", "heater.toml", *words)
         assert said.code == 7, said
         assert sentence in said.err
+    text = (place / "heater.toml").read_text("utf-8")
+    (place / "other.toml").write_text(text.replace('"318.15 K"', '"45 bar"'), encoding="utf-8")
+    said = call(capsys, monkeypatch, "tune", "other.toml", "--study", "1")
+    assert said.err.splitlines()[-1].startswith("plantfit: other.toml, [control] set_point = '45 bar'")
+    said = call(capsys, monkeypatch, "tune", "other.toml", "--study", "1", "--set-point", "46 bar")
+    assert said.err.splitlines()[-1].startswith("plantfit: [control] set_point = '46 bar'")  # not of the file
     for words, sentence in (
         (
             ("--lower", "60", "--upper", "20"),

@@ -18,7 +18,7 @@ from plantfit.control.linear.linear_plant import linearised
 from plantfit.control.linear.lqr import lqr
 from plantfit.errors import SimulationError
 from plantfit.findings.results.held_plant import HoldWishes
-from plantfit.holding import _seconds
+from plantfit.holding import _of_the_fit, _seconds
 from plantfit.models.text.equations import equations
 
 import jax
@@ -164,3 +164,25 @@ def test_the_horizon_is_found_where_an_input_acts_by_its_square():
     )  # fmt: skip
     known: Any = SimpleNamespace(model=model, values={"q": np.array([9.56e-4])})
     assert _seconds(known, {"x": 0.009}, {"i": 1.5}) == pytest.approx(10 / np.sqrt(2 * 9.81 / 0.009), rel=0.1)
+
+
+def test_a_fit_that_determines_nothing_is_said_to_say_nothing():
+    (nothing,) = _of_the_fit(("a",), True)
+    assert nothing.level == "bad"
+    assert "The data determine none of the parameters, so that the fit says nothing about the plant" in nothing.sentence
+    (some,) = _of_the_fit(("a", "c"), False)
+    assert some.level == "warning"
+    assert some.sentence.startswith("a, c are not determined by the data: the plants spread")
+    assert _of_the_fit((), False) == []
+
+
+@pytest.mark.parametrize(("unit", "said"), [("N*m", " N*m"), (None, "")])
+def test_limits_that_do_not_hold_the_point_have_the_unit_of_the_input(unit, said):
+    model = equations(
+        "q' = w\nw' = a*sin(q) - c*w + b*u", inputs={"u": unit}, states=["q", "w"], outputs=["q"],
+        parameters=["a", "b", "c"], name="stick",
+    )  # fmt: skip
+    plants = family(1, 1)
+    with pytest.raises(SimulationError) as e:
+        hold(model, plants, plants, replace(ASKED, at={"q": -np.arcsin(0.9)}))
+    assert f"Holding the point takes u = 0.36{said}, beyond its limits -0.3 to 0.3{said}; choose" in str(e.value)

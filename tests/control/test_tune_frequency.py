@@ -1,24 +1,35 @@
 """Sampled frequency responses and margins against state space with delay states, closed forms and published margins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from test_tune_pid import WISHES, family
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control import Gains, LinearPlant, with_dead_time
+from plantfit.control.tune.forms.servo_forms import lqi_form
+from plantfit.control.tune.forms.smith_form import smith_form
 from plantfit.control.tune.frequency import (
     continuous_response,
     frequencies,
+    loop_margins,
     margins,
     margins_in_search,
     pid_response,
+    poles_outside,
     sampled_response,
 )
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.plant_checks import sign_of
-from plantfit.control.tune.reduction import gain_of, integrators, open_poles, reduced, step_response
+from plantfit.control.tune.reduction import gain_of, integrators, open_poles, reduced, slowest, step_response
 from plantfit.control.tune.rules import rule_gains
 from plantfit.control.tune.told import _phase
+from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.models.text.equations import equations
+
+import jax
+import jax.numpy as jnp
 
 LAG = equations(
     "y' = (K*delay(u, L) - y)/tau\nz = y",
@@ -256,3 +267,27 @@ def test_a_state_that_reaches_no_measured_output_does_not_hinder_its_loop():
     assert angle.of_inner(rest).A.shape == (2, 2, 2)
     assert integrators(rest) == 1
     assert integrators(angle.of_inner(rest)) == 0
+
+
+@pytest.mark.parametrize("kind", ["smith", "lqi"])
+def test_loops_of_controllers_with_poles_outside_are_counted_from_above_and_below_the_line(kind):
+    """What a search counts without the controller's own poles is what these and the encirclements say."""
+    wishes = replace(WISHES, controller=kind)
+    rest = family(4, 1).at_rest(5.0, (-10.0, 0.0, 10.0))
+    small = reduced(rest, 0.25)
+    plant = ServoPlant.of(rest, small, wishes)
+    form = smith_form(plant, small, 1, wishes, None) if kind == "smith" else lqi_form(plant, small, wishes)
+    assert form.parts is not None
+    w = frequencies(0.5, slowest(small), 400, rest.A)
+    h, (at_one, outside) = sampled_response(rest, 0.5, w), open_poles(rest, w[0])
+    unstable, own = 0, 0
+    for z in np.random.default_rng(5).random((12, form.space.dimension)):
+        made = jax.tree.map(np.asarray, form.made(jnp.asarray(z)))
+        above, below = form.parts(made, w)
+        np.testing.assert_allclose(above / below, form.response(made, w), rtol=1e-9)
+        counted = poles_outside(below * (1.0 + above / below * h) - 1.0, at_one + form.parted, outside)
+        poles = form.unstable(made)
+        known = loop_margins(above / below, h, w, at_one + form.integrators, outside + poles).stable
+        np.testing.assert_array_equal(counted == 0, known)
+        unstable, own = unstable + int(np.sum(~known)), own + (poles > 0)
+    assert kind == "lqi" or (unstable > 0 and own > 0)

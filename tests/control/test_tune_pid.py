@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import plantfit.runtime  # noqa: F401
+from plantfit.control.pid import Gains
 from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.forms.pid_form import pid_form
 from plantfit.control.tune.frequency import frequencies, poles_outside, sampled_response
@@ -19,9 +20,10 @@ from plantfit.control.tune.proposals import noise_of, quantum_of
 from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.judged import judged_on
+from plantfit.control.tune.searching.search import Search
 from plantfit.control.tune.told import verdict
 from plantfit.control.tune.wishes import range_of
-from plantfit.errors import SimulationError
+from plantfit.errors import SearchError, SimulationError
 from plantfit.loop_of_study import _Asked
 from plantfit.models.text.equations import equations
 from plantfit.recording import from_arrays
@@ -376,3 +378,31 @@ def test_every_rule_lies_within_the_bounds_of_the_search():
     found = {n: float(form.build(z, form.data).Kp) for n, z in zip(rules, form.starts, strict=True)}
     assert found["lambda"] == pytest.approx(rules["lambda"].K, rel=0.01)
     assert found["SIMC"] > 100 * found["lambda"]
+
+
+def test_loops_that_no_controller_keeps_finite_are_counted_with_what_to_do():
+    """Three plants of nine leave their rest by e^6 in a sample, and the data allow them."""
+    model = equations(
+        "x' = (u - x)/5 + g*x^3\nz = x", inputs=["u"], states=["x"], outputs=["z"], parameters=["g"], name="escaping"
+    )
+    plants = OneLoop(model, "z", "u", {}, {"g": np.array([0.01] * 6 + [20.0, 22.0, 25.0])})
+    counted = r"3 of 9 loops end where the model has no number.*\(g is 20 to 25 there\)"
+    with pytest.raises(SearchError, match=counted) as e:
+        tuned_loop(plants, plants, Wishes(0.7, 0.6, 0.2, 0.2, -20.0, 20.0), budget=20, seed=1)
+    assert "that of the best fit does not" in str(e.value)
+    assert "measure again (`plantfit design` says how), or give a smaller step" in str(e.value)
+
+
+@pytest.mark.parametrize(
+    ("iae", "said"), [([np.nan], "the loop of the best fit ends"), ([np.nan, 1.0, np.inf], "2 of 3 loops, that of the")]
+)
+def test_where_the_best_fit_is_lost_measuring_again_is_not_advised(iae, said):
+    scores = SimpleNamespace(iae=np.array([iae]), load_iae=np.ones((1, len(iae))))
+    search = SimpleNamespace(
+        form=SimpleNamespace(name="PID", made=lambda z: Gains(*np.ones(6))),
+        judge=SimpleNamespace(scores=lambda controllers: scores), sizes={"iae": 1.0, "load_iae": 1.0},
+    )  # fmt: skip
+    told = Search._why_not_finite(search, np.zeros(3))  # pyrefly: ignore[bad-argument-type]
+    assert said in told
+    assert "measure again" not in told
+    assert "a smaller step ([control] step, or --step)" in told

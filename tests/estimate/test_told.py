@@ -15,6 +15,7 @@ from plantfit.findings.results.estimated import (
     EstimatesByMethod,
     FilterOfEstimate,
     InnovationSize,
+    MethodPair,
 )
 
 
@@ -47,13 +48,13 @@ def said(*given):
 def test_what_is_the_same_of_both_is_said_once():
     told = said((0.4, 0.4), (True, True))
     assert [s for s in told if "as large as" in s[1]] == [
-        ("good", "EKF, UKF: The innovations are as large as the filter expects.")
+        ("good", "EKF and UKF: The innovations are as large as the filter expects.")
     ]
     (narrow,) = (s for level, s in told if level == "warning")
     assert narrow.startswith(
-        "EKF, UKF: neighbouring innovations are correlated (0.40 of y): intervals of filters are too narrow"
+        "EKF and UKF: neighbouring innovations are correlated (0.40 of y): intervals of filters are too narrow"
     )
-    assert ("info", "By each of EKF, UKF, 1 of 1 intervals hold the truth.") in told
+    assert ("info", "By each of EKF and UKF, 1 of 1 intervals hold the truth.") in told
 
 
 def test_what_differs_is_said_of_each():
@@ -68,6 +69,21 @@ def test_what_differs_is_said_of_each():
     )
     assert ("info", "Of EKF, 1 of 1 intervals hold the truth.") in told
     assert ("info", "Of UKF, 0 of 1 intervals hold the truth, not K.") in told
+
+
+@pytest.mark.parametrize(
+    ("methods", "names"),
+    [(["EKF", "UKF"], "EKF and UKF"), (["least squares", "EKF", "UKF"], "Least squares, EKF and UKF")],
+)
+def test_methods_that_agree_are_told_with_and(methods, names):
+    pair = MethodPair(
+        first=methods[0], second="UKF", statistic=1.0, degrees=1, p=0.4, sentence="They differ.", p_adjusted=0.4,
+        differs=False,
+    )  # fmt: skip
+    found = record((0.0, 0.0), (True, True)).model_copy(update={"methods": methods, "agreement": [pair]})
+    assert verdict_of(found, None)[0].sentence.startswith(f"{names} agree: no two differ")
+    apart = found.model_copy(update={"agreement": [pair.model_copy(update={"differs": True})]})
+    assert "agree" not in " ".join(s.sentence for s in verdict_of(apart, None))
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.09, -0.09, -0.2, None])

@@ -11,6 +11,7 @@ import wandering_plants as lag
 
 import plantfit as pf
 from plantfit.errors import RecordingError, SearchError
+from plantfit.estimate.watch.causes import causes
 from plantfit.estimate.watch.changes import Calibration, Changes
 from plantfit.recording.readers.formats.text.growing import GrowingTable
 
@@ -37,7 +38,7 @@ def quiet_test(alpha, runs, looks, seed, drift=0.0):
     root = np.linalg.cholesky(information)
     known = np.array([[1.0, 0.3], [0.3, 1.0]])
     for _ in range(runs):
-        test = Changes(["a", "b"], known, np.array([True, True]), Calibration(np.ones(2), 1.0, 1.0, 1e6), alpha)
+        test = Changes(known, np.array([True, True]), Calibration(np.ones(2), 1.0, 1.0, 1e6), alpha)
         error = np.linalg.cholesky(known) @ rng.standard_normal(2) + [drift, 0.0]
         for k in range(looks):
             scores = root @ rng.standard_normal(2) + information @ error
@@ -102,6 +103,7 @@ def test_a_sensor_that_gets_worse_is_told_as_no_parameter(tracker):
     assert done.alarms[0].parameter is None
     assert "times as large as the study expects" in done.alarms[0].sentence
     assert done.alarms[0].t > 700 * lag.PERIOD
+    assert done.alarms[0].told is None
 
 
 def test_pieces_give_the_rows_of_the_whole(tracker):
@@ -240,6 +242,97 @@ def test_rows_without_an_input_hold_it_and_missing_outputs_are_skipped(tracker):
     for name in ("x", "K", "tau", "K_sd"):
         # one step of five periods, or five with tangents of their own
         assert left[name] == pytest.approx(skipped[name], rel=1e-4)
+
+
+# -- which parameter it was --------------------------------------------------------------------------
+
+OVEN = {"K": 0.8, "tau": 240.0, "Td": 22.0, "T0": 21.0}
+SAMPLE = 5.0
+
+
+def oven_record(seed, n, then=None, after=0):
+    """A heated chamber: power u in percent acts Td late, and heat goes to surroundings at T0; Euler in 50 steps a
+    sample. `then` holds from sample `after` on."""
+    rng = np.random.default_rng(seed)
+    u, h = rng.uniform(0.0, 100.0, n // 60 + 1).repeat(60)[:n], SAMPLE / 50
+    x = np.full(n, OVEN["T0"])
+    for k in range(n - 1):
+        p = OVEN if then is None or k < after else OVEN | then
+        now = x[k]
+        for j in range(50):
+            late = u[max(int((k * SAMPLE + (j + 0.5) * h - p["Td"]) // SAMPLE), 0)]
+            now += h * (p["K"] * late - (now - p["T0"])) / p["tau"]
+        x[k + 1] = now
+    return pf.from_arrays(
+        period=SAMPLE,
+        signals={"u": (u, "percent"), "T": (x + 0.1 * rng.standard_normal(n), "degC")},
+        name="oven",
+    )
+
+
+@pytest.fixture(scope="module")
+def oven():
+    model = pf.equations(
+        "T' = (K*delay(u, Td) - (T - T0))/tau",
+        inputs={"u": "percent"},
+        states={"T": {"unit": "degC", "initial": "T0"}},
+        outputs={"T": "degC"},
+        parameters={
+            "K": {"bounds": (0.1, 10.0), "unit": "K/percent", "scale": "log"},
+            "tau": {"bounds": (20.0, 2000.0), "unit": "s", "scale": "log"},
+            "Td": {"bounds": (0.0, 100.0), "unit": "s"},
+            "T0": {"bounds": (0.0, 50.0), "unit": "degC"},
+        },
+    )
+    return pf.track(pf.Problem(model, oven_record(1, 720)))
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [("T0", 5.0), ("T0", -5.0), ("T0", 15.0), ("Td", 15.0), ("Td", -10.0), ("K", 0.08), ("K", -0.3), ("tau", 80.0)],
+)
+def test_the_changed_parameter_is_told_from_the_others(oven, name, change):
+    """A first block of a few samples shows a ramp, which each of the four makes: the alarm names all that explain it,
+    and the samples that follow tell which it was."""
+    alone = 0
+    for seed in range(3):
+        recording = oven_record(300 + seed, 560, {name: OVEN[name] + change}, 217 + 13 * seed)
+        oven.restart()
+        raised = oven.feed(recording)
+        first, last = raised[0], oven.alarms[0]
+        assert name in (first.parameter, *first.alike) or first.parameter is None
+        assert name in (last.parameter, *last.alike)
+        assert last.t == first.t > SAMPLE * (217 + 13 * seed)
+        if first.alike:
+            assert "the samples so far do not tell which" in first.sentence
+            assert f"{first.alike[-1]} explains it" in first.sentence
+        if last.alike:
+            continue
+        alone += 1
+        assert f"{name} has left what the study knows" in last.sentence
+        assert (last.to_value - last.from_value) / change == pytest.approx(1.0, abs=0.45)
+        if first.alike:
+            assert len(raised) == 2
+            assert last.told > last.t
+            assert f"; samples up to {last.told:.6g} s tell it" in last.sentence
+    assert alone >= 2
+
+
+def test_causes_that_explain_alike_are_all_named_and_others_are_not():
+    rng = np.random.default_rng(2)
+    n, times = 60, np.array([0.0, 20.0])
+    ramp, wave = np.clip(np.arange(n) - 20.0, 0.0, None) / 40, np.sin(np.arange(n))
+    shapes = np.stack([ramp, 1.02 * ramp, wave], axis=-1)
+    slopes = np.stack([shapes * 0.7, shapes])[:, :, None, :]
+    white = (-20.0 * ramp + 0.1 * rng.standard_normal(n))[:, None]
+    room = np.full(3, -np.inf), np.full(3, np.inf)
+    found = causes(white, slopes, times, [0, 1, 2], room, 1.0, 0.0)
+    assert sorted(found.places) == [0, 1]
+    assert found.clear
+    # a parameter that cannot grow explains nothing
+    assert causes(white, slopes, times, [0, 1, 2], (room[0], np.array([0.0, np.inf, np.inf])), 1.0, 0.0).places == (1,)
+    noise = 5.0 * rng.standard_normal(n)[:, None]
+    assert not causes(noise, slopes, times, [0, 1, 2], room, 1.0, 0.0).clear
 
 
 # -- a file that grows ------------------------------------------------------------------------------

@@ -3,6 +3,7 @@ than was tried, a first guess that stood for two causes. Each case failed before
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from plantfit.trust.diagnosis.judge import evidence, needed, times_noise
 from plantfit.trust.diagnosis.plant.carrier import Carrier, Rows
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, evaluate, fitted
 from plantfit.trust.diagnosis.plant.input_places import InputPlaces
-from plantfit.trust.diagnosis.rounds import SURE
+from plantfit.trust.diagnosis.rounds import SURE, Trial, _apart_from_nothing
 
 
 def carried(plant, folder):
@@ -168,3 +169,19 @@ def test_noise_that_grows_with_the_output_is_no_evidence_of_a_change_at_its_ends
 
     assert np.sum(evidences(0.0, 400) > needed(1)) <= 10  # 1 % by design; 5 % where noise counts as of one size
     assert np.all(evidences(0.03, 40) > needed(17))
+
+
+@pytest.mark.parametrize(
+    ("value", "error", "rmse", "known"),
+    [
+        (1.7e11, 1.0, (1.26, 0.9), False),  # a friction beyond all forces: the slope there is no slope
+        (1.7e11, 0.0, (1.26, 0.9), False),
+        (0.3, 0.02, (1.26, 0.9), True),
+        (0.3, 0.2, (1.26, 0.9), False),  # within two standard errors of nothing
+        (0.3, 1e-9, (1e-3, 1e-10), True),  # of a record without noise
+    ],
+)
+def test_a_size_with_a_standard_error_that_no_such_fit_has_is_no_size(value, error, rmse, known):
+    own = SimpleNamespace(candidate=SimpleNamespace(level=False), place="input")
+    trial = Trial(own, 0.5, 100.0, rmse, value=value, standard_error=error)  # pyrefly: ignore[bad-argument-type]
+    assert _apart_from_nothing(trial, SimpleNamespace(), 420) is known  # pyrefly: ignore[bad-argument-type]

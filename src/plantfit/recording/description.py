@@ -13,6 +13,7 @@ from plantfit.recording.readers.clock import guess_time, seconds
 from plantfit.recording.readers.columns import Column, Table, identifier
 from plantfit.recording.readers.long_tables import widened
 from plantfit.recording.readers.numbers import casted, clean_text, mostly_numbers
+from plantfit.recording.readers.timestamps import Dates
 
 
 @dataclass(frozen=True)
@@ -36,7 +37,7 @@ class Description:
     """A file: columns, rows, the header of the likely time column, its usual step and jitter in seconds.
 
     `jitter` is the largest difference of a step from `period`. `problem` says why the time column
-    cannot be used as it is, if so.
+    cannot be used as it is, if so. `dates` is the order of day and month that was given for it.
     """
 
     file: str
@@ -47,6 +48,7 @@ class Description:
     jitter: float | None
     problem: str | None
     log: tuple[str, ...]
+    dates: Dates | None = None
 
 
 def describe(path: str | os.PathLike[str], **options: Any) -> Description:
@@ -54,8 +56,8 @@ def describe(path: str | os.PathLike[str], **options: Any) -> Description:
     return described(table(path, **options))
 
 
-def described(content: Table) -> Description:
-    """The same of columns that were read."""
+def described(content: Table, dates: Dates | None = None) -> Description:
+    """The same of columns that were read; `dates` says the order of day and month in time stamps."""
     found = widened(content)
     time = guess_time(found)
     period = jitter = problem = None
@@ -63,7 +65,7 @@ def described(content: Table) -> Description:
         period, jitter = found.period[1], 0.0
     if time is not None:
         try:
-            steps = np.abs(np.diff(seconds(found, time, None)[0]))  # the newest row may come first
+            steps = np.abs(np.diff(seconds(found, time, None, dates)[0]))  # the newest row may come first
             if len(steps):
                 period = float(np.median(steps))
                 jitter = float(np.max(np.abs(steps - period)))
@@ -71,7 +73,8 @@ def described(content: Table) -> Description:
             problem = str(error)
     rows = len(found.columns[0].cells) if found.columns else 0
     columns = tuple(_summary(found, column, column is time) for column in found.columns)
-    return Description(found.source, rows, columns, time.header if time else None, period, jitter, problem, found.log)
+    named = time.header if time else None
+    return Description(found.source, rows, columns, named, period, jitter, problem, found.log, dates)
 
 
 def _summary(found: Table, column: Column, is_time: bool) -> ColumnSummary:

@@ -13,6 +13,16 @@ def listed(words: Sequence[str], most: int = 12) -> str:
     return ", ".join(words) if len(words) <= most else f"{', '.join(words[:most])} and {len(words) - most} more"
 
 
+def together(words: Sequence[str]) -> str:
+    """`a, b and c`."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def either(words: Sequence[str]) -> str:
+    """`a, b or c`."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"
+
+
 def span(t: np.ndarray) -> str:
     """From which time to which (s), as text."""
     return f"{t[0]:.6g} to {t[-1]:.6g} s"

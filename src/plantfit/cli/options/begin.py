@@ -54,12 +54,16 @@ def init(
             help="dc_motor: all its constants where a current is recorded, else what the speed alone determines.",
         ),
     ] = None,
+    dates: Annotated[
+        str | None,
+        typer.Option("--dates", help='"day first" or "month first", where dates of the recording do not tell it.'),
+    ] = None,
     json: Json = False,
 ) -> None:
     """Say what the columns of a recording seem to be, and write a commented study file that runs."""
     from plantfit.cli.commands.begin import init as command
 
-    command.init(file, out, force, json, inputs or (), outputs or (), yes, candidates, model)
+    command.init(file, out, force, json, inputs or (), outputs or (), yes, candidates, model, dates)
 
 
 def new(

@@ -113,9 +113,11 @@ def hold(
     )
     held = u0[wishes.input]
     if not wishes.lower < held < wishes.upper:
+        known = model.inputs[wishes.input]
+        unit = f" {known}" if known and known != "1" else ""
         raise SimulationError(
-            f"Holding the point takes {wishes.input} = {held:.4g}, beyond its limits {wishes.lower:.4g} to "
-            f"{wishes.upper:.4g}; choose "
+            f"Holding the point takes {wishes.input} = {held:.4g}{unit}, beyond its limits {wishes.lower:.4g} to "
+            f"{wishes.upper:.4g}{unit}; choose "
             "another point, or give the limits of the actuator ([control] lower and upper, or --lower and --upper)."
         )
     plant = linearised(model, best, at, u0)

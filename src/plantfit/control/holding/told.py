@@ -17,7 +17,8 @@ POINTS = 400  # of a curve
 def verdict(design: HoldDesign, how: str) -> list[Sentence]:
     """Sentences with a level."""
     w, best, alone = design.wishes, design.rows[0], design.rows[1]
-    n, unit = len(best.stable), design.plant.units[w.along] or ""
+    n, known = len(best.stable), design.plant.units[w.along]
+    unit = f" {known}" if known and known != "1" else ""
     share = best.share(w)
     told: list[Sentence] = []
 
@@ -26,7 +27,7 @@ def verdict(design: HoldDesign, how: str) -> list[Sentence]:
 
     say(
         "good" if share >= w.share else "bad",
-        f"Of {n} plants {how}, {percent(share)} return to the point from {w.along} {w.lean:.3g} {unit} "
+        f"Of {n} plants {how}, {percent(share)} return to the point from {w.along} {w.lean:.3g}{unit} "
         f"away to either side; with the regulator of the best fit alone: {percent(alone.share(w))}.",
     )
     if len(design.unstable):
@@ -37,8 +38,8 @@ def verdict(design: HoldDesign, how: str) -> list[Sentence]:
     edge = " (no start farther out was tried)" if max(far) >= w.largest else ""
     say(
         "info",
-        f"The best fit is caught from {far[0]:.3g} {unit} below and {far[1]:.3g} {unit} above the point{edge}, "
-        f"95 % of the plants from {worst[0]:.3g} and {worst[1]:.3g} {unit}.",
+        f"The best fit is caught from {far[0]:.3g}{unit} below and {far[1]:.3g}{unit} above the point{edge}, "
+        f"95 % of the plants from {worst[0]:.3g} and {worst[1]:.3g}{unit}.",
     )
     lost = int(np.sum(~best.stable))
     if lost:

@@ -68,6 +68,13 @@ def servo(period: float, *, lower: float = -math.inf, upper: float = math.inf) -
 
 def servo_response(s: Servo, period: float, w: Any, xp: Any = np) -> Any:
     """C(e^(jwh)) (F,) from the error to the input, no limit acting, at w (F,) in rad/s."""
+    above, below = servo_parts(s, period, w, xp)
+    return above / below
+
+
+def servo_parts(s: Servo, period: float, w: Any, xp: Any = np) -> tuple[Any, Any]:
+    """Above and below the line of `servo_response`, each (F,): polynomials over the characteristic one of the filter's
+    error, whose zeros lie inside the unit circle, and over powers of z."""
     z = xp.exp(1j * w * period)
     n, past = s.A.shape[0], s.P.shape[0]
     back = z[:, None] ** -xp.arange(past + 1)
@@ -77,7 +84,7 @@ def servo_response(s: Servo, period: float, w: Any, xp: Any = np) -> Any:
     by_y = xp.broadcast_to((s.A @ s.gain).astype(by_u.dtype), by_u.shape)
     found = xp.linalg.solve(z[:, None, None] * xp.eye(n) - s.A @ kept, xp.stack([by_u, by_y], axis=-1))
     from_u, from_y = (found[..., k] @ kept.T @ s.K for k in (0, 1))
-    return (from_y + s.gain @ s.K) / (1.0 + from_u - through @ s.K + back[:, 1:] @ s.P)
+    return from_y + s.gain @ s.K, 1.0 + from_u - through @ s.K + back[:, 1:] @ s.P
 
 
 def unstable_poles(s: Servo) -> int:

@@ -75,13 +75,20 @@ def smith(period: float, ahead: int, anti_windup: str) -> Controller:
 def smith_response(s: Smith, c: Any, ahead: int, period: float, w: Any, xp: Any = np) -> Any:
     """C(e^(jwh)) (F,) of the whole controller from the error to the input, `c` (F,) that of its PID, at w (F,) in
     rad/s."""
+    above, below = smith_parts(s, c, ahead, period, w, xp)
+    return above / below
+
+
+def smith_parts(s: Smith, c: Any, ahead: int, period: float, w: Any, xp: Any = np) -> tuple[Any, Any]:
+    """Above and below the line of `smith_response`, each (F,): rational functions whose poles lie inside the unit
+    circle where those of the model do, but for the one at 1 of the PID's integral action."""
     z = xp.exp(1j * w * period)
     m = s.A.shape[0]
     moved = xp.linalg.solve(
         z[:, None, None] * xp.eye(m) - s.A, xp.broadcast_to(s.B, (len(w), m))[..., None].astype(z.dtype)
     )[..., 0]
     kept = s.taken / (1.0 - (1.0 - s.taken) / z)
-    return c * kept / (1.0 + c * (moved @ s.C) * (1.0 - kept * z**-ahead))
+    return c * kept, 1.0 + c * (moved @ s.C) * (1.0 - kept * z**-ahead)
 
 
 def poles_outside(controller: Controller, parameters: Any) -> int:

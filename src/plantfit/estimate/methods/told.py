@@ -15,7 +15,7 @@ from plantfit.findings.results.estimated import (
 )
 from plantfit.findings.verdict import Sentence
 from plantfit.problem.correlated.noise import FEW
-from plantfit.recording.told import listed
+from plantfit.recording.told import together
 
 MEMORY = 0.1  # correlation of neighbouring innovations from which on intervals of filters are called too narrow
 SLOW = 0.05  # of the samples that are independent, below which what a model lacks is more likely than noise
@@ -35,14 +35,14 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
             say("warning", p.sentence)
     elif record.agreement:
         least = min(record.agreement, key=lambda p: p.p_adjusted or 0.0)
-        names = listed(record.methods)
+        names = together(record.methods)
         said = f"{names[:1].upper()}{names[1:]} agree: no two differ by more than chance lets them"
         say("good", f"{said} (smallest p {least.p_adjusted:.2g}, {least.first} and {least.second}).")
     moved = [r.name for r in record.noise if r.kind == "process" and r.value > 0]
     if moved:
         say(
             "info",
-            f"The plant wanders ({listed(moved)}): least squares takes that for errors of the sensors, "
+            f"The plant wanders ({together(moved)}): least squares takes that for errors of the sensors, "
             "maximum likelihood and the filters do not; where they differ, believe the likelihood.",
         )
     elif at_bound is not None:
@@ -53,14 +53,14 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
     for methods, (consistent, sentence) in _alike(
         {f.method: (f.nis.consistent, f.nis.sentence) for f in record.filters}
     ):
-        say("good" if consistent else "warning", f"{listed(methods)}: {sentence}")
+        say("good" if consistent else "warning", f"{together(methods)}: {sentence}")
     for methods, told_of in _alike({f.method: _memory(f.memory, f.chance) for f in record.filters}):
         if told_of:
-            say("warning", f"{listed(methods)}: {told_of}")
+            say("warning", f"{together(methods)}: {told_of}")
     if at_bound:
         say(
             "info",
-            f"Held at a bound of its range: {listed(list(at_bound))}; "
+            f"Held at a bound of its range: {together(list(at_bound))}; "
             "what stands beside it looks better known than it is.",
         )
     for noise in record.correlated:
@@ -82,7 +82,7 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
         say("warning" if slow else "info", shorter)
     known = [p for p in record.parameters if p.truth is not None]
     for methods, held in _alike({method: _held(known, method) for method in record.methods} if known else {}):
-        say("info", f"{'By each of' if len(methods) > 1 else 'Of'} {listed(methods)}, {held}.")
+        say("info", f"{'By each of' if len(methods) > 1 else 'Of'} {together(methods)}, {held}.")
     return told
 
 
@@ -154,7 +154,7 @@ def _memory(memory: Mapping[str, float | None], chance: Mapping[str, float | Non
 def _held(known: Sequence[EstimatedParameter], method: str) -> str:
     holds = {p.name: inside for p in known if (inside := _holds(p, method)) is not None}
     missed = [name for name, inside in holds.items() if not inside]
-    tail = f", not {listed(missed)}" if missed else ""
+    tail = f", not {together(missed)}" if missed else ""
     return f"{len(holds) - len(missed)} of {len(holds)} intervals hold the truth{tail}"
 
 

@@ -1,9 +1,10 @@
 """A filter in blocks of samples: innovations, what each parameter does to them, and the parameters tracked beside
 it."""
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,6 +19,20 @@ from plantfit.problem.problem import Problem
 
 import jax
 import jax.numpy as jnp
+
+KEPT = 128  # blocks that are kept for a look back
+
+
+class Kept(NamedTuple):
+    """A block as it was worked off: the belief before it and its time (s), rows, their slopes by dead times, places of
+    the samples among the rows, times (b,) and whitened innovations (b, m)."""
+
+    belief: Any
+    begin: float
+    chunks: list[tuple[Row, Row | None]]
+    places: np.ndarray
+    t: np.ndarray
+    white: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -81,15 +96,18 @@ class BlockFilter:
         self.rows = RowsOnLine(self.plant, self.values)
         self.size = length * (1 + len(self.rows.dead_times))  # rows that are worked off at once
         self._advance = jax.jit(self._advanced)
+        self._since = jax.jit(self._slopes_since)
         self._begun = jax.jit(
             jax.vmap(lambda a, drive: jax.jvp(lambda v: held.first(v, drive), (self.values,), (a,)), (0, None))
         )
         self.carry: Any = None
+        self.past: deque[Kept] = deque(maxlen=KEPT)
 
     def reset(self) -> None:
         """Begin anew with the next block."""
         self.carry = None
         self.rows.reset()
+        self.past.clear()
 
     def open(self, spread: np.ndarray) -> None:
         """Let the tracked parameters (k,) be as uncertain again as `spread`, in their coordinates."""
@@ -107,15 +125,37 @@ class BlockFilter:
         to `length`."""
         if self.carry is None:
             self._first(t, u, y)
+        before: Any = self.carry
+        begin = float(t[0]) if self.rows.last is None else self.rows.last
         fed, told = self.rows.feed(t, u), []
-        for rows, moved in fed.chunks(self.size, y):
+        chunks = fed.chunks(self.size, y)
+        for rows, moved in chunks:
             self.carry, parts = self._advance(self.carry, rows, moved)
             told.append(parts)
         white, slopes = (np.concatenate([np.asarray(part[i]) for part in told], axis=i) for i in range(2))
         carry: Any = self.carry
         mean, root = (np.asarray(v) for v in carry[2:])
         own = np.moveaxis(slopes, 0, -1)[fed.places]
+        self.past.append(Kept(before[0], begin, chunks, fed.places, t, white[fed.places]))
         return Block(t, white[fed.places], own, np.sum(np.isfinite(y), axis=1), mean, root)
+
+    def since(self, blocks: int, onsets: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Whitened innovations (B, m) of the last blocks, and their slopes (o, B, m, w) by changes of each watched
+        parameter that begin at `onsets` (o,) in s, in units of its `size`."""
+        kept = list(self.past)[-blocks:]
+        n, lanes = self.plant.states, (len(self.axes), len(onsets))
+        tangents: Any = jnp.zeros((*lanes, n)), jnp.zeros((*lanes, n, n))
+        found = []
+        for block in kept:
+            belief, at, slopes = block.belief, block.begin, []
+            for rows, moved in block.chunks:
+                begins = at + np.concatenate([[0.0], np.cumsum(rows.h)])
+                at = float(begins[-1])
+                gates = (begins[:-1] >= onsets[:, None] - 1e-9 * (1.0 + abs(at))).astype(float)
+                belief, tangents, told = self._since(belief, tangents, rows, moved, gates)
+                slopes.append(np.asarray(told))
+            found.append(np.moveaxis(np.concatenate(slopes, axis=2)[:, :, block.places], 0, -1))
+        return np.concatenate([b.white for b in kept]), np.concatenate(found, axis=1)
 
     def _first(self, t: np.ndarray, u: np.ndarray, y: np.ndarray) -> None:
         model, simulator = self.plant.model, self.plant.simulator
@@ -138,25 +178,8 @@ class BlockFilter:
 
     def _advanced(self, carry: Any, rows: Row, by_dead_times: Row | None) -> Any:
         held, moved, mean, root = carry
-        plant, tracked = self.plant, self.tracked
-        dead = jnp.asarray(self.rows.by_values)
-
-        def step(c, belief, row):
-            belief, told = filter_step(plant, linearised, True, c, belief, row)
-            return belief, (told["error"], told["scale"], told["white"])
-
-        def along(a, tangent):
-            c, dc = jax.jvp(plant.constants, (jnp.asarray(self.values),), (a,))
-
-            def both(pair, given):
-                row, row_moved = given if late else (given, jax.tree.map(jnp.zeros_like, given))
-                (belief, told), (belief_moved, told_moved) = jax.jvp(step, (c, pair[0], row), (dc, pair[1], row_moved))
-                return (belief, belief_moved), (told[2], whitened(told[1], told_moved[0]))
-
-            late = by_dead_times is not None
-            by_a = jax.tree.map(lambda v: jnp.tensordot(dead @ a, v, 1), by_dead_times) if late else None
-            return native_scan(both, (held, tangent), (rows, by_a) if late else rows, keep=True, fallback=True)
-
+        tracked = self.tracked
+        along = self._along(held, rows, by_dead_times)
         (beliefs, tangents), told = jax.vmap(along)(jnp.asarray(self.axes), moved)
         belief = jax.tree.map(lambda a: a[0], beliefs)
         c = tracked.constants(jnp.asarray(self.values), self.drift)
@@ -168,6 +191,45 @@ class BlockFilter:
         )
         white, slopes = told
         return (belief, tangents, mean, root), (white[0], slopes)
+
+    def _along(self, held: Any, rows: Row, by_dead_times: Row | None) -> Any:
+        """The filter from the belief `held` with its slope along an axis `a` (d,) of the parameters, of which a share
+        `gates` (r,) of each row acts."""
+        plant, dead = self.plant, jnp.asarray(self.rows.by_values)
+
+        def step(c, belief, row):
+            belief, told = filter_step(plant, linearised, True, c, belief, row)
+            return belief, (told["error"], told["scale"], told["white"])
+
+        def along(a, moved, gates=None):
+            c, dc = jax.jvp(plant.constants, (jnp.asarray(self.values),), (a,))
+
+            def both(pair, given):
+                row, row_moved, gate = given
+                row_moved = jax.tree.map(jnp.zeros_like, row) if row_moved is None else row_moved
+                dc_now = dc if gate is None else jax.tree.map(lambda v: gate * v, dc)
+                tangent = dc_now, pair[1], row_moved
+                (belief, told), (belief_moved, told_moved) = jax.jvp(step, (c, pair[0], row), tangent)
+                return (belief, belief_moved), (told[2], whitened(told[1], told_moved[0]))
+
+            by_a = None
+            if by_dead_times is not None:
+                by_a = jax.tree.map(lambda v: jnp.tensordot(dead @ a, v, 1), by_dead_times)
+                if gates is not None:
+                    by_a = jax.tree.map(lambda v: v * gates.reshape(-1, *[1] * (v.ndim - 1)), by_a)
+            return native_scan(both, (held, moved), (rows, by_a, gates), keep=True, fallback=True)
+
+        return along
+
+    def _slopes_since(
+        self, belief: Any, tangents: Any, rows: Row, by_dead_times: Row | None, gates: Any
+    ) -> tuple[Any, Any, Any]:
+        """The belief and its slopes (w, o, ...) behind the rows, and those (w, o, r, m) of the innovations, by changes
+        of which `gates` (o, r) say in which rows they act."""
+        along = self._along(belief, rows, by_dead_times)
+        each = jax.vmap(jax.vmap(along, (None, 0, 0)), (0, 0, None))
+        (beliefs, tangents), (_, slopes) = each(jnp.asarray(self.axes), tangents, gates)
+        return jax.tree.map(lambda v: v[0, 0], beliefs), tangents, slopes
 
 
 def shapes(plant: StateSpace, values: np.ndarray) -> np.ndarray:

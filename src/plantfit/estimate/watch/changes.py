@@ -2,7 +2,6 @@
 false-alarm rate."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,24 +9,19 @@ from scipy import special
 
 LONGEST = 64  # blocks that a window holds at most
 SUM = 2.10974  # of 1 / (n log(n)^2) over n = 2, 3, ...
-ALIKE = 0.8  # of the likelihood that the best parameter explains: others that explain as much are named too
-HINT = 1e-3  # p-value of a parameter that is named beside innovations that are too large
+HINT = 1e-3  # p-value of a parameter that is believed beside innovations that are too large
 
 
 @dataclass(frozen=True)
 class Change:
-    """What a look found: at `t` (s), in the window that begins at `since`, `name` (None: no parameter explains it).
-
-    `change` is that of the parameter alone, in units of its size; `alike` are other parameters that would explain it as
-    well. `factor` is by how much innovations are larger than expected. `p` is what chance gives, `allowed` below which
-    it is an alarm.
+    """What a look found: at `t` (s), in the window that begins at `since`, `scored` by a parameter or by the size of
+    innovations alone. `factor` is by how much these are larger than expected. `p` is what chance gives, `allowed` below
+    which it is an alarm.
     """
 
     t: float
     since: float
-    name: str | None
-    change: float
-    alike: tuple[str, ...]
+    scored: bool
     factor: float
     p: float
     allowed: float
@@ -58,10 +52,8 @@ class Changes:
     windows and parameters (Bonferroni): the chance of any false alarm, however long the plant runs, is at most `alpha`.
     """
 
-    def __init__(
-        self, names: Sequence[str], correlation: np.ndarray, tested: np.ndarray, calibration: Calibration, alpha: float
-    ):
-        self.names, self.correlation, self.tested = tuple(names), np.asarray(correlation), np.flatnonzero(tested)
+    def __init__(self, correlation: np.ndarray, tested: np.ndarray, calibration: Calibration, alpha: float):
+        self.correlation, self.tested = np.asarray(correlation), np.flatnonzero(tested)
         self.calibration, self.alpha, self.looks = calibration, alpha, 0
         self.begin: list[float] = []
         self.parts: list[tuple[np.ndarray, np.ndarray, float, int]] = []
@@ -100,15 +92,6 @@ class Changes:
             )
             factor = math.sqrt(ratio)
         best = int(self.tested[np.argmin(p[self.tested])]) if len(self.tested) else -1
-        worth = np.where(own > 0, scores**2 / np.where(own > 0, own, 1.0), 0.0)
-        if best >= 0 and (p[best] <= p_nis or p[best] < HINT):
-            # of several that pass, the one that explains most
-            best = int(
-                self.tested[np.argmax(np.where(size[self.tested] >= 0.8 * size[best], worth[self.tested], -1.0))]
-            )
-            alike = tuple(self.names[j] for j in self.tested if j != best and worth[j] >= ALIKE * worth[best])
-            change = float(scores[best] / own[best]) if own[best] > 0 else 0.0
-            return Change(
-                end, self.begin[-blocks], self.names[best], change, alike, factor, float(min(p[best], p_nis)), allowed
-            )
-        return Change(end, self.begin[-blocks], None, 0.0, (), factor, float(p_nis), allowed)
+        scored = best >= 0 and bool(p[best] <= p_nis or p[best] < HINT)
+        chance = min(p[best], p_nis) if scored else p_nis
+        return Change(end, self.begin[-blocks], scored, factor, float(chance), allowed)

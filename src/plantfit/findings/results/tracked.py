@@ -16,13 +16,15 @@ class RaisedAlarm(Record):
     from_value: Number
     to_value: Number
     alike: list[str]
-    """Parameters that would explain as much."""
+    """Parameters that explain as much, as far as the samples tell."""
     factor: Number
     """By how much innovations are larger than the study expects."""
     p: Number
     """The chance of such a look with a healthy plant."""
     allowed: Number
     """What this look may have."""
+    told: Number = None
+    """s, when samples behind the alarm have told its cause; None where those before it do, or none."""
     sentence: str
 
 

@@ -11,6 +11,7 @@ from plantfit.models.parts.tables import Table
 from plantfit.models.remade import remade
 from plantfit.models.text.declarations import RESERVED, Declarations, declare
 from plantfit.models.text.delays import DelayTable
+from plantfit.models.text.dimensions.cycles import refuse_cycles
 from plantfit.models.text.dimensions.said_later import checked_later
 from plantfit.models.text.dimensions.two_zeros import refuse_multiple, refuse_two_zeros
 from plantfit.models.text.dimensions.unit_check import UnitChecker, unit_of
@@ -275,6 +276,17 @@ class _Builder:
         whole.check()
         self._check_zeros(named, states, outputs)
         self._refuse_two_zeros(named, states, outputs)
+        self._refuse_cycles(named, states, outputs)
+
+    def _refuse_cycles(self, named: Mapping[str, Any], states: Mapping[str, Any], outputs: Mapping[str, Any]) -> None:
+        refuse_cycles(
+            {**named, **outputs, **states, TIME: unit_of("s", "time")},
+            {n: c.value for n, c in self.declared.constants.items()},
+            {n: self.values[n].right for n in self.order},
+            {n: s.right for n, s in self.derivatives.items()},
+            self.hybrid.expressions(),
+            self.text,
+        )
 
     def _units(self, given: Mapping[str, str]) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
         """Units of inputs, parameters and constants, of states and of outputs, those that are not declared as
@@ -293,7 +305,9 @@ class _Builder:
         """Raise EquationError where units that a problem gives to parameters, or recordings to signals, contradict
         the declared ones."""
         self.whole_model().check_beside(parameters, recorded)
-        self._refuse_two_zeros(*self._units({**parameters, **{n: unit for n, unit in recorded.items() if known(unit)}}))
+        later = self._units({**parameters, **{n: unit for n, unit in recorded.items() if known(unit)}})
+        self._refuse_two_zeros(*later)
+        self._refuse_cycles(*later)
 
     def whole_model(self) -> WholeModel:
         """What all statements say about units, also about those that nobody declared."""

@@ -32,6 +32,7 @@ ALIKE = 8.0  # evidence for one of two additions below which the record does not
 PART = 0.02  # of what the better one explains: the same
 SAME = 0.5  # cosine of what two additions take from the residual, below which they explain different parts of it
 NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
+STEEP = 1e-3  # of the least standard error that a straight line gives
 SURE = 2.0  # standard errors that a value is off zero
 # of the work left to a round: what first tries may take, and full fits may have taken when one begins
 TRYING, FITTING = (0.65, 0.85)
@@ -222,7 +223,8 @@ def _found(
     What changes with a signal bends to much that it is not: it has to explain most of what is left, or to come near the
     noise.
     """
-    good = [t for t in trials if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier)]
+    samples = int(use.sum())
+    good = [t for t in trials if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier, samples)]
     good = [t for t in good if not changing([t.extension]) or t.explained >= MOST or _near_noise(carrier, t, kept)]
     if not good:
         return ()
@@ -279,13 +281,19 @@ def _from_elsewhere(
     return made
 
 
-def _apart_from_nothing(t: Trial, carrier: Carrier) -> bool:
-    """Whether the value of an addition that is nothing at zero is known to be something."""
+def _apart_from_nothing(t: Trial, carrier: Carrier, samples: int) -> bool:
+    """Whether the value of an addition that is nothing at zero is known to be something.
+
+    By a straight line a value that takes a residual from one RMSE to another has a standard error of at least their
+    ratio over sqrt(samples). Where that at the answer is far smaller, or 0, the model bends so much there, as with a
+    friction beyond all forces, that it says nothing about the size.
+    """
     if t.extension.candidate.level or t.value is None or t.standard_error is None:
         return True
     if t.extension.place == "inside" and len(carrier.inside[t.extension.kind, t.extension.signal]) > 1:
         return True  # a value for each recording
-    return abs(t.value) >= SURE * t.standard_error
+    least = STEEP * abs(t.value) * t.rmse[1] / max(t.rmse[0], 1e-300) / np.sqrt(max(samples, 1))
+    return bool(least <= t.standard_error <= abs(t.value) / SURE)
 
 
 def _scale(carrier: Carrier) -> float:

@@ -18,6 +18,7 @@ from plantfit.errors import RecordingError, SpecError
 if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
     from plantfit.recording.readers.columns import Table
+    from plantfit.recording.readers.timestamps import Dates
     from plantfit.recording.roles import Role, Roles
 
 NONE = "none"  # as --input: nothing drives the plant
@@ -35,12 +36,12 @@ _TOLD = {
 def init(
     file: str, place: str | None, force: bool, json: bool, inputs: Sequence[str] = (), outputs: Sequence[str] = (),
     yes: bool = False,
-    candidates: bool = False, model: str | None = None,
+    candidates: bool = False, model: str | None = None, dates: str | None = None,
 ) -> None:  # fmt: skip
     """Write a study file beside a recording (or at `place`), or with `candidates` one for each kind of model, and
     compare them.
 
-    With `model` it is one of that model of the library.
+    With `model` it is one of that model of the library; `dates` is the order of day and month in time stamps.
     """
     if model is not None and (model != "dc_motor" or candidates):
         raise SpecError(
@@ -54,6 +55,7 @@ def init(
     from plantfit.recording.readers.any_format import table
     from plantfit.recording.readers.clock import may_be_milliseconds
     from plantfit.recording.readers.long_tables import widened
+    from plantfit.recording.readers.numbers import is_number
     from plantfit.recording.roles import roles_of
 
     source = Path(file)
@@ -63,10 +65,15 @@ def init(
     target = Path(place) if place else source.with_name(f"{name}.toml")
     targets = _targets(target, candidates, force)
     content = table(file)
-    found, roles = described(content), roles_of(content)
+    found, roles = described(content, _order(dates)), roles_of(content)
     if found.problem:
-        raise RecordingError(found.problem)
+        where = (
+            'write dates = "day first" or dates = "month first" under [recording.NAME] (in Python dates="day first")'
+        )
+        raise RecordingError(found.problem.replace(where, 'give --dates "day first" or --dates "month first"'))
     known = {c.header: c for c in found.columns}
+    if dates is not None and (found.time is None or is_number(next(iter(known[found.time].first), ""))):
+        raise SpecError(f"--dates {dates!r}: the times of {source.name} are no dates; leave it out.")
     if model is not None:
         return _motor(source, target, found, content, (*inputs, *outputs), name, json)
     free = _free(source.name, roles, known, inputs, outputs)
@@ -112,6 +119,18 @@ def init(
         out.print(_NO_CLOCK, markup=False)
     out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
+
+
+def _order(dates: str | None) -> "Dates | None":
+    """The order of day and month; raises SpecError for another."""
+    from plantfit.recording.readers.timestamps import ORDERS
+
+    for order in ORDERS:
+        if order == dates:
+            return order
+    if dates is not None:
+        raise SpecError(f"--dates {dates!r}: write one of {', '.join(map(repr, ORDERS))}.")
+    return None
 
 
 def _targets(target: Path, candidates: bool, force: bool) -> dict[Kind, Path]:

@@ -160,7 +160,10 @@ def quoted(text: str) -> str:
 def clock_line(found: "Description") -> str:
     """The line of the time in a study file."""
     if found.time is not None:
-        return f"time = {quoted(found.time)}"
+        order = ""
+        if found.dates is not None:
+            order = f"\ndates = {quoted(found.dates)}".ljust(23) + " # of day and month, as --dates says"
+        return f"time = {quoted(found.time)}{order}"
     return f"period = {found.period or 1.0:.9g}".ljust(22) + (
         " # seconds between rows, from the file" if found.period else _NO_TIME
     )

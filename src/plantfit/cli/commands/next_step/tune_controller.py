@@ -39,7 +39,7 @@ def tune(
     ):
         return hold(spec, loaded, wishes, seed, study, out, c, store, json)
     from plantfit.cli.arguments.file_names import file_name
-    from plantfit.cli.commands.next_step.tuned_study import answer_for, refuse_regression
+    from plantfit.cli.commands.next_step.tuned_study import answer_for, named_file, refuse_regression
     from plantfit.cli.terminal.out import progress_line
     from plantfit.control.tune.searching.parts import begins
     from plantfit.report.html import check_place
@@ -52,10 +52,11 @@ def tune(
         answer = answer_for(loaded, Path(spec), study, store)
         from plantfit.controllers import tune as tuned
 
-        found = tuned(
-            answer, budget=budget, seed=seed, progress=tell, control=loaded.control.model_dump(exclude_unset=True),
-            **wishes
-        )  # fmt: skip
+        with named_file(spec, loaded, wishes):
+            found = tuned(
+                answer, budget=budget, seed=seed, progress=tell, control=loaded.control.model_dump(exclude_unset=True),
+                **wishes
+            )  # fmt: skip
         from plantfit.cli.commands.next_step.tuned_study import show, written
         from plantfit.cli.terminal.out import print_json
 
@@ -82,7 +83,7 @@ def hold(
 ) -> None:
     """`tune --hold`: a regulator that holds an equilibrium."""
     from plantfit.cli.arguments.file_names import file_name
-    from plantfit.cli.commands.next_step.tuned_study import answer_for, show_held, written_held
+    from plantfit.cli.commands.next_step.tuned_study import answer_for, named_file, show_held, written_held
     from plantfit.cli.terminal.out import out as screen
     from plantfit.cli.terminal.out import print_json, said_line
     from plantfit.report.html import check_place
@@ -93,7 +94,7 @@ def hold(
     from plantfit.holding import hold as held
 
     asked = loaded.control.model_dump(exclude_unset=True)
-    with said_line(quiet=json) as say:
+    with said_line(quiet=json) as say, named_file(spec, loaded, wishes):
         found = held(source, seed=seed, progress=say, control=asked, **{k: v for k, v in wishes.items() if v})
     files = written_held(found, page, Path(c) if c is not None else page.parent)
     if json:

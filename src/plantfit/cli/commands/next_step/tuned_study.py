@@ -2,11 +2,12 @@
 line, files."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from plantfit.errors import SpecError, StoreError
+from plantfit.errors import PlantfitError, SpecError, StoreError
 from plantfit.spec.tables import SpecTable, validated
 
 if TYPE_CHECKING:
@@ -40,6 +41,19 @@ def asked_of(spec: str, set_points: Sequence[str], wishes: Mapping[str, Any]) ->
     if len(set_points) > 1:
         raise SpecError(f"--set-point is given {len(set_points)} times; tune one loop at a time.")
     return table, found
+
+
+@contextmanager
+def named_file(spec: str, table: SpecTable, wishes: Mapping[str, Any]) -> Generator[None]:
+    """Errors about a key of [control] that the study file has, and the command line has not, begin with the file."""
+    try:
+        yield
+    except PlantfitError as error:
+        text, begin = str(error), "[control] "
+        key = text.removeprefix(begin).split()[0].partition(".")[0] if text.startswith(begin) else ""
+        if key in table.control.model_fields_set and not wishes.get(key):
+            error.args = (f"{Path(spec).name}, {text}",)
+        raise
 
 
 def tolerances_of(texts: Sequence[str]) -> dict[str, str] | None:

@@ -23,7 +23,9 @@ class Form:
     controller, which takes (these, the input at rest, *`given`); programs are compiled once for a `build` and a
     `response`, for all `data` and `given`. `response(parameters, w, xp)` is C(e^(jwh)) (F,) from the error with no
     limit acting, that of a cascade (2, F); `unstable` counts the controller's own poles outside the unit circle,
-    `integrators` those at 1, and `settled` says that whatever its parameters none lies outside. `starts` (k, d) are
+    `integrators` those at 1, and `settled` says that whatever its parameters none lies outside. Of another form
+    `parts(parameters, w, xp)` are the two (F,) whose quotient is the response, of poles inside the unit circle but for
+    `parted` at 1, so that unstable loops are counted in a search. `starts` (k, d) are
     points of the cube to begin with; `plan` is that of an MPC, `ahead` the samples that a Smith predictor looks ahead,
     `inner` says that it measures an inner output too.
     """
@@ -40,6 +42,8 @@ class Form:
     inner: bool = False
     integrators: int = 1
     settled: bool = False
+    parts: Callable[..., tuple[Any, Any]] | None = None
+    parted: int = 0
     data: Any = ()
     given: tuple[Any, ...] = ()
 

@@ -4,7 +4,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.linear.predictive.servo_mpc import Predictive, servo_mpc
-from plantfit.control.linear.servo import Servo, servo, servo_response, unstable_poles
+from plantfit.control.linear.servo import Servo, servo, servo_parts, servo_response, unstable_poles
 from plantfit.control.tune.forms.form import Form, change, spread
 from plantfit.control.tune.loop_scores import from_rest, slewed
 from plantfit.control.tune.reduction import Reduced, slowest
@@ -27,8 +27,11 @@ def lqi_form(plant: ServoPlant, small: Reduced, wishes: Wishes) -> Form:
     def response(parameters: Servo, w, xp=np):
         return servo_response(parameters, wishes.period, w, xp)
 
+    def parts(parameters: Servo, w, xp=np):
+        return servo_parts(parameters, wishes.period, w, xp)
+
     loop = slewed(from_rest(servo(wishes.period, lower=wishes.lower, upper=wishes.upper)), change(wishes))
-    return Form("LQI", space, built, response, loop, unstable_poles, spread(space))
+    return Form("LQI", space, built, response, loop, unstable_poles, spread(space), parts=parts)
 
 
 def mpc_form(plant: ServoPlant, small: Reduced, wishes: Wishes, starts: np.ndarray) -> Form:
@@ -43,8 +46,13 @@ def mpc_form(plant: ServoPlant, small: Reduced, wishes: Wishes, starts: np.ndarr
     def response(parameters: Predictive, w, xp=np):
         return servo_response(parameters.servo, wishes.period, w, xp)
 
+    def parts(parameters: Predictive, w, xp=np):
+        return servo_parts(parameters.servo, wishes.period, w, xp)
+
     loop = slewed(from_rest(servo_mpc(len(plan.lengths), plan.rated)), change(wishes))
-    return Form("MPC", space, built, response, loop, lambda given: unstable_poles(given.servo), starts, plan)
+    return Form(
+        "MPC", space, built, response, loop, lambda given: unstable_poles(given.servo), starts, plan, parts=parts
+    )  # fmt: skip
 
 
 def _weights(small: Reduced) -> Space:

@@ -3,7 +3,7 @@
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.linear.smith import Smith, poles_outside, smith, smith_response, unlimited
+from plantfit.control.linear.smith import Smith, poles_outside, smith, smith_parts, smith_response, unlimited
 from plantfit.control.pid import Settings, checked
 from plantfit.control.tune.forms.form import Form, change, spread
 from plantfit.control.tune.forms.pid_form import gains_built
@@ -63,6 +63,11 @@ def smith_form(plant: ServoPlant, small: Reduced, sign: int, wishes: Wishes, tra
             parameters, pid_response(parameters.gains, wishes.period, w, xp), ahead, wishes.period, w, xp
         )
 
+    def parts(parameters: Smith, w, xp=np):
+        return smith_parts(
+            parameters, pid_response(parameters.gains, wishes.period, w, xp), ahead, wishes.period, w, xp
+        )
+
     law = smith(wishes.period, ahead, wishes.anti_windup)
     follow = checked(Settings(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time)).follow
     usual = {"Ti": small.first_order[1], "Td": 0.02 * fast, "ratio": FILTER}
@@ -74,7 +79,7 @@ def smith_form(plant: ServoPlant, small: Reduced, sign: int, wishes: Wishes, tra
     starts = np.clip(np.concatenate([rules, spread(space)]), 0.0, 1.0)
     return Form(
         "Smith predictor", space, built, response, slewed(law, change(wishes)),
-        lambda s: poles_outside(law, (s, s.u0, unlimited())), starts, ahead=ahead,
+        lambda s: poles_outside(law, (s, s.u0, unlimited())), starts, ahead=ahead, parts=parts, parted=1,
         data=(space.lower, space.upper, float(sign)),
         given=(Limits(wishes.lower, wishes.upper, follow),),
     )  # fmt: skip

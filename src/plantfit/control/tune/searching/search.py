@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.control.steps.robust import STEEPNESS, Demand
+from plantfit.control.steps.robust import STEEPNESS, Demand, stacked_controllers
 from plantfit.control.tune.forms.form import Form
 from plantfit.control.tune.frequency import margins_in_search, noise_at_input, open_loop, outer_loop, poles_outside
 from plantfit.control.tune.loop_scores import Judge, Program, scores_of
@@ -32,6 +32,7 @@ AUGMENTED = (
 )
 STEEPER = 100.0  # times the penalty of a limit that a first search has paid for a faster loop
 UNSTABLE = 10.0  # times the penalty: an unstable loop counts as one of an Ms of eleven times its limit, or worse
+GONE = 1e4  # times the figures of a rule on the best fit: a loop that grows without bound
 ROOM = 0.95  # of a limit: what the search keeps, so that plants that it has not seen keep the limit
 
 
@@ -103,12 +104,44 @@ class Search:
             progress=progress,
         )
         run = min(runs, key=lambda r: r.cost)
-        if min(run.cost, np.min(first)) >= 1e5:
-            raise SearchError(
-                f"No {form.name} within the bounds of the search keeps the loops of all "
-                "plants finite; give a longer period or wider limits, or measure again."
+        best_point = np.asarray(run.x if run.cost < np.min(first) else best[0])
+        if min(run.cost, np.min(first)) >= 10.0 * GONE:
+            raise SearchError(self._why_not_finite(best_point))
+        return best_point
+
+    def _why_not_finite(self, point: np.ndarray) -> str:
+        """On how many plants the loop with the least bad controller ends at no number, and what to do."""
+        controller = self.form.made(jnp.asarray(point))
+        scores = self.judge.scores(stacked_controllers([controller]))
+        parts = [np.asarray(getattr(scores, name))[0] / self.sizes.get(name, 1.0) for name in ("iae", "load_iae")]
+        size = np.nan_to_num(parts[0] + parts[1], nan=np.inf)
+        lost = size >= min(GONE, 0.999 * float(np.max(size)))
+        count, n = int(np.sum(lost)), len(lost)
+        said = f"No {self.form.name} within the bounds of the search keeps the loops of all plants finite"
+        if n == 1 or lost[0]:
+            which = "the loop of the best fit" if n == 1 else f"{count} of {n} loops, that of the best fit among them,"
+            return (
+                f"{said}: with the best one {which} ends where the model has no number, or grows without bound. "
+                "Keep the loop where the model was measured: a smaller step ([control] step, or --step), limits of the "
+                "input nearer to those of the recording (lower and upper), or another set point; or a shorter period."
             )
-        return np.asarray(run.x if run.cost < np.min(first) else best[0])
+        return (
+            f"{said}: with the best one {count} of {n} loops {'end' if count > 1 else 'ends'} where the model has no "
+            f"number, or {'grow' if count > 1 else 'grows'} without bound, and that of the best fit does not. These "
+            f"plants are allowed because the data do not know them better{self._apart(lost)}: measure again (`plantfit "
+            "design` says how), or give a smaller step ([control] step, or --step)."
+        )
+
+    def _apart(self, lost: np.ndarray) -> str:
+        """The parameter whose values tell the lost plants from the others best; empty where none does."""
+        found = ("", 1.0)
+        for name, values in self.judge.plant.plants.items():
+            spread = float(np.std(values))
+            if np.ndim(values) == 1 and spread > 0:
+                away = abs(float(np.mean(values[lost]) - np.mean(values[~lost]))) / spread
+                ends = f" ({name} is {np.min(values[lost]):.3g} to {np.max(values[lost]):.3g} there)"
+                found = max(found, (ends, away), key=lambda f: f[1])
+        return found[0]
 
     def _costs(
         self,
@@ -121,9 +154,18 @@ class Search:
         wishes, program = self.wishes, self.judge.program
         limited = tuple(n for n, given in EXTRA.items() if given(wishes))
         demand = demand_of(wishes)
-        known = self.poles is not None and self.form.settled
+        form = self.form
+        known = self.poles is not None and (form.settled or form.parts is not None)
         function = _costs_of(
-            program, self.form.build, self.form.response, demand, tuple(self.weights), limited, front, known
+            program,
+            form.build,
+            form.response,
+            None if form.settled else form.parts,
+            demand,
+            tuple(self.weights),
+            limited,
+            front,
+            known,
         )
         return CostOfData(
             function, self._data(goal) | {"limits": self._limits(room), "steepness": steepness, "counted": counted}
@@ -151,7 +193,8 @@ class Search:
             "noise": noises(wishes, self.form.inner),
         }  # fmt: skip
         if self.poles is not None:
-            found["poles"] = (self.poles[0] + self.form.integrators, self.poles[1])
+            at_one = self.form.integrators if self.form.settled else self.form.parted
+            found["poles"] = (self.poles[0] + at_one, self.poles[1])
         if goal is not None:
             found["goal"] = (goal.ideal, goal.spread, goal.shares)
         return jax.tree.map(jnp.asarray, found)
@@ -211,12 +254,14 @@ def _in_rows(costs: CostOfData, points: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=32)
 def _costs_of(
-    program: Program, build: Callable[[Any, Any], Any], respond: Callable[..., Any], demand: Demand,
+    program: Program, build: Callable[[Any, Any], Any], respond: Callable[..., Any],
+    divided: Callable[..., tuple[Any, Any]] | None, demand: Demand,
     figures: tuple[str, ...],
     limited: tuple[str, ...], front: bool, known: bool,
 ) -> Callable[[Any, Any], Any]:  # fmt: skip
     """The cost of points (n, d) of the cube, given the data of `Search._costs`; one identity for a choice, so that it
-    is compiled once. `known`: the poles of all plants and controllers are, and unstable loops are told by them."""
+    is compiled once. `known`: the poles of all plants and controllers are, and unstable loops are told by them; those
+    of controllers that are `divided` are in what is below the line."""
 
     def excess(value, limit):
         return jnp.maximum(value / limit - 1.0, 0.0)
@@ -241,13 +286,14 @@ def _costs_of(
         scores = scores_of(program, controllers, data["loop"])
 
         def response(parameters):
-            c = respond(parameters, w, jnp)
+            above, below = (respond(parameters, w, jnp), 1.0) if divided is None else divided(parameters, w, jnp)
+            c = above / below
             s = 1.0 / (1.0 + open_loop(c, h, jnp))
             ms = jnp.max(jnp.abs(s), axis=-1)
             if c.ndim > 1:
                 ms = jnp.maximum(ms, jnp.max(jnp.abs(1.0 / (1.0 + outer_loop(c, h))), axis=-1))
             integrators, unstable = data["poles"] if known else (0, 0)
-            outside = poles_outside(1.0 / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
+            outside = poles_outside(below / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
             return s, ms, outside, noise_at_input(c, s, data["weights"], data["noise"], jnp)
 
         s, ms, outside, moved = jax.vmap(response)(controllers)

@@ -186,7 +186,7 @@ class UnitChecker:
         a, b = given
         if a is ZERO or b is ZERO:
             return ZERO
-        return None if a is None or b is None else _difference(a * b)
+        return None if a is None or b is None else _difference(_angular(node, a * b))
 
     def _over(self, node: Node, given: list[Unit]) -> Unit:
         a, b = given
@@ -198,7 +198,7 @@ class UnitChecker:
                 "add a constant first, as in (T + zero) with zero = '273.15 K' in constants, or declare it in K.",
                 node.args[1].start,
             )
-        return None if a is None or b is None or b is ZERO else _difference(a / b)
+        return None if a is None or b is None or b is ZERO else _difference(_angular(node, a / b))
 
     def _own_zero(self, node: Node) -> Unit:
         """The unit of a temperature in degC or degF that an expression is proportional to, else None."""
@@ -243,6 +243,40 @@ class UnitChecker:
         if node.op == "number":
             return node.number
         return self.numbers.get(node.name) if node.op == "name" else None
+
+
+def is_pi(number: float) -> bool:
+    """Whether a number turns cycles into radians, or back: a half multiple of pi, or a few digits of one that is often
+    written, or squared."""
+    halves = 2.0 * abs(number) / math.pi
+    if halves > 0.5 and math.isclose(halves, round(halves), rel_tol=1e-12):
+        return True
+    often = [k * math.pi**n for k in (1.0, 2.0, 4.0) for n in (1, 2)]
+    return any(
+        math.isclose(abs(number), v, rel_tol=1e-3) or math.isclose(abs(number) * v, 1.0, rel_tol=1e-3) for v in often
+    )
+
+
+def _has_pi(node: Node) -> bool:
+    """Whether pi is a factor of a product."""
+    if node.op == "number":
+        return is_pi(node.number)
+    if node.op in ("*", "/", "negative"):
+        return any(map(_has_pi, node.args))
+    return node.op == "**" and _has_pi(node.args[0])
+
+
+def _angular(node: Node, unit: Unit) -> Unit:
+    """The unit of a product; pi as one of its factors turns Hz into 1/s, beside which rad/s may stand, and rad/s into
+    1/s, beside which Hz may."""
+    if not any(map(_has_pi, node.args)):
+        return unit
+    turned = "hertz" if "hertz" in unit._units else "radian" if node.op == "/" and "radian" in unit._units else None
+    if turned is None:
+        return unit
+    power = unit._units[turned]
+    found = unit / units.parse(turned) ** power
+    return found / units.parse("s") ** power if turned == "hertz" else found
 
 
 def temperature(unit: Unit) -> str | None:
@@ -306,7 +340,9 @@ def _how(found: Unit, wanted: Unit) -> str:
     if not _plain(found / wanted):
         return "; these are different kinds of quantity, check the equation and the declared units"
     if _turns_against_radians(found, wanted):
-        return f"; these do not say how many radians one of them is: {units.turns_said(found, wanted)}"
+        of_hertz = any(name.endswith("hertz") for name in {*found._units, *wanted._units})
+        more = ", or multiply it by 2*pi" if of_hertz else ""
+        return f"; these do not say how many radians one of them is: {units.turns_said(found, wanted)}{more}"
     if {temperature(found), temperature(wanted)} == {"from its own zero", "absolute"} and same(
         found, wanted, shifted=True
     ):
