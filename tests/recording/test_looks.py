@@ -387,3 +387,53 @@ def test_an_encoder_that_turns_round_is_not_clipped_and_one_that_ends_is():
         alarms, told = alarms + found[0], told + found[1]
     assert alarms <= 4  # 15 before the way to the turn was looked at
     assert told >= 190
+
+
+MARKED = (12, 13, 57, 200, 201, 202, 410, 555)
+
+
+@pytest.mark.parametrize("value", [-999.0, 9999.0])
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_number_that_stands_for_no_value_is_named(value, measured):
+    """Only those that stand alone were called spikes, and taking these away left the others; of an input nothing was
+    said."""
+    y = plant(steps())
+    y[list(MARKED)] = value
+    [look] = signal_looks(recorded(y), "y", measured)
+    assert (look.kind, look.level, look.figures["samples"]) == ("no_value", "warning", len(MARKED))
+    assert f"8 samples of y are exactly {value:g} m, far from all others (" in look.sentence
+    assert tomllib.loads(look.write) == {"missing": [value]}
+    assert look.times == pytest.approx(T[list(MARKED)])
+
+
+@pytest.mark.parametrize("kind", ["once", "unlike", "near", "rests", "switch", "steps"])
+def test_what_only_looks_like_a_number_for_no_value_is_none(kind):
+    y = plant(steps())
+    if kind == "once":  # a spike
+        y[57] = -999.0
+    elif kind == "unlike":  # wrong readings, each another one
+        y[list(MARKED)] = -999.0 - np.arange(8)
+    elif kind == "near":  # an end of the sensor that is met again and again
+        y[list(MARKED)] = np.max(y) + 0.3 * np.ptp(y)
+    elif kind == "rests":  # a machine that is off for a while, several times
+        y += 20.0
+        y[100:120], y[300:330] = 0.0, 0.0
+    elif kind == "switch":
+        y = np.round(np.clip(plant(steps()), 0, 3))
+        y[list(MARKED)] = 40.0
+    elif kind == "steps":  # and goes on from elsewhere
+        y[200:203] = 60.0
+        y[203:] += 50.0
+        y[400:402] = 200.0
+        y[402:] += 100.0
+    assert "no_value" not in kinds(y)
+
+
+def test_the_number_is_not_told_where_it_was_converted():
+    y = plant(steps())
+    y[list(MARKED)] = -999.0
+    r = recorded(y)
+    r = Recording(r.t, r.signals, r.name, log=("y: converted from mm to m.",))
+    [look] = signal_looks(r, "y", True)
+    assert look.kind == "no_value"
+    assert look.write == ""

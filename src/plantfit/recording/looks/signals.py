@@ -8,6 +8,7 @@ import scipy  # scipy.special is loaded at its first use
 
 from plantfit.recording.clean.outliers import inline, step_without
 from plantfit.recording.looks.look import MARKED, Look
+from plantfit.recording.looks.no_value import no_value_look
 from plantfit.recording.looks.refreshed import refreshed_look
 from plantfit.recording.looks.wrapped import wrapped_look
 from plantfit.recording.record import Recording
@@ -63,6 +64,9 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             f"{name} is missing for {longest} samples from t = {t[begin]:.4g} s on.",
             float(t[begin]), float(t[begin + longest - 1]), figures={"samples": longest},
         )  # fmt: skip
+    if (marker := no_value_look(recording, name)) is not None:  # and no reading, so that it tells nothing else
+        yield marker
+        return
     if (wrapped := wrapped_look(recording, name)) is not None:  # then its ends and leaps are those of its range
         yield wrapped
         return
