@@ -437,3 +437,28 @@ def test_the_number_is_not_told_where_it_was_converted():
     [look] = signal_looks(r, "y", True)
     assert look.kind == "no_value"
     assert look.write == ""
+
+
+def cooling_room(seed, end=None):
+    """A room in degC read in steps of 0.1 K, whose coldest is where the heater comes on, after 570 samples; `end` of
+    its sensor, in degC."""
+    rng, walls, air, found = np.random.default_rng(seed), 10.0, 0.0, []
+    for k in range(600):
+        heated = 0 if 480 <= k < 570 else k // 12 % 2
+        outside = 10.0 + (10.0 if k > 400 else 5.0) * np.sin(2 * np.pi * k / 96)
+        found.append(walls + air)
+        walls += 0.05 * (outside - walls)
+        air += 0.3 * (8.0 * heated - air)
+    y = np.array(found) + 0.03 * rng.normal(size=600)
+    return np.round((y if end is None else np.maximum(y, end)) / 0.1) * 0.1
+
+
+def test_a_plant_that_rests_until_an_input_moves_it_is_no_end_of_a_sensor():
+    """It leaves fast, but came slowly: of ten such records one was told that "the sensor may end there"."""
+    assert not any("clipped" in kinds(cooling_room(seed)) for seed in range(10))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_end_of_a_coarse_sensor_is_still_told(seed):
+    found = [k for k in signal_looks(recorded(cooling_room(seed, 6.0)), "y", True) if k.kind == "clipped"]
+    assert [(k.figures["value"], "sensor_low" in k.write) for k in found] == [(pytest.approx(6.0), True)]

@@ -123,16 +123,18 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
 
 
 def _turns(values: np.ndarray, runs: np.ndarray, begins: np.ndarray, step: float) -> np.ndarray:
-    """Whether runs at an end of the range are no longer than where a smooth signal read in such steps turns round,
-    (n,).
+    """Whether runs at an end of the range are no longer than where a smooth signal read in such steps turns round, or
+    where it comes to rest until an input moves it away, (n,).
 
     A parabola that lies within one step over n samples has fallen by 8 more where as many have gone by on either side.
+    So has what comes to rest, before it does.
     """
     before, after = begins - runs, begins + 2 * runs - 1
     fallen = [np.abs(values[np.clip(at, 0, len(values) - 1)] - values[begins]) for at in (before, after)]
     inside = [before >= 0, after < len(values)]
-    most = np.max([np.where(there, f, 0.0) for there, f in zip(inside, fallen, strict=True)], axis=0)
-    return (inside[0] | inside[1]) & (most <= TURN * step)
+    # a signal leaves as fast as the next step of an input makes it, but comes slowly
+    seen = np.where(inside[0], fallen[0], fallen[1])
+    return (inside[0] | inside[1]) & (seen <= TURN * step)
 
 
 def _rests(values: np.ndarray, begin: int, count: int, step: float) -> bool:
