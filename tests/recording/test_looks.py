@@ -462,3 +462,26 @@ def test_a_plant_that_rests_until_an_input_moves_it_is_no_end_of_a_sensor():
 def test_the_end_of_a_coarse_sensor_is_still_told(seed):
     found = [k for k in signal_looks(recorded(cooling_room(seed, 6.0)), "y", True) if k.kind == "clipped"]
     assert [(k.figures["value"], "sensor_low" in k.write) for k in found] == [(pytest.approx(6.0), True)]
+
+
+def test_exchanged_columns_are_told_where_an_output_stays_level_and_an_input_does_not():
+    """Of a temperature given as the input and its heater as the output only a closed loop was spoken of."""
+    u = steps()
+    r = Recording(T, {"u": Signal(plant(u), "degC"), "y": Signal(u, "%")}, "a")
+    look = feedback_look(r, "u", "y")
+    assert look is not None
+    assert look.sentence.startswith("y, the output, stays level and jumps as an input does, and u, the input, moves ")
+    assert "see whether their columns are exchanged. Past values of y explain " in look.sentence
+
+
+def test_a_loop_is_not_called_an_exchange():
+    rng, x, u, found = np.random.default_rng(2), 0.0, 0.0, []
+    for _ in range(600):
+        y = x + 0.02 * rng.normal()
+        found.append((u, y))
+        u = -1.5 * y  # acts at the next sample
+        x = 0.9 * x + 0.2 * u + 0.3 * rng.normal()
+    u, y = np.array(found).T
+    look = feedback_look(recorded(y, u), "u", "y")
+    assert look is not None
+    assert "exchanged" not in look.sentence

@@ -24,6 +24,7 @@ LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantise
 LAGS, SURE, SHARE = (5, 1e-6, 0.05)
 # samples back of the input itself, and what outputs must tell of it at least, as a share of its deviation
 OWN, SMALL = (40, 0.02)
+MOVED = 0.1  # of the samples that change, in a signal that stays level and jumps
 # of the test for late stamps: samples back, samples ahead and of the record at most
 NEAR, EARLIER, MOST = ((3, LAGS), 30, 20_000)
 
@@ -221,6 +222,11 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
     if chance > SURE:
         return None
     told_of = f"Past values of {y} explain {100 * share:.0f} % of what is new in {u}: {u} "
+    if _level(b) and not _level(a):
+        told_of = (
+            f"{y}, the output, stays level and jumps as an input does, and {u}, the input, moves all the time as an "
+            f"output does: see whether their columns are exchanged. {told_of}"
+        )
     figures: dict[str, int | float | None] = {"share": share, "chance": chance}
     if late := stamped_late(a, b):
         shift = late * float(np.median(np.diff(recording.t)))
@@ -245,6 +251,11 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
         "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write,
         figures, other=y
     )  # fmt: skip
+
+
+def _level(values: np.ndarray) -> bool:
+    """Whether a signal (n,) stays level and jumps."""
+    return bool(np.count_nonzero(np.diff(values)) <= MOVED * len(values))
 
 
 def stamped_late(a: np.ndarray, b: np.ndarray) -> int:
