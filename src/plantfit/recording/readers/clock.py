@@ -90,8 +90,9 @@ def guess_time(table: Table) -> Column | None:
 
 def _named_by_unit(column: Column) -> bool:
     """Whether a column is called by its unit of time, as day [day] and Hours (h) are."""
-    named = column.unit is not None and _TIMES.fullmatch(column.name) is not None
-    return named and known(column.unit) and compatible(column.unit, "s")
+    if column.unit is None or _TIMES.fullmatch(column.name) is None:
+        return False
+    return known(column.unit) and compatible(column.unit, "s")
 
 
 def _first_cells(column: Column) -> list[str]:
