@@ -81,12 +81,14 @@ def looks() -> Iterator[tuple[str, Recording, Look]]:
     rng, n = np.random.default_rng(3), 400
     t, u = np.arange(n) * PERIOD, np.repeat(rng.uniform(-1.5, 2.0, n // 20), 20)
     y = plant(u) + 0.02 * rng.normal(size=n)
-    spikes, stuck, missing, gap = y.copy(), y.copy(), y.copy(), t.copy()
+    spikes, stuck, missing, marked, gap = y.copy(), y.copy(), y.copy(), y.copy(), t.copy()
+    marked[[60, 61, 190, 310]] = -9.99
     spikes[[60, 190, 310]] += [2.5, -3.0, 2.0]
     stuck[150:190], missing[200:240] = stuck[150], np.nan
     gap[250:] += 0.6
     signals = {
         "clipped": np.minimum(y, 1.5), "stuck": stuck, "quantised": np.round(y / 0.2) * 0.2, "spikes": spikes, "missing": missing,
+        "no_value": marked,
         "wrapped": 0.06 * np.cumsum(y + 2.5) % (2 * np.pi), "held": np.repeat(y[::8], 8), "filled": np.interp(t, t[::8], y[::8]),
     }  # fmt: skip
     for kind, values in signals.items():

@@ -63,3 +63,31 @@ def test_the_new_file_runs_and_is_determined(folder, capsys, monkeypatch):
     assert lost.code != 0
     assert "cannot be written" in " ".join(lost.err.split())
     assert "Traceback" not in lost.err
+
+
+def test_a_study_is_meant_by_its_file_its_name_or_its_number(folder, capsys, monkeypatch):
+    """ "`plantfit combine` writes the study file in these combinations" was said of gain.toml, and `plantfit combine
+    gain.toml` answered "unable to parse string as an integer"."""
+    other = SPEC.replace('"gain"', '"other"')
+    (folder / "other.toml").write_text(other)
+    call(capsys, monkeypatch, "run", "gain.toml")
+    call(capsys, monkeypatch, "run", "other.toml")  # the newest
+    for given in ("gain.toml", "gain", "1"):
+        said = call(capsys, monkeypatch, "combine", given, "--force")
+        assert said.code == 0
+        assert "Written: gain-combined.toml" in said.out
+    assert "Report: gain.html" in call(capsys, monkeypatch, "report", "gain.toml").out
+    assert "Study 1 (gain)" in call(capsys, monkeypatch, "export-study", "gain.toml").out
+
+
+@pytest.mark.parametrize(("given", "told"), [
+    ("fresh.toml", "holds no study of 'fresh.toml'; `plantfit run fresh.toml` makes one"),
+    ("nowhere.toml", "'nowhere.toml' cannot be read as a study file"),
+    ("unknown", "'unknown' is neither a study file here nor a study in"),
+])  # fmt: skip
+def test_a_study_that_there_is_not_is_named(given, told, folder, capsys, monkeypatch):
+    (folder / "fresh.toml").write_text(SPEC.replace('"gain"', '"fresh"'))
+    call(capsys, monkeypatch, "run", "gain.toml")
+    said = call(capsys, monkeypatch, "combine", given)
+    assert said.code != 0
+    assert told in " ".join(said.err.split())

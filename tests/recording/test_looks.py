@@ -387,3 +387,101 @@ def test_an_encoder_that_turns_round_is_not_clipped_and_one_that_ends_is():
         alarms, told = alarms + found[0], told + found[1]
     assert alarms <= 4  # 15 before the way to the turn was looked at
     assert told >= 190
+
+
+MARKED = (12, 13, 57, 200, 201, 202, 410, 555)
+
+
+@pytest.mark.parametrize("value", [-999.0, 9999.0])
+@pytest.mark.parametrize("measured", [True, False])
+def test_a_number_that_stands_for_no_value_is_named(value, measured):
+    """Only those that stand alone were called spikes, and taking these away left the others; of an input nothing was
+    said."""
+    y = plant(steps())
+    y[list(MARKED)] = value
+    [look] = signal_looks(recorded(y), "y", measured)
+    assert (look.kind, look.level, look.figures["samples"]) == ("no_value", "warning", len(MARKED))
+    assert f"8 samples of y are exactly {value:g} m, far from all others (" in look.sentence
+    assert tomllib.loads(look.write) == {"missing": [value]}
+    assert look.times == pytest.approx(T[list(MARKED)])
+
+
+@pytest.mark.parametrize("kind", ["once", "unlike", "near", "rests", "switch", "steps"])
+def test_what_only_looks_like_a_number_for_no_value_is_none(kind):
+    y = plant(steps())
+    if kind == "once":  # a spike
+        y[57] = -999.0
+    elif kind == "unlike":  # wrong readings, each another one
+        y[list(MARKED)] = -999.0 - np.arange(8)
+    elif kind == "near":  # an end of the sensor that is met again and again
+        y[list(MARKED)] = np.max(y) + 0.3 * np.ptp(y)
+    elif kind == "rests":  # a machine that is off for a while, several times
+        y += 20.0
+        y[100:120], y[300:330] = 0.0, 0.0
+    elif kind == "switch":
+        y = np.round(np.clip(plant(steps()), 0, 3))
+        y[list(MARKED)] = 40.0
+    elif kind == "steps":  # and goes on from elsewhere
+        y[200:203] = 60.0
+        y[203:] += 50.0
+        y[400:402] = 200.0
+        y[402:] += 100.0
+    assert "no_value" not in kinds(y)
+
+
+def test_the_number_is_not_told_where_it_was_converted():
+    y = plant(steps())
+    y[list(MARKED)] = -999.0
+    r = recorded(y)
+    r = Recording(r.t, r.signals, r.name, log=("y: converted from mm to m.",))
+    [look] = signal_looks(r, "y", True)
+    assert look.kind == "no_value"
+    assert look.write == ""
+
+
+def cooling_room(seed, end=None):
+    """A room in degC read in steps of 0.1 K, whose coldest is where the heater comes on, after 570 samples; `end` of
+    its sensor, in degC."""
+    rng, walls, air, found = np.random.default_rng(seed), 10.0, 0.0, []
+    for k in range(600):
+        heated = 0 if 480 <= k < 570 else k // 12 % 2
+        outside = 10.0 + (10.0 if k > 400 else 5.0) * np.sin(2 * np.pi * k / 96)
+        found.append(walls + air)
+        walls += 0.05 * (outside - walls)
+        air += 0.3 * (8.0 * heated - air)
+    y = np.array(found) + 0.03 * rng.normal(size=600)
+    return np.round((y if end is None else np.maximum(y, end)) / 0.1) * 0.1
+
+
+def test_a_plant_that_rests_until_an_input_moves_it_is_no_end_of_a_sensor():
+    """It leaves fast, but came slowly: of ten such records one was told that "the sensor may end there"."""
+    assert not any("clipped" in kinds(cooling_room(seed)) for seed in range(10))
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_end_of_a_coarse_sensor_is_still_told(seed):
+    found = [k for k in signal_looks(recorded(cooling_room(seed, 6.0)), "y", True) if k.kind == "clipped"]
+    assert [(k.figures["value"], "sensor_low" in k.write) for k in found] == [(pytest.approx(6.0), True)]
+
+
+def test_exchanged_columns_are_told_where_an_output_stays_level_and_an_input_does_not():
+    """Of a temperature given as the input and its heater as the output only a closed loop was spoken of."""
+    u = steps()
+    r = Recording(T, {"u": Signal(plant(u), "degC"), "y": Signal(u, "%")}, "a")
+    look = feedback_look(r, "u", "y")
+    assert look is not None
+    assert look.sentence.startswith("y, the output, stays level and jumps as an input does, and u, the input, moves ")
+    assert "see whether their columns are exchanged. Past values of y explain " in look.sentence
+
+
+def test_a_loop_is_not_called_an_exchange():
+    rng, x, u, found = np.random.default_rng(2), 0.0, 0.0, []
+    for _ in range(600):
+        y = x + 0.02 * rng.normal()
+        found.append((u, y))
+        u = -1.5 * y  # acts at the next sample
+        x = 0.9 * x + 0.2 * u + 0.3 * rng.normal()
+    u, y = np.array(found).T
+    look = feedback_look(recorded(y, u), "u", "y")
+    assert look is not None
+    assert "exchanged" not in look.sentence

@@ -345,3 +345,22 @@ def test_a_distance_is_measured_and_no_input_of_a_speed():
         roles = roles_of(in_a_table(speed=np.round(speed + rng.normal(0, 2, 800)), distance=distance))
         assert headers(roles, "output") == {"distance"}, seed
         assert roles.unsure
+
+
+@pytest.mark.parametrize(("header", "first", "day"), [
+    ("day [day]", 0, 86400.0), ("Day (d)", 3, 86400.0), ("Hours [h]", 0, 3600.0), ("min [min]", 1, 60.0),
+])  # fmt: skip
+def test_a_column_called_by_its_unit_is_the_time(header, first, day, tmp_path):
+    """Of the days of an epidemic "it counts the rows" was said, and its 14 samples were 14 s long."""
+    sick = [1, 3, 8, 28, 75, 221, 291, 255, 235, 190, 126, 70, 28, 12]
+    (tmp_path / "a.csv").write_text(f"{header},I []\n" + "".join(f"{first + k},{v}\n" for k, v in enumerate(sick)))
+    assert roles_of(table(tmp_path / "a.csv")).columns[0].kind == "time"
+    assert read(tmp_path / "a.csv").t[-1] - read(tmp_path / "a.csv").t[0] == pytest.approx(13 * day)
+
+
+@pytest.mark.parametrize("header", ["day", "day [m]", "hour [nonsense]", "dose [h]", "hours [h]"])
+def test_a_column_that_is_no_time_by_its_unit_stays_what_it_was(header, tmp_path):
+    """A count without a unit, a unit of no time, a name of no time, and hours that begin anew."""
+    day = [k % 5 if header == "hours [h]" else k for k in range(14)]
+    (tmp_path / "a.csv").write_text(f"{header},y []\n" + "".join(f"{d},{d * d % 7}\n" for d in day))
+    assert roles_of(table(tmp_path / "a.csv")).columns[0].kind != "time"

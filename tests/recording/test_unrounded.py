@@ -78,8 +78,12 @@ def test_readings_in_fine_steps_look_rounded_too():
 
 
 @pytest.mark.parametrize(
-    "kind", ["smooth", "two levels", "staircase", "random levels", "uneven levels", "fine levels", "noisy", "ramps"]
-)
+    "kind",
+    [
+        "smooth", "two levels", "staircase", "random levels", "few levels", "uneven levels", "fine levels", "noisy",
+        "ramps",
+    ],
+)  # fmt: skip
 def test_commands_and_smooth_signals_do_not(kind):
     rng, t = np.random.default_rng(3), np.linspace(0, 6, 600)
     slow = np.sin(2 * np.pi * t)
@@ -88,9 +92,18 @@ def test_commands_and_smooth_signals_do_not(kind):
         "two levels": np.sign(slow),
         "staircase": np.repeat(np.r_[np.arange(10), np.arange(10)[::-1]], 30).astype(float),
         "random levels": np.repeat(rng.integers(0, 20, 120), 5).astype(float),
+        "few levels": np.repeat(rng.integers(0, 9, 100), 6) / 4.0 - 1.0,
         "uneven levels": np.array([0.0, 1.0, 2.3, 3.1, 4.7, 5.2, 6.0])[np.round(3 + 3 * slow).astype(int)],
         "fine levels": np.repeat(np.round(rng.uniform(-1, 1, 120), 3), 5),
         "ramps": np.round(np.interp(t, [0, 3, 6], [0, 7.3, 0]), 9),
         "noisy": slow + 0.01 * rng.standard_normal(600),
     }[kind]
     assert rounded_step(u) is None
+
+
+def test_readings_that_are_fresh_now_and_then_are_no_program_of_levels():
+    """They change at every sixth sample only, as a program does, but go on as they went, or shake by one step."""
+    slow = np.sin(2 * np.pi * np.linspace(0, 6, 600)[::6])
+    assert rounded_step(np.repeat(np.round(slow / 0.1) * 0.1, 6)) == pytest.approx(0.1)
+    noisy = 0.5 * slow + 0.04 * np.random.default_rng(1).normal(size=100)
+    assert rounded_step(np.repeat(np.round(noisy / 0.1) * 0.1, 6)) == pytest.approx(0.1)

@@ -12,6 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the 
 
 from benchmarks.diagnosis import NEAR, PLANTS, judged, write
 
+from plantfit import Parameter, Problem, Recording, Signal, equations
 from plantfit.fitting import fit
 from plantfit.spec import load
 from plantfit.trust.diagnosis import diagnose, diagnosis_record, effects
@@ -185,3 +186,42 @@ def test_a_size_with_a_standard_error_that_no_such_fit_has_is_no_size(value, err
     own = SimpleNamespace(candidate=SimpleNamespace(level=False), place="input")
     trial = Trial(own, 0.5, 100.0, rmse, value=value, standard_error=error)  # pyrefly: ignore[bad-argument-type]
     assert _apart_from_nothing(trial, SimpleNamespace(), 420) is known  # pyrefly: ignore[bad-argument-type]
+
+
+def late_and_begun(seed, off):
+    """A first-order lag with 4 s of dead time that begins at its first measured value, which is wrong by `off` beside
+    the noise; the model lacks the dead time."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(700.0)
+    u = np.repeat(rng.choice([0.0, 20.0, 40.0, 60.0], size=24), 30)[:700]
+    y, x = np.empty(700), 20.0 + 0.6 * u[0]
+    for k in range(700):
+        y[k] = x
+        x += (1 - np.exp(-1 / 20.0)) * (0.6 * u[max(k - 4, 0)] + 20.0 - x)
+    y += rng.normal(0.0, 0.1, 700)
+    y[0] += off
+    model = equations(
+        "x' = (K*u + T0 - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"],
+        parameters=["K", "T0", "tau"], check=False,
+    )  # fmt: skip
+    parameters = {"K": Parameter((0.01, 10)), "T0": Parameter((-20, 60)), "tau": Parameter((1, 500), scale="log")}
+    problem = Problem(model, Recording(t, {"u": Signal(u, "1"), "y": Signal(y, "1")}, "r"), parameters, split=0.7)
+    answer = fit(problem, budget=1500)
+    return diagnose(answer.problem, answer.best.x)
+
+
+@pytest.mark.parametrize("seed", [5, 6, 7, 8])
+def test_a_start_that_a_missing_part_has_moved_is_no_finding(seed):
+    """The fit without the dead time takes a part of it as the noise of the first value, 0.4 in place of 0.1, or finds
+    more than noise can be and begins at the noisy value. Held there, an initial value and an offset were called likely
+    as soon as the dead time was found."""
+    d = late_and_begun(seed, 0.0)
+    assert [t.extension.kind for t in d.found] == ["dead_time"]
+    assert d.found[0].value == pytest.approx(4.0, abs=0.05)
+    assert np.sqrt(d.end.cost(d.carrier.rows.fit) / d.carrier.rows.fit.sum()) < 0.106
+
+
+def test_a_first_value_that_is_wrong_is_still_found_beside_another_fault():
+    d = late_and_begun(5, 3.0)
+    assert [t.extension.kind for t in d.found] == ["dead_time", "start"]
+    assert d.found[1].value == pytest.approx(-3.0, abs=0.4)

@@ -81,3 +81,25 @@ def test_where_a_linear_model_does_not_say_it_nothing_is_said(kind):
         recording = record(4, 20.0 if kind == "right" else 1.5, 1.0 if kind == "right" else 1.2)
     _, said = told(FIRST, recording, OWN)
     assert said == []  # a further lag is among the additions and explains it
+
+
+@pytest.mark.parametrize("period", [4.7, 11.0])
+def test_a_swing_that_no_input_moves_is_no_state_of_the_plant(period):
+    """A sine acts on a lag of first order. "What is missing is mostly linear; write one more state" is wrong: the
+    linear model swings from its own initial states throughout."""
+    recording = record(7, 20.0, 5.0, noise=0.005)
+    y = recording["y"] + 0.7 * np.sin(2 * np.pi * recording.t / period + 1.0)
+    _, said = told(FIRST, Recording(recording.t, {"u": Signal(recording["u"], "V"), "y": Signal(y, "m")}, "run"), OWN)
+    (one,) = said
+    assert one["level"] == "warning"
+    assert "mostly linear" not in one["sentence"]
+    assert "write one more" not in one["sentence"]
+    found = float(re.findall(r"a swing with a period of ([\d.]+) s that lasts throughout", one["sentence"])[0])
+    assert found == pytest.approx(period, rel=0.01)
+    assert "no input moves. Something that comes back acts on the plant" in one["sentence"]
+
+
+def test_a_swing_that_inputs_move_is_one_of_the_plant_however_little_it_fades():
+    _, (one,) = told(FIRST, record(3, 3.0, 0.002), OWN)
+    assert "no input moves" not in one["sentence"]
+    assert "It oscillates with a period of 2.09 s" in one["sentence"]

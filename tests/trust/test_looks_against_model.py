@@ -1,5 +1,7 @@
 """Looks at recordings against the bounds and initial values of a model."""
 
+import tomllib
+
 import numpy as np
 import pytest
 
@@ -185,3 +187,41 @@ def test_single_samples_that_the_model_makes_itself_are_no_outliers(wrong):
     seen = [look for look in problem_looks(problem) if look.kind == "spikes"]
     assert seen
     assert [look.kind for look in not_followed(seen, problem, z)] == ["spikes"] * wrong
+
+
+def with_signals(u, y, unit="m", log=()):
+    model = equations(
+        "x' = (u - x)/tau\nz = x", inputs={"u": unit}, states={"x": {"unit": unit, "initial": 0.0}}, name="lag",
+        outputs={"z": unit}, parameters={"tau": {"unit": "s", "bounds": (0.01, 10.0)}},
+    )  # fmt: skip
+    t = 0.05 * np.arange(len(u))
+    return problem_looks(Problem(model, Recording(t, {"u": Signal(u, "mm"), "z": Signal(y, "mm")}, "run", log), {}))
+
+
+def test_a_column_that_is_input_and_output_is_told():
+    """Nothing was said, and the model followed its own input with 93 %."""
+    u = np.repeat(np.random.default_rng(0).uniform(0.0, 2.0, 30), 20)
+    y = u + 0.1 * np.random.default_rng(1).normal(size=600)
+    [look] = [k for k in with_signals(y, y) if k.kind == "same"]
+    assert (look.level, look.signal) == ("warning", "u")
+    assert look.sentence.startswith("u is z in run, sample by sample. A model that makes z of u is given what it is to")
+
+
+@pytest.mark.parametrize("kind", ["other", "constant"])
+def test_signals_that_are_alike_are_not_called_the_same(kind):
+    u = np.repeat(np.random.default_rng(0).uniform(0.0, 2.0, 30), 20)
+    y = u.copy()
+    y[17] += 1e-6
+    pair = (u, y) if kind == "other" else (np.full(600, 2.0), np.full(600, 2.0))
+    assert "same" not in [k.kind for k in with_signals(*pair)]
+
+
+@pytest.mark.parametrize(("unit", "told"), [("mm", {"missing": [-999.0]}), ("m", {})])
+def test_a_number_for_no_value_is_told_as_the_file_has_it(unit, told):
+    """Of a signal that was converted the number in the file is another one."""
+    u = np.repeat(np.random.default_rng(0).uniform(0.0, 2.0, 30), 20)
+    y = u + 0.1 * np.random.default_rng(1).normal(size=600)
+    y[[30, 31, 200, 411]] = -999.0
+    [look] = [k for k in with_signals(u, y, unit) if k.kind == "no_value"]
+    assert look.figures["value"] == pytest.approx(-999.0 if unit == "mm" else -0.999)
+    assert tomllib.loads(look.write) == told

@@ -140,3 +140,41 @@ def test_entries_of_tables_are_counted_among_what_is_determined():
         assert (
             f"The data determine {known} of 3 parameters: {known} {'entry' if known == 1 else 'entries'} of k." in said
         )
+
+
+def coasting(bounds, text, seed=1, more=0.0):
+    """Sentences on what is open of a speed that falls, w' = -c0 - c2/m w^2, whose first sample is `more` too high."""
+    rng = np.random.default_rng(seed)
+    t, w = np.arange(160) * 0.5, np.empty(160)
+    w[0] = 33.0
+    for k in range(159):
+        x = w[k]
+        for _ in range(20):
+            x -= 0.025 * (0.108 + 2.6e-4 * x**2)
+        w[k + 1] = x
+    y = w + rng.normal(0.0, 0.04, 160)
+    y[0] += more
+    model = equations(
+        text, states={"w": {"initial": "w0"}}, outputs={"y": None}, parameters=[*bounds, "w0"], check=False
+    )
+    parameters = {n: Parameter(b, scale="log" if n == "c2" else "linear") for n, b in bounds.items()}
+    problem = Problem(model, Recording(t, {"y": Signal(y)}, "r"), parameters | {"w0": Parameter((20, 50))})
+    said = fit(problem, budget=2000, seed=seed).findings["verdict"]
+    return [s["sentence"] for s in said if "not determined" in s["sentence"]]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_no_end_is_said_where_a_plant_without_a_mass_is_none(seed):
+    """Only c2/m is known. Refits stuck at m = 0, where the drag is infinite, and "m is at least 13.7 kg" was said."""
+    bounds = {"c0": (0.01, 1.0), "c2": (0.05, 2.0), "m": (500.0, 4000.0)}
+    said = coasting(bounds, "w' = -c0 - c2/m*w^2\ny = w", seed)
+    assert len(said) == 2
+    assert all("the data allow any value above 0." in s for s in said)
+
+
+def test_an_end_that_the_data_set_is_said():
+    """Of k only that what it adds has died away before the second sample is known."""
+    bounds = {"c0": (0.01, 1.0), "d": (1e-4, 1e-3), "k": (2.0, 40.0)}
+    [said] = coasting(bounds, "w' = -c0 - d*w^2\ny = w + 3*exp(-k*t)", seed=2, more=3.0)
+    assert said.startswith("k is not determined: it is at least ")
+    assert 0.5 < float(said.split("it is at least ")[1].split(",")[0]) < 20.0

@@ -70,3 +70,40 @@ def test_what_fails_by_chance_puts_no_parameter_in_doubt(p, lacks, monkeypatch):
     rows = [{"recording": f"run-{k}", "output": "y", "ratio": 1.5} for k in range(20)]
     monkeypatch.setattr("plantfit.trust.verdict.residuals.noise_rows", lambda _: rows)
     assert lacking(findings(np.r_[0.5 * np.ones(19), p])) == lacks
+
+
+def shifted(means, unit="V"):
+    """White residuals of noise 0.5 V about these means, 400 samples in each recording."""
+    found = findings([0.4] * len(means))
+    return found | {
+        "scores": [
+            {
+                "recording": f"run-{k}", "output": "y", "unit": unit, "part": "fit", "n": 400, "bias": -mean,
+                "rmse": float(np.hypot(0.5, mean)), "fit_percent": 90.0,
+            }
+            for k, mean in enumerate(means)
+        ]
+    }  # fmt: skip
+
+
+def test_white_residuals_about_a_mean_leave_a_constant_to_explain():
+    """The noise says nothing of its mean: a sensor that is off by forty times its noise leaves white residuals."""
+    [said] = residual_sentences(shifted([0.2]))
+    assert said["level"] == "warning"
+    assert said["sentence"] == (
+        "The residuals of y are white (p = 0.4) about a mean of 0.2 V, 8 standard errors from zero: what is left to "
+        "explain is a constant, an offset of the sensor or of an input."
+    )
+    [said] = residual_sentences(shifted([0.0, -0.2, 0.01, 0.0, 0.02]))
+    assert said["level"] == "warning"
+    assert "But in run-1 a constant is left; run-1 has a mean of -0.2 V, 8 standard errors" in said["sentence"]
+
+
+@pytest.mark.parametrize("means", [[0.0], [0.09], [0.09, -0.1, 0.0, 0.01, 0.0]])
+def test_no_constant_is_left_of_a_mean_that_is_small(means):
+    """The mean of 400 samples of 0.5 V is known to 0.025 V."""
+    [said] = residual_sentences(shifted(means))
+    assert said["level"] == "good"
+    assert "no dynamics are left to explain" in said["sentence"]
+    assert "mean" not in said["sentence"]
+    assert "constant" not in said["sentence"]

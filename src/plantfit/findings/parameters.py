@@ -138,6 +138,9 @@ class Determined(Record):
     """False where too few independent samples are left for intervals that hold."""
     samples: Number = None
     """How many independent ones the residuals are worth."""
+    shown: list[str] = []
+    """Where not `sound`: parameters that as many independent samples with residuals as large would determine. A range
+    of theirs that has no end tells of the residuals alone."""
     first_values: FirstValues | None = None
     combinations: list[DeterminedCombination] = []
     only_if: dict[str, KnownOther] = {}

@@ -19,6 +19,7 @@ FAST = 0.8  # of the Nyquist frequency: poles beyond it are noise
 LONGEST = 20_000  # samples of a recording beyond which it takes long
 SLOW = 0.5  # of the shortest recording: periods above are those of disturbances
 ORDERS = (1, 2, 3)
+LASTS = 3.0  # times, by which a swing may fade or grow over a record that still counts as one that does neither
 
 Used = Mapping[str, tuple[np.ndarray, np.ndarray]]  # recording -> its fitted and its unseen samples (n,) bool
 
@@ -66,19 +67,40 @@ def linear_beside(
     rested = fit_linear([replace(d, rested=True) for d in records], fit.order, fit.shifts, begin=fit)
     found = replace(best, chosen=fit)
     wave, length = oscillation(found), min(d.period * len(d.y) for d in records)
+    unit = "" if model.outputs[output] in (None, "", "1") else f" {model.outputs[output]}"
+    unseen = f", on unseen data {own[1]:.3g} and {rmse[1]:.3g}" if np.isfinite(rmse[1]) else ""
+    text = f"{found.sentence} follows {output} with an RMSE of {own[0]:.3g}{unit}, {box} with {rmse[0]:.3g}{unseen}:"
+    swing = _lasting(fit, max(len(d.y) for d in records))
+    # inputs that moved it would move it from rest as well
+    moved = rested is not None and _rmse(records, rested, "fit") <= NOISE * max(noise, own[0])
+    if swing is not None and swing <= SLOW * length and not moved:
+        return f"{text} {_by_itself(swing)}"
     if (
         rested is None
         or _rmse(records, rested, "fit") > CLOSER * rmse[0]
         or (wave is not None and wave.period > SLOW * length)
     ):
         return ""  # modes that no input moves imitate a disturbance
-    unit = "" if model.outputs[output] in (None, "", "1") else f" {model.outputs[output]}"
-    unseen = f", on unseen data {own[1]:.3g} and {rmse[1]:.3g}" if np.isfinite(rmse[1]) else ""
-    text = (
-        f"{found.sentence} follows {output} with an RMSE of {own[0]:.3g}{unit}, {box} with {rmse[0]:.3g}{unseen}: "
-        "what is missing is mostly linear."
+    return f"{text} what is missing is mostly linear. {_what(model, found, inputs)}".strip()
+
+
+def _lasting(fit: LinearFit, samples: int) -> float | None:
+    """The period, s, of the slowest pair of poles that neither fades nor grows over so many samples; None without."""
+    angles = [
+        float(np.angle(z))
+        for z in fit.poles
+        if z.imag > 0 and samples * abs(np.log(abs(z))) < np.log(LASTS) and np.angle(z) < FAST * np.pi
+    ]
+    return 2.0 * np.pi / min(angles) * fit.period if angles else None
+
+
+def _by_itself(period: float) -> str:
+    """What is to be said of a swing that no input moves."""
+    return (
+        f"what it has more is a swing with a period of {period:.3g} s that lasts throughout and that no input moves. "
+        "Something that comes back acts on the plant and is not recorded, or the plant still swings from before the "
+        "record; measure it and make it an input."
     )
-    return f"{text} {_what(model, found, inputs)}".strip()
 
 
 def _rmse(records: Sequence[Data], fit: LinearFit, part: str) -> float:

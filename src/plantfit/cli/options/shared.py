@@ -12,7 +12,10 @@ Json = Annotated[
 StorePlace = Annotated[
     str, typer.Option("--store", envvar=VARIABLE, help="Study database: a file, or a SQLAlchemy URL.")
 ]
-StudyId = Annotated[int | None, typer.Argument(help="Number of the study in `plantfit list`; the newest if left out.")]
+StudyId = Annotated[
+    str | None,
+    typer.Argument(help="The study: its number or name in `plantfit list`, or its file; the newest if left out."),
+]
 ReportPlace = Annotated[
     str | None, typer.Option("--out", "-o", help="Where the HTML report goes; NAME.html if left out.")
 ]

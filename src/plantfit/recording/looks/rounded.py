@@ -12,6 +12,8 @@ EVEN = 0.05  # of a step, rms, by which levels may be off a grid: a text of few 
 UNEVEN = 0.4  # of their mean, by which times between changes scatter
 SAME = 1e-9  # of the range, by which one level may be two numbers
 SURE = 12  # levels on a fine grid: so many are not on one by chance
+HELD, JUMPS = 3, 1.5  # samples that a program holds a level at least, and steps from one to the next in the mean
+TURNS = 0.4  # of its changes that go back; two of three levels by chance do
 MOVES = 0.1  # of the samples that change where steps are fine: a command is held for long
 RAMP = 0.95  # of the samples that move by as much: a ramp whose own increment is the grid
 QUICK = 0.8  # the same where changes are of many steps: a reading that moves so far is seldom the same again
@@ -35,11 +37,22 @@ def rounded_step(values: np.ndarray) -> float | None:
     far = len(moves) == 0 or float(np.median(moves)) > NEAR
     if step > COARSE * float(levels[-1] - levels[0]):
         often = len(moves) >= OFTEN * len(levels) or (len(levels) >= SURE and _stays_unevenly(y, step))
-        return step if len(levels) <= LEVELS * len(y) and often and not far else None
+        return step if len(levels) <= LEVELS * len(y) and often and not far and not _by_program(y, moves) else None
     alike = float(np.max(np.unique(np.round(np.abs(np.diff(y)) / step), return_counts=True)[1])) if len(y) > 1 else 0.0
     if alike > RAMP * len(y):
         return None
     return step if len(levels) >= SURE and len(moves) >= (QUICK if far else MOVES) * len(y) else None
+
+
+def _by_program(y: np.ndarray, moves: np.ndarray) -> bool:
+    """Whether a signal (n,) changes at whole multiples of a few samples only, by `moves` (k,) of several steps among
+    them, and turns round as often as levels by chance do: a program of levels. A reading that is fresh at every so
+    many samples goes on as it went, or to a neighbouring level."""
+    at = np.flatnonzero(np.abs(np.diff(y)) > 0)
+    stays, ways = np.diff(at), np.sign(np.diff(y)[at])
+    if len(stays) < FEW or int(np.gcd.reduce(stays)) < HELD:
+        return False
+    return float(np.mean(moves)) > JUMPS and float(np.mean(ways[1:] != ways[:-1])) > TURNS
 
 
 def _stays_unevenly(y: np.ndarray, step: float) -> bool:

@@ -8,6 +8,7 @@ import scipy  # scipy.special is loaded at its first use
 
 from plantfit.recording.clean.outliers import inline, step_without
 from plantfit.recording.looks.look import MARKED, Look
+from plantfit.recording.looks.no_value import no_value_look
 from plantfit.recording.looks.refreshed import refreshed_look
 from plantfit.recording.looks.wrapped import wrapped_look
 from plantfit.recording.record import Recording
@@ -23,6 +24,7 @@ LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantise
 LAGS, SURE, SHARE = (5, 1e-6, 0.05)
 # samples back of the input itself, and what outputs must tell of it at least, as a share of its deviation
 OWN, SMALL = (40, 0.02)
+MOVED = 0.1  # of the samples that change, in a signal that stays level and jumps
 # of the test for late stamps: samples back, samples ahead and of the record at most
 NEAR, EARLIER, MOST = ((3, LAGS), 30, 20_000)
 
@@ -63,6 +65,9 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             f"{name} is missing for {longest} samples from t = {t[begin]:.4g} s on.",
             float(t[begin]), float(t[begin + longest - 1]), figures={"samples": longest},
         )  # fmt: skip
+    if (marker := no_value_look(recording, name)) is not None:  # and no reading, so that it tells nothing else
+        yield marker
+        return
     if (wrapped := wrapped_look(recording, name)) is not None:  # then its ends and leaps are those of its range
         yield wrapped
         return
@@ -119,16 +124,18 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
 
 
 def _turns(values: np.ndarray, runs: np.ndarray, begins: np.ndarray, step: float) -> np.ndarray:
-    """Whether runs at an end of the range are no longer than where a smooth signal read in such steps turns round,
-    (n,).
+    """Whether runs at an end of the range are no longer than where a smooth signal read in such steps turns round, or
+    where it comes to rest until an input moves it away, (n,).
 
     A parabola that lies within one step over n samples has fallen by 8 more where as many have gone by on either side.
+    So has what comes to rest, before it does.
     """
     before, after = begins - runs, begins + 2 * runs - 1
     fallen = [np.abs(values[np.clip(at, 0, len(values) - 1)] - values[begins]) for at in (before, after)]
     inside = [before >= 0, after < len(values)]
-    most = np.max([np.where(there, f, 0.0) for there, f in zip(inside, fallen, strict=True)], axis=0)
-    return (inside[0] | inside[1]) & (most <= TURN * step)
+    # a signal leaves as fast as the next step of an input makes it, but comes slowly
+    seen = np.where(inside[0], fallen[0], fallen[1])
+    return (inside[0] | inside[1]) & (seen <= TURN * step)
 
 
 def _rests(values: np.ndarray, begin: int, count: int, step: float) -> bool:
@@ -215,6 +222,11 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
     if chance > SURE:
         return None
     told_of = f"Past values of {y} explain {100 * share:.0f} % of what is new in {u}: {u} "
+    if _level(b) and not _level(a):
+        told_of = (
+            f"{y}, the output, stays level and jumps as an input does, and {u}, the input, moves all the time as an "
+            f"output does: see whether their columns are exchanged. {told_of}"
+        )
     figures: dict[str, int | float | None] = {"share": share, "chance": chance}
     if late := stamped_late(a, b):
         shift = late * float(np.median(np.diff(recording.t)))
@@ -239,6 +251,11 @@ def feedback_look(recording: Recording, u: str, y: str, misread: float = 0.0) ->
         "feedback", "warning", recording.name, u, sentence, float(recording.t[0]), float(recording.t[-1]), write,
         figures, other=y
     )  # fmt: skip
+
+
+def _level(values: np.ndarray) -> bool:
+    """Whether a signal (n,) stays level and jumps."""
+    return bool(np.count_nonzero(np.diff(values)) <= MOVED * len(values))
 
 
 def stamped_late(a: np.ndarray, b: np.ndarray) -> int:

@@ -12,7 +12,7 @@ from plantfit.recording.readers.columns import Column, Table
 from plantfit.recording.readers.numbers import casted, clean_text, is_missing, is_number, numbers
 from plantfit.recording.readers.running_on import without_daylight_saving, without_overruns
 from plantfit.recording.readers.timestamps import UNCLEAR, Dates, is_date, is_timestamp, readings, told_apart
-from plantfit.units import compatible, factor_offset
+from plantfit.units import compatible, factor_offset, known
 
 _CLOCK = re.compile(r"(\d+):([0-5]?\d):([0-5]?\d(?:[.,]\d+)?)")
 _WORDS = "t|time|zeit|elapsed|timestamp|temps|tiempo|tempo"
@@ -34,6 +34,9 @@ _AS_TIME = re.compile(r"\d{1,4}[:./-]\d{1,2}.*")
 _BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden": "s", "millis": "ms", "micros": "us",
                "msec": "ms", "usec": "us", "milliseconds": "ms", "microseconds": "us", "millisekunden": "ms",
                "mikrosekunden": "us", "ms": "ms", "us": "us", "µs": "us"}  # fmt: skip
+# words that may also count something, so that the unit has to say it
+_TIMES = re.compile(r"(hours?|hrs?|days?|weeks?|min(ute)?s?|h|stunden?|tage?|jours?|heures?|d[ií]as?)", re.IGNORECASE)
+RISING = 0.999  # of the rows of a column that only its unit calls a time
 _UNITS_ALONE = {"ms", "us", "µs"}  # a header of only a unit; Us may be a voltage, too
 
 
@@ -53,7 +56,8 @@ def is_time_name(name: str) -> bool:
 
 
 def guess_time(table: Table) -> Column | None:
-    """The column that a reader would take as time: by its name, by its cells, or the first of a file without header.
+    """The column that a reader would take as time: by its name, by its cells, by its unit where it is called so, or the
+    first of a file without header.
 
     Of several names the first counts whose values are not the same in many rows, as those of a clock of whole seconds
     beside millis(). Dates alone come after clock readings, whose midnights are seen, and a field of a structure
@@ -72,15 +76,23 @@ def guess_time(table: Table) -> Column | None:
             if filled and all(looks_like_time(cell) for cell in filled):
                 return column
     for column in table.columns:
-        if column.name.lower() in _UNITS_ALONE and column.unit is None:
+        alone = column.name.lower() in _UNITS_ALONE and column.unit is None
+        if alone or _named_by_unit(column):
             values, text, *_ = casted(table, column.cells)
-            if not len(text) and len(values) > 2 and np.mean(np.diff(values) > 0) > 0.9:
+            if not len(text) and len(values) > 2 and np.mean(np.diff(values) > 0) > (0.9 if alone else RISING):
                 return column
     if not table.header and table.columns:
         values, text, *_ = casted(table, table.columns[0].cells)
         if not len(text) and len(values) > 2 and np.all(np.diff(values) > 0):
             return table.columns[0]
     return None
+
+
+def _named_by_unit(column: Column) -> bool:
+    """Whether a column is called by its unit of time, as day [day] and Hours (h) are."""
+    if column.unit is None or _TIMES.fullmatch(column.name) is None:
+        return False
+    return known(column.unit) and compatible(column.unit, "s")
 
 
 def _first_cells(column: Column) -> list[str]:

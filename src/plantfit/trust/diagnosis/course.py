@@ -15,6 +15,7 @@ from plantfit.trust.diagnosis.plant.curves import Curve
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
+from plantfit.trust.diagnosis.plant.starts import begun_anew
 from plantfit.trust.diagnosis.rounds import (
     ALIKE,
     FINALISTS,
@@ -250,9 +251,12 @@ class Course:
         return (sharp, at) if at.cost(self.use) <= (1.0 - LEAST) * one.cost(self.use) else None
 
     def _settled(self) -> None:
-        """What a finding changes: outliers that it uncovers, dry friction that is sharper, and earlier findings that
-        stood for it."""
+        """What a finding changes: the noise of first values that states begin at, outliers that it uncovers, dry
+        friction that is sharper, and earlier findings that stood for it."""
         one = self.made[-1]
+        if begun := begun_anew(self.carrier, self.base, self.use):
+            self.carrier, self.base = begun
+            self._told(one)
         anew, behind = apart_of(self.base.residuals, self.carrier)
         self.outliers = replace(self.outliers, **outliers_of(self.base, anew, self.carrier, behind).of_steps)
         if np.any(anew != self.apart):  # what a wrong model hid, or took for outliers

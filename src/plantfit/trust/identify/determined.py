@@ -71,6 +71,7 @@ def determined_findings(
         directions=d - len(loose) + (known_directions(linear, loose) if linear.sound else 0),
         sound=linear.sound,
         samples=linear.samples,
+        shown=[] if linear.sound else [names[i] for i in _shown(linear)],
         first_values=_by_first_values(problem, linear, status),
         combinations=[
             DeterminedCombination(
@@ -95,6 +96,13 @@ def determined_findings(
             for i, (j, error) in needs.items()
         },
     )
+
+
+def _shown(linear: Linear) -> list[int]:
+    """The parameters that would be determined if the residuals were independent of each other."""
+    _, singular, right = np.linalg.svd(linear.rows, full_matrices=False)
+    errors = np.sqrt(np.sum((right.T / singular) ** 2, axis=1)) * linear.size
+    return [i for i, error in enumerate(errors) if error <= ROUGH * abs(linear.values[i])]
 
 
 def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]) -> FirstValues | None:

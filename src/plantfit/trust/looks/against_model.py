@@ -46,7 +46,7 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
     for name, e in problem.experiments.items():
         if e.steady:
             continue
-        recording = Recording(e.recording.t, e.recording.signals, name)
+        recording = Recording(e.recording.t, e.recording.signals, name, e.recording.log)
         found += clock_looks(recording)
         settles = any(_moves(recording[y]) for y in problem.outputs)
         for u in model.inputs:
@@ -61,13 +61,27 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
             found += looks_of_packages(recording, signal, measured)
         off = {s.signal: misread(e, s) for s in steps if s.recording == name}
         pairs = ((u, y) for u in model.inputs for y in problem.outputs)
-        found += [look for u, y in pairs if (look := feedback_look(recording, u, y, off.get(u, 0.0))) is not None]
+        for u, y in pairs:
+            if (look := _same(recording, u, y) or feedback_look(recording, u, y, off.get(u, 0.0))) is not None:
+                found.append(look)
         found += _times(problem, recording, determined)
         if not any(_steps_at_start(e, model, u) for u in e.before) and (
             set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, recording)
         ):
             found += _start(problem, model, recording)
     return found
+
+
+def _same(recording: Recording, u: str, y: str) -> Look | None:
+    """That an input has the values of an output, as from one column for both."""
+    a, b = recording[u], recording[y]
+    if np.ptp(np.nan_to_num(a)) == 0 or not np.array_equal(a, b, equal_nan=True):
+        return None
+    text = (
+        f"{u} is {y} in {recording.name}, sample by sample. A model that makes {y} of {u} is given what it is to "
+        f"follow, and how well it does says nothing: was another column meant for {u}?"
+    )
+    return Look("same", "warning", recording.name, u, text, float(recording.t[0]), float(recording.t[-1]))
 
 
 def not_followed(looks: Sequence[Look], problem: Problem, z: np.ndarray) -> list[Look]:

@@ -106,7 +106,8 @@ def is_same(a: Row, b: Row) -> bool:
 def decided_by_outliers(findings: Findings) -> dict[tuple[str, str], tuple[int, float]]:
     """By recording and output how many outliers, single samples away from those beside them, hold most of the squares
     of the fitted residual, and their share; none where the record has no such samples."""
-    spiked = {(look["recording"], look["signal"]) for look in findings.get("data", ()) if look["kind"] == "spikes"}
+    kinds = ("spikes", "no_value")
+    spiked = {(look["recording"], look["signal"]) for look in findings.get("data", ()) if look["kind"] in kinds}
     found = {}
     for record in findings.get("recordings", ()) if spiked else ():
         for name, o in record.get("outputs", {}).items():

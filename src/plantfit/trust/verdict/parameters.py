@@ -25,10 +25,11 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield from _determined(single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings))
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
-        yield _unsound(
-            findings["determined"], fitted, [p for p in single if p["status"] == "weak"], bool(forgotten(findings))
-        )
-        single = [_without_ends(p) for p in single if p["status"] != "weak"]
+        weak, shown = [p for p in single if p["status"] == "weak"], findings["determined"].get("shown", ())
+        # what residuals leave without an end is not what the samples leave open
+        endless = [p for p in single if p["status"] == "flat" and p["name"] in shown and not p.get("equal_answers")]
+        yield _unsound(findings["determined"], fitted, weak, endless, bool(forgotten(findings)))
+        single = [_without_ends(p) for p in single if p not in weak and p not in endless]
     yield from _together(findings.get("determined"))
     yield from _first_values(findings)
     yield from table_sentences(entries, findings.get("tables", ()))
@@ -122,20 +123,27 @@ def _told(p: Row) -> str:
     return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
 
 
-def _unsound(found: Mapping[str, Any], fitted: int, weak: Sequence[Row], forgets: bool = False) -> Sentence:
-    """That residuals are too slow, or `fitted` samples too few, for intervals that surely hold, and the ranges of
-    the `weak` rows."""
+def _unsound(
+    found: Mapping[str, Any], fitted: int, weak: Sequence[Row], endless: Sequence[Row] = (), forgets: bool = False
+) -> Sentence:
+    """That residuals are too slow, or `fitted` samples too few, for intervals that surely hold, the ranges of the
+    `weak` rows, and that the `endless` ones have none."""
     told = "; ".join(_at_least(p) for p in weak[:LISTED]) + (
         f" and {len(weak) - LISTED} more" if len(weak) > LISTED else ""
     )
     more = f" The data allow these at least: {told}." if told else ""
+    if endless:
+        names = some([p["name"] for p in endless], LISTED)
+        more += f" {names} {'move' if len(endless) > 1 else 'moves'} the simulation clearly, but with such residuals "
+        more += f"no range can be given for {'them' if len(endless) > 1 else 'it'}."
+    parameters = f"{found['of']} parameter{'s' * (found['of'] != 1)}"
     if 0 < fitted < found["of"] + LEAST_FREE:
-        why = f"{fitted} fitted samples are too few for {found['of']} parameters, and intervals may be too short"
+        why = f"{fitted} fitted samples are too few for {parameters}, and intervals may be too short"
         do = "Give more samples, or free fewer parameters."
         return say("warning", f"No parameter is called determined: {why}.{more} {do}", samples=fitted)
     why = (
         "the residuals move so slowly that they are worth about "
-        f"{number(found['samples'])} independent samples for {found['of']} parameters, and intervals may be too short"
+        f"{number(found['samples'])} independent samples for {parameters}, and intervals may be too short"
     )
     do = (
         "Pieces with starts of their own may tell them."
@@ -336,8 +344,12 @@ def _allowed(p: Row) -> str:
         return f"it is at least {with_unit(p['low'], p['unit'])}, and the data set no upper end"
     if high:
         return f"it is at most {with_unit(p['high'], p['unit'])}, and the data set no lower end"
-    side = f" above {number(least)}" if least is not None else f" below {number(most)}" if most is not None else ""
-    return f"the data allow any value{side}"
+    word, end = ("above", least) if least is not None else ("below", most)
+    # zero is zero in every unit but those of temperature
+    told = (
+        "" if end is None else f" {word} 0" if end == 0.0 and not _point(p) else f" {word} {with_unit(end, p['unit'])}"
+    )
+    return f"the data allow any value{told}"
 
 
 def _flats(name: str, rows: Sequence[Row]) -> Sentence:

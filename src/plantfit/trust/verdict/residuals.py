@@ -24,6 +24,7 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span,
 
 WHITE = 0.01  # p-value from which on residuals are called white
 SOLVED = 99.99  # percent of what an output does: what is left may be the error of a solver
+LEFT_OVER = 5.0  # standard errors of the mean of white residuals, from which on a constant is left
 # share of a residual that the past of an input foretells: from there it follows it, up to there it does not
 FORETOLD, UNTOLD = (0.6, 0.05)
 # half-width of the band of a correlation with an input, above which a missing response to it would not stand out
@@ -164,10 +165,27 @@ def _lies(stretch: Mapping[str, Any]) -> str:
     return f"{text}, where inputs and simulation do what they do elsewhere: look at the record there for {what}"
 
 
+def _constant(findings: Findings, row: Row) -> str:
+    """The mean of white residuals and what it may be, where that is no chance; "" where it is."""
+    scores = (r for r in findings.get("scores", ()) if r["part"] == "fit" and is_same(r, row))
+    s = next((r for r in scores if r.get("bias") is not None and r.get("rmse") is not None), None)
+    if s is None or s["n"] < 2:
+        return ""
+    error = max(s["rmse"] ** 2 - s["bias"] ** 2, 0.0) ** 0.5 / s["n"] ** 0.5
+    if not abs(s["bias"]) > LEFT_OVER * error:
+        return ""
+    off = f", {abs(s['bias']) / error:.0f} standard errors from zero" if error > 0 else ""
+    mean = with_unit(-s["bias"], s.get("unit"))
+    return f"a mean of {mean}{off}: what is left to explain is a constant, an offset of the sensor or of an input."
+
+
 def _residual(findings: Findings, row: Row) -> Sentence:
     where = place(findings, row)
     if row["white"]:
         rest = "no dynamics are left to explain" if in_time(findings) else "no pattern is left in the order of the rows"
+        if constant := _constant(findings, row):
+            text = f"The residuals of {where} are white (p = {row['p_value']:.2g}) about {constant}"
+            return say("warning", text, p_value=row["p_value"])
         text = f"The residuals of {where} are white (p = {row['p_value']:.2g}): {rest}."
         return say("good", text, p_value=row["p_value"])
     if (left := _left_by_a_solver(findings, row)) is not None:
@@ -224,7 +242,13 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             else ""
         )
         text = f"The residuals of {output} are white in {where} recordings{beside}: {rest}."
-        yield say("good" if not patterned or (beside and not small) else "info", text, white=len(white))
+        constant = [r for r in white if _constant(findings, r)]
+        if constant:
+            first = constant[0]
+            text += f" But in {recordings_named(constant)} a constant is left; {first['recording']} has "
+            text += _constant(findings, first)
+        good = not patterned or (beside and not small)
+        yield say("warning" if constant else "good" if good else "info", text, white=len(white))
     if small:
         text = (
             f"The residuals of {output} are not white in {len(small)} of {len(rows)} recordings, but they are at most "

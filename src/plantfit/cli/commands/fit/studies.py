@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name, report_places
 from plantfit.cli.commands.begin.check import say_looks
+from plantfit.cli.commands.understand.stored import number_given
 from plantfit.cli.terminal.interrupts import stoppable
 from plantfit.cli.terminal.out import doing, out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
@@ -124,21 +125,21 @@ def listed(store: str, json: bool) -> None:
     out.print(table)
 
 
-def report(number: int | None, store: str, place: str | None, json: bool, diagnose: bool = True) -> None:
+def report(given: str | None, store: str, place: str | None, json: bool, diagnose: bool = True) -> None:
     """The report of a stored study."""
-    study, answer = stored_answer(number, store)
+    study, answer = stored_answer(given, store)
     (to,) = report_places([study.name], place)
     said = _deliver(answer, to, study, json, diagnose)
     if json:
         print_json(said)
 
 
-def stored_answer(number: int | None, store: str) -> "tuple[Study, Answer]":
-    """A stored study (the newest where no number is given) and its answer."""
+def stored_answer(given: str | None, store: str) -> "tuple[Study, Answer]":
+    """A stored study, by number, name or file (the newest where nothing is given), and its answer."""
     from plantfit.study import Store
 
     opened = Store.open(store, create=False)
-    record = _record(opened, number, store)
+    record = _record(opened, number_given(given, store), store)
     study = _study(record)
     return study, _answer(study, opened, record.id, {})
 

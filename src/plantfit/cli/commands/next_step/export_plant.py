@@ -36,5 +36,5 @@ def export_study(study: str | None, json: bool, parquet: bool, out: str | None, 
             f"What is {study} to be exported to? Write for example `plantfit export {study} "
             "--to python`; a study of the store is written by `plantfit export-study NUMBER`."
         )
-    exchange.export(None if study is None else int(study), json, parquet, out, store)
+    exchange.export(study, json, parquet, out, store)
     warn("`plantfit export` of a study is now `plantfit export-study`; this works as before.")

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.file_names import file_name
+from plantfit.cli.commands.understand.stored import number_given
 from plantfit.cli.terminal.out import out, print_json, warn
 from plantfit.errors import StoreError
 from plantfit.study.store.addresses import shown, store_option
@@ -16,11 +17,11 @@ if TYPE_CHECKING:
     from plantfit.study.store.store import Store
 
 
-def export(number: int | None, json: bool, parquet: bool, place: str | None, store: str) -> None:
+def export(given: str | None, json: bool, parquet: bool, place: str | None, store: str) -> None:
     """One study to JSON, Parquet or both."""
     from plantfit.study import Store
 
-    opened = Store.open(store, create=False)
+    opened, number = Store.open(store, create=False), number_given(given, store)
     records = [opened.study(number)] if number is not None else opened.studies()[-1:]
     if not records:
         raise StoreError(f"{shown(store)} holds no study yet; start one with `plantfit run STUDY.toml`.")

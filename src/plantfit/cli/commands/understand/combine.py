@@ -9,11 +9,11 @@ from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import SpecError
 
 
-def combine(number: int | None, place: str | None, force: bool, store: str, json: bool) -> None:
+def combine(given: str | None, place: str | None, force: bool, store: str, json: bool) -> None:
     """Write the file beside the study file (or at `place`)."""
     from plantfit import spec
 
-    study, answer = stored_answer(number, store)
+    study, answer = stored_answer(given, store)
     target = Path(place) if place else study.path.with_name(f"{Path(file_name(study.name, 'toml')).stem}-combined.toml")
     if target.is_relative_to(Path.cwd()):
         target = target.relative_to(Path.cwd())

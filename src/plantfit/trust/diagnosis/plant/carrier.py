@@ -161,6 +161,8 @@ class Carrier:
         else:
             key = "carrier", sharp, simulator.stepper, simulator.substeps, str(bounds), str(fixed), str(speeds)
             made = problem.once(key, build).with_recordings(filled).with_scales(problem.scales)
+            if made.start_corrections != problem.start_corrections:  # those of another problem that compiled it
+                made = made.with_starts(problem.start_corrections)
         order = [made.space.names.index(n) for n in problem.space.names]
         inside = {
             (kind, s): tuple(i for i, c in enumerate(made.space.coordinates) if c.parameter == parameter_name(kind, s))
@@ -179,6 +181,15 @@ class Carrier:
         if self.core is not None and not changes:
             return self.core.charge(False)
         return self.sharp * self.problem.jacobian_charge
+
+    def with_starts(self, corrections: Mapping[str, Mapping[str, float]]) -> "Carrier":
+        """The same whose states begin so far off first measured values, by recording and output, in its unit."""
+        return replace(
+            self,
+            problem=self.problem.with_starts(corrections),
+            given=self.given.with_starts(corrections),
+            core=None if self.core is None else self.core.with_starts(corrections),
+        )
 
     @cached_property
     def names(self) -> tuple[str, ...]:

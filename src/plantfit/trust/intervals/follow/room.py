@@ -9,7 +9,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 
 FACTOR = 30.0  # times beyond a bound on a logarithmic scale
-WIDTHS = 2.0  # widths of the box beyond a bound on a linear one
+WIDTHS = 2.0  # widths of the box beyond a bound on a linear one,
+OFF = 1e-3  # but no nearer to a limit than this part of the bound's distance
+FAR = 1e300  # in place of no limit, so that nothing is subtracted from infinity
 
 
 @dataclass(frozen=True)
@@ -37,8 +39,11 @@ class Room:
         upper = np.where(space.log, space.upper * FACTOR, space.upper + beyond)
         late = {d.parameter for d in (*getattr(model, "delays", ()), *getattr(model, "state_delays", ()))}
         kept = np.array([c.parameter in late for c in space.coordinates], dtype=bool)
-        lower = np.where(least < space.lower, np.maximum(lower, least), space.lower)
-        upper = np.where((most > space.upper) & ~kept, np.minimum(upper, most), space.upper)
+        # at a physical limit outside of the bounds a plant may be none, as one without a mass: refits would stick there
+        nearest = np.where(np.isfinite(least), least + OFF * (space.lower - np.maximum(least, -FAR)), -np.inf)
+        farthest = np.where(np.isfinite(most), most - OFF * (np.minimum(most, FAR) - space.upper), np.inf)
+        lower = np.where(least < space.lower, np.maximum(lower, nearest), space.lower)
+        upper = np.where((most > space.upper) & ~kept, np.minimum(upper, farthest), space.upper)
         first, last = space.cube(lower), space.cube(upper)
         first, last = np.where(lower == space.lower, 0.0, first), np.where(upper == space.upper, 1.0, last)
         return cls(problem, first, last - first, lower, upper)
