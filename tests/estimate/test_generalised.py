@@ -151,7 +151,7 @@ TRUTH = {"K": 1.7, "tau": 30.0, "c": 22.0}
 
 def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_lacks_is_told():
     held, errors, alarms = [], [], 0
-    for seed in range(40):
+    for seed in range(24):
         answer = pf.fit(lag(seed, n=600), runs=1, seed=seed)
         found = generalised_least_squares(answer.problem, answer.values)
         estimate = found.estimated[0]
@@ -161,18 +161,18 @@ def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_
         alarms += found.differs is not None and found.differs.differs
         assert found.noises[0].order >= 1
         assert found.noises[0].independent < 100
-    assert np.mean(held) >= 0.88  # 95 % of 120 are 114; 106 come by chance in one of a thousand
+    assert np.mean(held) >= 0.88  # 95 % of 72 are 68; 63 come by chance in one of a hundred
     own, least = np.sqrt(np.mean(np.square(errors), axis=0))
     assert np.all(own < 1.05 * least)
-    assert alarms <= 3
+    assert alarms <= 2
     told = 0
-    for seed in range(12):
+    for seed in range(8):
         answer = pf.fit(lag(seed, correlation=0.5, second=5.0), runs=1, seed=seed)
         found = generalised_least_squares(answer.problem, answer.values)
         slow = found.noises[0].independent < FEW
         assert (found.estimated[1]["K"][0] is None) == slow
         told += slow or (found.differs is not None and found.differs.differs)
-    assert told >= 11
+    assert told >= 7
 
 
 def test_white_noise_leaves_the_answer_where_least_squares_has_it():
@@ -249,7 +249,7 @@ def encoder(seed, correlated=True):
 
 def test_edges_of_a_disc_are_estimated_with_the_parameters():
     held, ratios = [], []
-    for seed in range(12):
+    for seed in range(6):
         answer = pf.fit(encoder(seed), runs=1)
         found = generalised_least_squares(answer.problem, answer.values)
         [noise] = found.noises
@@ -259,7 +259,7 @@ def test_edges_of_a_disc_are_estimated_with_the_parameters():
             low, high = ends(found, n)
             held.append(low <= v <= high)
         ratios.append(found.estimated[0].standard_error / list(answer.standard_errors.values()))
-    assert sum(held) >= 20
+    assert sum(held) >= 10
     assert np.all(np.median(ratios, axis=0) < 0.5)
     alone = pf.fit(encoder(1, correlated=False), runs=1)
     assert generalised_least_squares(alone.problem, alone.values).noises[0].form is None
@@ -309,7 +309,7 @@ def test_an_input_that_reaches_the_residuals_otherwise_is_told_by_hausmans_test(
 
 
 def test_beside_filters_it_is_one_more_row():
-    found = pf.estimate_parameters(lag(2, correlation=0.0), methods=[GLS, "maximum likelihood"])
+    found = pf.estimate_parameters(lag(2, correlation=0.0, n=160), methods=[GLS, "maximum likelihood"])
     assert found.record["methods"] == ["least squares", GLS, "maximum likelihood"]
     assert len(found.record["agreement"]) == 3
 
