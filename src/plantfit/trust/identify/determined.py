@@ -25,6 +25,7 @@ POWERS = (1.0, 2.0, 0.5, 3.0, 1.5)  # exponents that a product may have
 ALIKE = 1e-3  # relative, to which weights are equal
 LOOSE = 2.0  # times the least standard error that a rounded exponent may cost
 MANY = 30  # undetermined parameters from which on nothing is named
+NOTHING = 1e-150  # a singular value that is none
 
 Row = Mapping[str, Any]
 
@@ -100,8 +101,8 @@ def determined_findings(
 
 def _shown(linear: Linear) -> list[int]:
     """The parameters that would be determined if the residuals were independent of each other."""
-    _, singular, right = np.linalg.svd(linear.rows, full_matrices=False)
-    errors = np.sqrt(np.sum((right.T / singular) ** 2, axis=1)) * linear.size
+    _, singular, right = np.linalg.svd(np.vstack([linear.rows, np.zeros((len(linear.size),) * 2)]), full_matrices=False)
+    errors = np.sqrt(np.sum((right.T / np.maximum(singular, NOTHING)) ** 2, axis=1)) * linear.size
     return [i for i, error in enumerate(errors) if error <= ROUGH * abs(linear.values[i])]
 
 
