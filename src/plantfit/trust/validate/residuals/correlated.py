@@ -16,14 +16,17 @@ MOST = 3e6  # samples times parameters, beyond which a verdict does not wait for
 
 
 def correlated_residuals(problem: Problem, local: Local, tests: Sequence[ResidualTest]) -> CorrelatedResiduals | None:
-    """By generalised least squares from the answer; None where all residuals are white, where a record is odd in one
-    part, and where the problem is not one of samples in time with plain parameters."""
+    """By generalised least squares from the answer; None where all residuals are white, so slow that they are worth
+    too few independent samples, or odd in one part of a record, and where the problem is not one of samples in time
+    with plain parameters."""
     coloured = [t for t in tests if not t.white]
     if not coloured or any(t.stretch or t.turned for t in coloured):
         return None
     count = sum(problem.parts.counts.values())
-    in_order = problem.in_time or timed(problem)
-    if not in_order or local.linear is None or unknown_noise(problem) or count * len(local.values) > MOST:
+    in_order, linear = problem.in_time or timed(problem), local.linear
+    if not in_order or linear is None or not linear.sound:
+        return None
+    if unknown_noise(problem) or count * len(local.values) > MOST:
         return None
     space = problem.space
     try:
