@@ -40,6 +40,12 @@ def test_angular_frequencies_and_rates_are_not(force):
     swinging(force, **{n: v for n, v in given.items() if n in force})
 
 
+@pytest.mark.parametrize("number", ["1e308", "1e17", "5", "2"])
+def test_numbers_that_are_no_multiple_of_pi_turn_nothing(number):
+    with pytest.raises(EquationError, match="counts cycles"):
+        swinging(f"a*sin({number}*f*t)")
+
+
 @pytest.mark.parametrize("unit", ["1/s", "rad/s", None])
 def test_other_units_are_not_taken_for_cycles(unit):
     swinging("a*sin(f*t)", unit)

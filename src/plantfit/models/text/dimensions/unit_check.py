@@ -25,6 +25,7 @@ ZERO = Free.zero
 Unit = Any  # pint.Unit, None for an unknown unit, or ZERO
 
 _PERCENT = 0.01
+MOST_HALVES = 1e4  # multiples of pi / 2 that are looked for; every number is close to one of very many
 
 
 def unit_of(text: str | None, what: str) -> Unit:
@@ -248,8 +249,8 @@ class UnitChecker:
 def is_pi(number: float) -> bool:
     """Whether a number turns cycles into radians, or back: a half multiple of pi, or a few digits of one that is often
     written, or squared."""
-    halves = 2.0 * abs(number) / math.pi
-    if halves > 0.5 and math.isclose(halves, round(halves), rel_tol=1e-12):
+    halves = abs(number) / (0.5 * math.pi)
+    if 0.5 < halves < MOST_HALVES and math.isclose(halves, round(halves), rel_tol=1e-12):
         return True
     often = [k * math.pi**n for k in (1.0, 2.0, 4.0) for n in (1, 2)]
     return any(
