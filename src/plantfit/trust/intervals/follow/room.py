@@ -9,8 +9,8 @@ import plantfit.runtime  # noqa: F401
 from plantfit.problem.problem import Problem
 
 FACTOR = 30.0  # times beyond a bound on a logarithmic scale
-WIDTHS = 2.0  # widths of the box beyond a bound on a linear one,
-OFF = 1e-3  # but no nearer to a limit than this part of the bound's distance
+WIDTHS = 2.0  # widths of the box beyond a bound on a linear one
+OFF = 1e-3  # of the way from a physical limit to the bound: no range is followed nearer to the limit
 FAR = 1e300  # in place of no limit, so that nothing is subtracted from infinity
 
 
