@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_call import call, heater
+from cli_call import call, exchangeable, heater
 
 import plantfit
 from plantfit import spec
@@ -471,21 +471,9 @@ def test_a_speed_in_turns_a_minute_of_a_german_file(tmp_path, capsys, monkeypatc
         assert said.code == 0, said.err
 
 
-def _exchangeable(place):
-    """A log of seven days whose dates are dates either way, as far apart at its ends."""
-    days = ["01/01", "02/02", "02/03", "03/03", "04/04", "04/05", "05/05"]
-    rng, rows, y = np.random.default_rng(3), [], 0.0
-    for day in days:
-        for hour in range(24):
-            u = float(hour // 6 % 2)
-            y += 0.3 * (2.0 * u - y)
-            rows.append(f"{day}/2024 {hour:02d}:00:00,{u:g},{y + 0.01 * rng.standard_normal():.4f}")
-    place.write_text("time,power [kW],temperature [degC]\n" + "\n".join(rows) + "\n")
-
-
 def test_dates_that_can_be_exchanged_are_told_by_an_option(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    _exchangeable(tmp_path / "log.csv")
+    exchangeable(tmp_path / "log.csv")
     refused = call(capsys, monkeypatch, "init", "log.csv", "--yes")
     assert refused.code != 0
     assert "day and month can be exchanged in all of its dates; give --dates" in refused.err
@@ -512,3 +500,27 @@ def test_no_order_is_written_where_none_was_given_and_a_wrong_one_is_told(tmp_pa
     assert "--dates 'dmy': write one of 'day first', 'month first', 'year first'" in wrong.err
     numbers = call(capsys, monkeypatch, "init", "heater.csv", "--force", "--dates", "day first")
     assert "the times of heater.csv are no dates; leave it out" in numbers.err
+
+
+def test_a_first_look_takes_the_order_of_day_and_month(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exchangeable(tmp_path / "log.csv")
+    heater(tmp_path)
+    refused = call(capsys, monkeypatch, "look", "log.csv")
+    assert refused.code != 0
+    assert 'give --dates "day first" or --dates "month first", or the dates as 2024-05-31' in refused.err
+    assert "[recording.NAME]" not in refused.err
+    found = {}
+    for order in ("day first", "month first"):
+        said = call(capsys, monkeypatch, "look", "log.csv", "--dates", order, "--json")
+        assert said.code == 0, said.err
+        t = said.record("look")["outputs"][0]["t"]
+        found[order] = t[-1] - t[0]
+    assert found["day first"] == found["month first"]  # the ends are as far apart
+    wrong = call(capsys, monkeypatch, "look", "log.csv", "--dates", "dmy")
+    assert "--dates 'dmy': write one of 'day first', 'month first', 'year first'" in wrong.err
+    numbers = call(capsys, monkeypatch, "look", "heater.csv", "--dates", "day first")
+    assert "the times of heater.csv are no dates; leave it out" in numbers.err
+    study = call(capsys, monkeypatch, "look", "heater.toml", "--dates", "day first")
+    assert "heater.toml says it with dates under [recording.NAME]" in study.err
+    assert call(capsys, monkeypatch, "look", "heater.csv").code == 0  # asks for no order

@@ -10,6 +10,7 @@ from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plantfit.cli.arguments.dates import check_used, order
 from plantfit.cli.commands.begin.reads_back import checked, clock_that_reads, words_line
 from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
 from plantfit.cli.terminal.out import out, print_json
@@ -18,7 +19,6 @@ from plantfit.errors import RecordingError, SpecError
 if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
     from plantfit.recording.readers.columns import Table
-    from plantfit.recording.readers.timestamps import Dates
     from plantfit.recording.roles import Role, Roles
 
 NONE = "none"  # as --input: nothing drives the plant
@@ -55,7 +55,6 @@ def init(
     from plantfit.recording.readers.any_format import table
     from plantfit.recording.readers.clock import may_be_milliseconds
     from plantfit.recording.readers.long_tables import widened
-    from plantfit.recording.readers.numbers import is_number
     from plantfit.recording.roles import roles_of
 
     source = Path(file)
@@ -65,15 +64,9 @@ def init(
     target = Path(place) if place else source.with_name(f"{name}.toml")
     targets = _targets(target, candidates, force)
     content = table(file)
-    found, roles = described(content, _order(dates)), roles_of(content)
-    if found.problem:
-        where = (
-            'write dates = "day first" or dates = "month first" under [recording.NAME] (in Python dates="day first")'
-        )
-        raise RecordingError(found.problem.replace(where, 'give --dates "day first" or --dates "month first"'))
+    found, roles = described(content, order(dates)), roles_of(content)
+    check_used(dates, found)
     known = {c.header: c for c in found.columns}
-    if dates is not None and (found.time is None or is_number(next(iter(known[found.time].first), ""))):
-        raise SpecError(f"--dates {dates!r}: the times of {source.name} are no dates; leave it out.")
     if model is not None:
         return _motor(source, target, found, content, (*inputs, *outputs), name, json)
     free = _free(source.name, roles, known, inputs, outputs)
@@ -119,18 +112,6 @@ def init(
         out.print(_NO_CLOCK, markup=False)
     out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
-
-
-def _order(dates: str | None) -> "Dates | None":
-    """The order of day and month; raises SpecError for another."""
-    from plantfit.recording.readers.timestamps import ORDERS
-
-    for order in ORDERS:
-        if order == dates:
-            return order
-    if dates is not None:
-        raise SpecError(f"--dates {dates!r}: write one of {', '.join(map(repr, ORDERS))}.")
-    return None
 
 
 def _targets(target: Path, candidates: bool, force: bool) -> dict[Kind, Path]:
