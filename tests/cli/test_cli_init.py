@@ -524,3 +524,62 @@ def test_a_first_look_takes_the_order_of_day_and_month(tmp_path, capsys, monkeyp
     study = call(capsys, monkeypatch, "look", "heater.toml", "--dates", "day first")
     assert "heater.toml says it with dates under [recording.NAME]" in study.err
     assert call(capsys, monkeypatch, "look", "heater.csv").code == 0  # asks for no order
+
+
+def _curve(place, kind):
+    """A table without times: levels of a curve in any order or sorted, an input that is late by three rows, a lag."""
+    rng = np.random.default_rng(1)
+    n = 12 if kind == "few" else 40 if kind in ("any", "sorted") else 200
+    u = np.linspace(0.0, 10.0, n)
+    if kind != "sorted":
+        u = rng.permutation(u)
+    if kind == "lag":
+        u = np.repeat(u[::12], 12)[:n]
+    y = 2.0 + 3.0 * u - 0.1 * u**2
+    if kind == "late":
+        y = np.roll(y, 3)
+    for k in range(1, n if kind == "lag" else 0):
+        y[k] = 0.8 * y[k - 1] + 0.2 * y[k]
+    y = y + 0.05 * rng.standard_normal(n)
+    rows = [f"{a:.6g},{b:.6g}" for a, b in zip(u, y, strict=True)]
+    place.write_text("flow [l/min],pressure [bar]\n" + "\n".join(rows) + "\n")
+
+
+@pytest.mark.parametrize("kind", ["any", "few", "sorted", "late", "lag"])
+def test_rows_without_times_that_are_no_motion_get_models_without_dynamics(tmp_path, capsys, monkeypatch, kind):
+    monkeypatch.chdir(tmp_path)
+    _curve(tmp_path / "curve.csv", kind)
+    said = call(capsys, monkeypatch, "init", "curve.csv", "--yes")
+    assert said.code == 0, said.err
+    text = (tmp_path / "curve.toml").read_text("utf-8")
+    study = spec.load(tmp_path / "curve.toml")
+    at_rest = kind in ("any", "few", "sorted")
+    assert ("the models are without dynamics. If the rows were recorded one after the other" in said.out) is at_rest
+    assert ("No time column was found" in said.out) is not at_rest
+    assert (f"and {'the rows are sorted' if kind == 'sorted' else 'no row hangs'}" in said.out) is at_rest
+    assert ("a straight line of the inputs, without dynamics; --candidates compares 2 kinds" in said.out) is at_rest
+    assert all(e.steady is at_rest for e in study.problem.experiments.values())
+    assert bool(getattr(study.problem.model, "states", None)) is not at_rest
+    assert ("tau" in text) is not at_rest
+    assert ("\nsplit = 0.7" in text) is (kind != "sorted")
+
+
+def test_times_make_a_motion_of_the_same_rows(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _curve(tmp_path / "curve.csv", "any")
+    header, *rows = (tmp_path / "curve.csv").read_text("utf-8").splitlines()
+    timed = [f"t [s],{header}", *(f"{k},{row}" for k, row in enumerate(rows))]
+    (tmp_path / "timed.csv").write_text("\n".join(timed))
+    said = call(capsys, monkeypatch, "init", "timed.csv", "--yes")
+    assert "without dynamics" not in said.out
+    assert getattr(spec.load(tmp_path / "timed.toml").problem.model, "states", None)
+
+
+def test_candidates_of_rows_at_rest_are_a_line_and_a_parabola(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _curve(tmp_path / "curve.csv", "any")
+    said = call(capsys, monkeypatch, "init", "curve.csv", "--yes", "--candidates")
+    assert said.code == 0, said.err
+    assert sorted(p.name for p in tmp_path.glob("*.toml")) == ["curve-line.toml", "curve-parabola.toml"]
+    assert "curve-parabola.toml predicts unseen data better" in said.out
+    assert (tmp_path / "curve-candidates.html").exists()

@@ -47,7 +47,7 @@ def init(
     ] = None,
     outputs: Annotated[list[str] | None, typer.Option("--output", help="A column that is an output (repeat).")] = None,
     candidates: Annotated[
-        bool, typer.Option("--candidates", help="Write four kinds of model, fit and compare them.")
+        bool, typer.Option("--candidates", help="Write several kinds of model, fit and compare them.")
     ] = False,
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="Ask nothing; take the columns for what they seem to be.")

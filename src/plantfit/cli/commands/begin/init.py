@@ -4,15 +4,16 @@ import os
 import re
 import sys
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from plantfit.cli.arguments.dates import check_used, order
+from plantfit.cli.commands.begin.at_rest import CLOCK, SPLITS, TOLD, rows_at_rest
 from plantfit.cli.commands.begin.reads_back import checked, clock_that_reads, words_line
-from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
+from plantfit.cli.commands.begin.study_text import AT_REST, SPLIT, WORDS, Kind, Link, Signal, clock_line, study_text
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import RecordingError, SpecError
 
@@ -92,14 +93,24 @@ def init(
     period = found.period or 1.0
     told = _columns(found, roles)
     read = [c.header for k in links for s in (*k.inputs, k.output) for c in s.read]
-    clock = clock_line(found) + words_line(content, read, json)
+    rest = rows_at_rest(content, found, links)
+    if rest is not None:
+        targets = _targets(target, candidates, force, AT_REST)
+        if not json:
+            out.print(
+                f"{source.name} has no column of times, and {TOLD[rest]}: the models are without dynamics. If the rows "
+                "were recorded one after the other, put a column of their times into the file.",
+                markup=False,
+            )
+    clock = (clock_line(found) if rest is None else CLOCK) + words_line(content, read, json)
+    split = SPLIT if rest is None else SPLITS[rest]
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
 
         def text(clock: str, kind: Kind = kind, to: Path = to, path: str = path) -> str:
             return study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock,
                               period,
-                              period * max(found.rows - 1, 1))  # fmt: skip
+                              period * max(found.rows - 1, 1), split)  # fmt: skip
 
         clock = clock_that_reads(text, clock, to, quiet=json)
         to.write_text(text(clock), encoding="utf-8")
@@ -108,15 +119,17 @@ def init(
     if json:
         return print_json(_record(str(target), links, found, roles))
     _say_links(links, roles, sure=bool(inputs or outputs))
-    if found.time is None and not found.period:
+    if found.time is None and not found.period and rest is None:
         out.print(_NO_CLOCK, markup=False)
-    out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
+    kinds, (kind,) = WORDS if rest is None else AT_REST, targets
+    out.print(f"Written: {target} ({kinds[kind]}; --candidates compares {len(kinds)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
 
 
-def _targets(target: Path, candidates: bool, force: bool) -> dict[Kind, Path]:
+def _targets(target: Path, candidates: bool, force: bool, words: Mapping[Kind, str] = WORDS) -> dict[Kind, Path]:
     """The file to write for each kind of model."""
-    kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
+    alone: Kind = "dead_time" if words is WORDS else "line"
+    kinds: list[Kind] = list(words) if candidates else [alone]
     targets: dict[Kind, Path] = {
         kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds
     }
@@ -434,7 +447,7 @@ def _symbol(name: str, spare: str) -> str:
     """A name that equations may use and the template does not."""
     from plantfit.models.text.declarations import RESERVED
 
-    taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*", name)
+    taken = re.fullmatch(r"(x|z|K|bend|L|tau|lag|rest|start)\d*", name)
     # a bare key of TOML has no accents
     plain = unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()
     usable = plain.isidentifier() and not iskeyword(plain) and plain not in RESERVED
@@ -449,7 +462,7 @@ def _compared(files: list[Path], json: bool) -> None:
     given = [str(f) for f in files]
     if not json:
         out.print(f"Written: {', '.join(given)}\nComparing them: plantfit compare {' '.join(given)}", markup=False)
-    page = str(files[0].with_name(files[0].stem.removesuffix("-first") + "-candidates.html"))
+    page = str(files[0].with_name(files[0].stem.removesuffix("-first").removesuffix("-line") + "-candidates.html"))
     compare_models(given, given, os.environ.get(VARIABLE, STORE), page, True, None, json)
 
 
