@@ -1,5 +1,6 @@
 """From an answer to the next experiment: `design` finds the input that tells most within limits."""
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +15,7 @@ from plantfit.findings.record import Values
 from plantfit.findings.results.next_experiment import (
     DesignedInput,
     ErrorsAfter,
+    Level,
     NextExperiment,
     OutputWithoutLimit,
     SignalLimit,
@@ -36,6 +38,7 @@ from plantfit.units import in_unit, per_second
 MOST_COORDINATES = 60
 MOST_SAMPLES = 200_000
 RUN_AWAY = 30.0  # times the range that an output had in the recordings
+SAME_LEVEL = 0.005  # of the range of an input: levels that are told as one
 MORE = 1.5  # times, beyond which something else than unlike sizes of errors makes variances larger
 # of a value, of its typical size or of a quarter of bounds of both signs: a standard error above it determines nothing
 OPEN = 0.5
@@ -108,6 +111,7 @@ class ExperimentDesign:
             shape=self.found.best.name,
             compared=gains(self.found),
             tried=self.found.tried,
+            levels=self._levels() if at_once(model) else [],
             parameters=self._rows(told),
             **figures,
         )  # fmt: skip
@@ -122,6 +126,13 @@ class ExperimentDesign:
     @property
     def _one(self) -> Precision:
         return self.goal if isinstance(self.goal, Precision) else self.goal.one
+
+    def _levels(self) -> list[Level]:
+        """The input as levels, each with its samples; the lowest first."""
+        wide = self.limits.high - self.limits.low
+        near = self.limits.low + np.round((self.found.best.u - self.limits.low) / wide / SAME_LEVEL) * SAME_LEVEL * wide
+        values, counts = np.unique(near, axis=0, return_counts=True)
+        return [Level(values=v.tolist(), samples=int(n)) for v, n in zip(values, counts, strict=True)]
 
     def _rows(self, told: Any) -> list[ErrorsAfter]:
         """Standard errors of each parameter: now, with the new recording beside the old ones, and with it alone."""
@@ -155,7 +166,8 @@ class ExperimentDesign:
 
     def __repr__(self) -> str:
         r = self.typed
-        head = f"Input of {r.seconds:g} s for {r.name}: {', '.join(i.name for i in r.inputs)}"
+        much = f"{r.samples} samples" if r.levels else f"{r.seconds:g} s"
+        head = f"Input of {much} for {r.name}: {', '.join(i.name for i in r.inputs)}"
         return "\n".join([head, *(f"  {v.level}: {v.sentence}" for v in r.verdict)])
 
 
@@ -244,6 +256,12 @@ def _model(answer: Answer) -> Model:
             f"are designed for up to {MOST_COORDINATES}; hold the entries of tables at their values."
         )
     return model
+
+
+def at_once(model: Model) -> bool:
+    """Whether a model follows its inputs at once, so that the order and the times of samples do not count."""
+    timed = model.text is None or re.search(r"\bt\b", model.text) is not None
+    return model.derivative is None and model.smooth and not model.delays and not timed
 
 
 def _times(problem: Problem, duration: float | str | None, rate: float | str | None) -> tuple[np.ndarray, float]:

@@ -89,3 +89,15 @@ def heater(folder, noise=0.05):
     (folder / "heater.csv").write_text("\n".join(rows))
     (folder / "heater.toml").write_text(SPEC)
     return folder / "heater.toml"
+
+
+def exchangeable(place):
+    """A log of seven days whose dates are dates either way, as far apart at its ends."""
+    days = ["01/01", "02/02", "02/03", "03/03", "04/04", "04/05", "05/05"]
+    rng, rows, y = np.random.default_rng(3), [], 0.0
+    for day in days:
+        for hour in range(24):
+            u = float(hour // 6 % 2)
+            y += 0.3 * (2.0 * u - y)
+            rows.append(f"{day}/2024 {hour:02d}:00:00,{u:g},{y + 0.01 * rng.standard_normal():.4f}")
+    place.write_text("time,power [kW],temperature [degC]\n" + "\n".join(rows) + "\n")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_call import call, heater
+from cli_call import call, exchangeable, heater
 
 import plantfit
 from plantfit import spec
@@ -471,21 +471,9 @@ def test_a_speed_in_turns_a_minute_of_a_german_file(tmp_path, capsys, monkeypatc
         assert said.code == 0, said.err
 
 
-def _exchangeable(place):
-    """A log of seven days whose dates are dates either way, as far apart at its ends."""
-    days = ["01/01", "02/02", "02/03", "03/03", "04/04", "04/05", "05/05"]
-    rng, rows, y = np.random.default_rng(3), [], 0.0
-    for day in days:
-        for hour in range(24):
-            u = float(hour // 6 % 2)
-            y += 0.3 * (2.0 * u - y)
-            rows.append(f"{day}/2024 {hour:02d}:00:00,{u:g},{y + 0.01 * rng.standard_normal():.4f}")
-    place.write_text("time,power [kW],temperature [degC]\n" + "\n".join(rows) + "\n")
-
-
 def test_dates_that_can_be_exchanged_are_told_by_an_option(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    _exchangeable(tmp_path / "log.csv")
+    exchangeable(tmp_path / "log.csv")
     refused = call(capsys, monkeypatch, "init", "log.csv", "--yes")
     assert refused.code != 0
     assert "day and month can be exchanged in all of its dates; give --dates" in refused.err
@@ -512,3 +500,86 @@ def test_no_order_is_written_where_none_was_given_and_a_wrong_one_is_told(tmp_pa
     assert "--dates 'dmy': write one of 'day first', 'month first', 'year first'" in wrong.err
     numbers = call(capsys, monkeypatch, "init", "heater.csv", "--force", "--dates", "day first")
     assert "the times of heater.csv are no dates; leave it out" in numbers.err
+
+
+def test_a_first_look_takes_the_order_of_day_and_month(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exchangeable(tmp_path / "log.csv")
+    heater(tmp_path)
+    refused = call(capsys, monkeypatch, "look", "log.csv")
+    assert refused.code != 0
+    assert 'give --dates "day first" or --dates "month first", or the dates as 2024-05-31' in refused.err
+    assert "[recording.NAME]" not in refused.err
+    found = {}
+    for order in ("day first", "month first"):
+        said = call(capsys, monkeypatch, "look", "log.csv", "--dates", order, "--json")
+        assert said.code == 0, said.err
+        t = said.record("look")["outputs"][0]["t"]
+        found[order] = t[-1] - t[0]
+    assert found["day first"] == found["month first"]  # the ends are as far apart
+    wrong = call(capsys, monkeypatch, "look", "log.csv", "--dates", "dmy")
+    assert "--dates 'dmy': write one of 'day first', 'month first', 'year first'" in wrong.err
+    numbers = call(capsys, monkeypatch, "look", "heater.csv", "--dates", "day first")
+    assert "the times of heater.csv are no dates; leave it out" in numbers.err
+    study = call(capsys, monkeypatch, "look", "heater.toml", "--dates", "day first")
+    assert "heater.toml says it with dates under [recording.NAME]" in study.err
+    assert call(capsys, monkeypatch, "look", "heater.csv").code == 0  # asks for no order
+
+
+def _curve(place, kind):
+    """A table without times: levels of a curve in any order or sorted, an input that is late by three rows, a lag."""
+    rng = np.random.default_rng(1)
+    n = 12 if kind == "few" else 40 if kind in ("any", "sorted") else 200
+    u = np.linspace(0.0, 10.0, n)
+    if kind != "sorted":
+        u = rng.permutation(u)
+    if kind == "lag":
+        u = np.repeat(u[::12], 12)[:n]
+    y = 2.0 + 3.0 * u - 0.1 * u**2
+    if kind == "late":
+        y = np.roll(y, 3)
+    for k in range(1, n if kind == "lag" else 0):
+        y[k] = 0.8 * y[k - 1] + 0.2 * y[k]
+    y = y + 0.05 * rng.standard_normal(n)
+    rows = [f"{a:.6g},{b:.6g}" for a, b in zip(u, y, strict=True)]
+    place.write_text("flow [l/min],pressure [bar]\n" + "\n".join(rows) + "\n")
+
+
+@pytest.mark.parametrize("kind", ["any", "few", "sorted", "late", "lag"])
+def test_rows_without_times_that_are_no_motion_get_models_without_dynamics(tmp_path, capsys, monkeypatch, kind):
+    monkeypatch.chdir(tmp_path)
+    _curve(tmp_path / "curve.csv", kind)
+    said = call(capsys, monkeypatch, "init", "curve.csv", "--yes")
+    assert said.code == 0, said.err
+    text = (tmp_path / "curve.toml").read_text("utf-8")
+    study = spec.load(tmp_path / "curve.toml")
+    at_rest = kind in ("any", "few", "sorted")
+    assert ("the models are without dynamics. If the rows were recorded one after the other" in said.out) is at_rest
+    assert ("No time column was found" in said.out) is not at_rest
+    assert (f"and {'the rows are sorted' if kind == 'sorted' else 'no row hangs'}" in said.out) is at_rest
+    assert ("a straight line of the inputs, without dynamics; --candidates compares 2 kinds" in said.out) is at_rest
+    assert all(e.steady is at_rest for e in study.problem.experiments.values())
+    assert bool(getattr(study.problem.model, "states", None)) is not at_rest
+    assert ("tau" in text) is not at_rest
+    assert ("\nsplit = 0.7" in text) is (kind != "sorted")
+
+
+def test_times_make_a_motion_of_the_same_rows(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _curve(tmp_path / "curve.csv", "any")
+    header, *rows = (tmp_path / "curve.csv").read_text("utf-8").splitlines()
+    timed = [f"t [s],{header}", *(f"{k},{row}" for k, row in enumerate(rows))]
+    (tmp_path / "timed.csv").write_text("\n".join(timed))
+    said = call(capsys, monkeypatch, "init", "timed.csv", "--yes")
+    assert "without dynamics" not in said.out
+    assert getattr(spec.load(tmp_path / "timed.toml").problem.model, "states", None)
+
+
+def test_candidates_of_rows_at_rest_are_a_line_and_a_parabola(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    _curve(tmp_path / "curve.csv", "any")
+    said = call(capsys, monkeypatch, "init", "curve.csv", "--yes", "--candidates")
+    assert said.code == 0, said.err
+    assert sorted(p.name for p in tmp_path.glob("*.toml")) == ["curve-line.toml", "curve-parabola.toml"]
+    assert "curve-parabola.toml predicts unseen data better" in said.out
+    assert (tmp_path / "curve-candidates.html").exists()

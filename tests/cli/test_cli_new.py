@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from cli_call import call
+from cli_call import call, exchangeable
 
 import plantfit as pf
 from plantfit.models.drawings.offered import drawings
@@ -233,3 +233,24 @@ def test_a_name_with_its_ending_gets_no_second_one(capsys, monkeypatch, tmp_path
     monkeypatch.chdir(tmp_path)
     assert call(capsys, monkeypatch, "new", "plate.toml", "--from", "exchanger").code == 0
     assert [p.name for p in tmp_path.iterdir()] == ["plate.toml"]
+
+
+def test_dates_of_a_recording_that_can_be_exchanged_are_told_by_an_option(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    exchangeable(tmp_path / "log.csv")
+    rc(tmp_path)
+    words = ("new", "k", "--from", "rlc", "--force", "--recording")
+    refused = call(capsys, monkeypatch, *words, "log.csv")
+    assert refused.code != 0
+    assert 'give --dates "day first" or --dates "month first", or the dates as 2024-05-31' in refused.err
+    assert not (tmp_path / "k.toml").exists()
+    for order in ("day first", "month first"):
+        assert call(capsys, monkeypatch, *words, "log.csv", "--dates", order).code == 0
+        table = tomllib.loads((tmp_path / "k.toml").read_text("utf-8"))["recording"]["data"]
+        assert (table["time"], table["dates"]) == ("time", order)
+    assert call(capsys, monkeypatch, *words, "circuit.csv").code == 0
+    assert "dates" not in (tmp_path / "k.toml").read_text("utf-8")  # where none was given
+    numbers = call(capsys, monkeypatch, *words, "circuit.csv", "--dates", "day first")
+    assert "the times of circuit.csv are no dates; leave it out" in numbers.err
+    none = call(capsys, monkeypatch, *words[:-1], "--dates", "day first")
+    assert "give its file with --recording" in none.err

@@ -4,12 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter, lsim, lti
 
+from plantfit.findings import Score
+from plantfit.report.sections.tables import scores_table
+from plantfit.report.text import _scores
 from plantfit.trust.validate.residuals.residual_tests import (
     cross_correlation,
     explained_by_past,
     independent,
     whiteness,
 )
+from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.outputs import noise_rows
 from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.residuals import residual_sentences
@@ -234,3 +238,49 @@ def test_determined_parameters_of_a_model_that_lacks_something_are_its_own(left,
     )
     assert told["sentence"].endswith(text) is said
     assert told["level"] == ("info" if said else "good")
+
+
+@pytest.mark.parametrize(
+    ("percent", "times"), [(-35266.4, "354 times"), (-101.0, "2.01 times"), (-100.0, None), (-3.0, None), (90.0, None)]
+)
+def test_a_simulation_that_runs_away_is_told_by_the_rmse_of_the_mean_and_not_in_per_cent(percent, times):
+    found = findings(SLOW, np.zeros(400), unseen=1.5, percent=percent)
+    fitted = {**found["scores"][0], "fit_percent": percent, "n": 400, "spare": None, "started": None}
+    (fit,) = fit_sentences({**found, "scores": [fitted]})
+    mean = f"{times} that of a constant at the mean of these samples."
+    assert fit["sentence"].endswith(mean) is (times is not None)
+    assert fit["sentence"].startswith("The model does not follow y") is (times is not None)
+    assert (
+        f"The model follows y with an RMSE of 1 V on the fitted samples, a fit of {percent:.1f} %" in fit["sentence"]
+    ) is (times is None)
+    (unseen,) = unseen_sentences(found)
+    assert (f"worse than there, and {times} that of a constant at the mean." in unseen["sentence"]) is (
+        times is not None
+    )
+    assert f"{percent:.0f} %" not in unseen["sentence"] or times is None
+    score = Score(
+        recording="run", output="y", unit="V", part="fit", n=400, rmse=1.0, bias=0.0, fit_percent=percent, spare=None
+    )
+    cell = scores_table([score]).rows[0][5]
+    assert cell == (f"{times} the mean's RMSE" if times else f"{percent:g} %".replace("-", "\N{MINUS SIGN}"))
+    assert (f"{times} the mean's RMSE" in _scores([score])) is (times is not None)
+
+
+@pytest.mark.parametrize(
+    ("percents", "said"),
+    [
+        ((85.0, 90.0, 70.0, -286.7), "a fit of 90.0 % at best; in r3 the RMSE is 3.87 times that of a constant"),
+        (
+            (-300.0, -900.0, -400.0, -200.0),
+            "in r1 10 times that of a constant at the mean and nowhere less than 3 times",
+        ),
+        ((85.0, 90.0, 70.0, -86.7), "a fit of -86.7 to 90.0 % (lowest in r3)."),
+    ],
+)
+def test_of_many_recordings_the_one_that_runs_away_is_told_so(percents, said):
+    found = findings(SLOW, np.zeros(400))
+    score = {**found["scores"][0], "n": 400, "spare": None, "started": None}
+    rows = [{**score, "recording": f"r{k}", "fit_percent": p} for k, p in enumerate(percents)]
+    (told,) = fit_sentences({**found, "scores": rows})
+    assert said in told["sentence"]
+    assert ("constant" in told["sentence"]) is (min(percents) < -100.0)

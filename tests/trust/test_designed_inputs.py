@@ -12,8 +12,9 @@ from scipy.stats import multivariate_normal
 
 import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
-from plantfit.experiment_design import _times
+from plantfit.experiment_design import _times, at_once
 from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.report.pages.next_experiment import asked, write_next_experiment_page
 from plantfit.trust.experiment.criteria import Precision
 from plantfit.trust.experiment.shapes import kind_of, shapes
 from plantfit.trust.experiment.told import precision_sentences
@@ -100,6 +101,43 @@ def test_a_parabola_is_measured_at_three_points_a_third_each(static):
     noise = found.record["noise"]["y"]
     expected = noise * np.sqrt(found.record["inflation"] * np.diag(np.linalg.inv(design.T @ design)))
     assert [rows[n] for n in "abc"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_curve_without_dynamics_is_told_as_levels_and_a_plant_with_them_as_time(static, lag, tmp_path):
+    curve = pf.design(static, inputs={"u": (-1, 1)}, duration=48, alone=True, draws=0, seed=3)
+    assert [(level["values"], level["samples"]) for level in curve.record["levels"]] == [
+        ([-1], 16),
+        ([0], 16),
+        ([1], 16),
+    ]
+    said = " ".join(v["sentence"] for v in curve.verdict)
+    assert "With 48 samples at these levels the standard errors become" in said
+    assert "measure at u = -1 (16 samples), u = 0 (16 samples) and u = 1 (16 samples), each when the plant" in said
+    assert "chirp" not in said
+    assert "48 s of" not in said + repr(curve) + " ".join(asked(curve.typed))
+    moving = pf.design(lag, inputs={"u": (0, 1)}, duration=20, alone=True, draws=0, budget=300)
+    said = " ".join(v["sentence"] for v in moving.verdict)
+    assert moving.record["levels"] == []
+    assert "With 20 s of this input" in said
+    assert "level" not in said
+    for found, words in ((curve, "sample by sample, in any order"), (moving, "over time")):
+        values = {"u": (found.recording["u"], "1")}
+        page = write_next_experiment_page(found.typed, found.t, values, {}, tmp_path / "page.html", "next.csv")
+        assert f"u {words}" in page.read_text("utf-8")
+
+
+@pytest.mark.parametrize(
+    ("text", "states", "once"),
+    [
+        ("y = K*u", None, True),
+        ("y = K*delay(u, K)", None, False),
+        ("y = K*u + t", None, False),
+        ("x' = K*u - x\ny = x", {"x": {"initial": 0.0}}, False),
+    ],
+)
+def test_which_models_follow_their_inputs_at_once(text, states, once):
+    model = pf.equations(text, inputs=["u"], states=states or {}, outputs=["y"], parameters=["K"], check=False)
+    assert at_once(model) is once
 
 
 def test_the_information_is_that_of_the_exact_jacobian(lag):

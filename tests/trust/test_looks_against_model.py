@@ -5,6 +5,7 @@ import tomllib
 import numpy as np
 import pytest
 
+from plantfit import Parameter
 from plantfit.fitting import fit
 from plantfit.models import equations
 from plantfit.problem import Experiment, Problem
@@ -205,6 +206,22 @@ def test_a_column_that_is_input_and_output_is_told():
     [look] = [k for k in with_signals(y, y) if k.kind == "same"]
     assert (look.level, look.signal) == ("warning", "u")
     assert look.sentence.startswith("u is z in run, sample by sample. A model that makes z of u is given what it is to")
+
+
+@pytest.mark.parametrize("kind", ["same", "other", "constant"])
+@pytest.mark.parametrize("steady", [False, True])
+def test_a_static_model_of_one_column_is_told_of_it_alone(kind, steady):
+    u = np.random.default_rng(0).uniform(0.0, 2.0, 40)
+    u[7] = -999.0  # of which nothing is said there
+    u = np.full(40, 2.0) if kind == "constant" else u
+    y = u + (0.01 * np.arange(40) if kind == "other" else 0.0)
+    unit = {"unit": "mm"}
+    model = equations("z = a + b*u", inputs={"u": unit}, outputs={"z": unit}, parameters=["a", "b"], check=False)
+    record = Recording(np.arange(40.0), {"u": Signal(u, "mm"), "z": Signal(y, "mm")}, "run")
+    problem = Problem(model, Experiment(record, steady=steady), {"a": Parameter((-9, 9)), "b": Parameter((-9, 9))})
+    looks = problem_looks(problem)
+    assert [look.kind for look in looks] == (["same"] if kind == "same" else [])
+    assert all("u is z in run, sample by sample" in look.sentence for look in looks)
 
 
 @pytest.mark.parametrize("kind", ["other", "constant"])

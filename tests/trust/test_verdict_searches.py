@@ -1,8 +1,11 @@
 """The sentence on local searches is good only where enough ended at the answer and little of the box is unseen."""
 
+from importlib import import_module
+
 import numpy as np
 import pytest
 
+import plantfit as pf
 from plantfit.optimize.local.basins import Basins
 from plantfit.optimize.local.one_search import Found
 from plantfit.trust.verdict.all_sentences import _steps
@@ -88,8 +91,42 @@ def test_a_check_of_a_part_of_a_record_says_which_part(reached, refused, part):
         )
     ]
     assert any("over the first 120 of 200 samples" in s for s in said) == part
+    assert not any("evaluations" in s for s in said)
     assert any("is refused: in recording r, at t = 3 s" in s for s in said) == bool(refused)
     assert any("where it could be followed" in s for s in said) == bool(refused)
+
+
+def test_a_check_that_ends_with_its_evaluations_says_so():
+    output = {"unit": "V", "max_error": 1e-6, "rms_error": 1e-7, "rms_residual": 0.1}
+    simulation = {"recording": "r", "checked_with": "scipy LSODA, rtol 1e-9", "samples": 3000, "outputs": {"y": output}}
+    simulation |= {"checked_samples": 1724, "checked_evaluations": 300_000}
+    (said,) = _steps({"simulation": simulation, "recordings": [{"outputs": {}}]})
+    why = "as far as the 300,000 evaluations reach that the check may take, ("
+    assert f"at worst over the first 1724 of 3000 samples, {why}" in said["sentence"]
+    assert said["level"] == "good"
+
+
+@pytest.mark.parametrize("allowed", [400, 100_000])
+def test_the_findings_tell_whether_the_evaluations_ended(monkeypatch, allowed):
+    for name in ("assess", "finish.final_problem"):
+        monkeypatch.setattr(import_module(f"plantfit.trust.{name}"), "CHECKED", allowed)
+    t = np.arange(400) * 0.1
+    u = np.where(np.random.default_rng(1).random(400) < 0.5, -1.0, 1.0)
+    y = np.zeros(400)
+    for k in range(399):
+        y[k + 1] = u[k] + (y[k] - u[k]) * np.exp(-0.1)
+    y += 0.01 * np.random.default_rng(2).standard_normal(400)
+    model = pf.equations(
+        "x' = (K*u - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["y"],
+        parameters=["K", "tau"], check=False,
+    )  # fmt: skip
+    record = pf.Recording(t, {"u": pf.Signal(u, "1"), "y": pf.Signal(y, "1")}, "r")
+    answer = pf.fit(pf.Problem(model, record, {"K": (0.1, 10.0), "tau": (0.1, 10.0)}), budget=300)
+    simulation = answer.findings["simulation"]
+    spent = allowed == 400
+    assert simulation["checked_evaluations"] == (400 if spent else None)
+    assert (simulation["checked_samples"] < 400) is spent
+    assert any("as far as the 400 evaluations reach" in v["sentence"] for v in answer.findings["verdict"]) is spent
 
 
 def test_in_a_flat_valley_no_larger_budget_is_advised():

@@ -38,6 +38,8 @@ class Simulation(Record):
     """So many of its samples were reached."""
     samples: int | None = None
     """So many there are."""
+    checked_evaluations: int | None = None
+    """Evaluations of the rate that the tight solver was allowed, where it took them all before the last sample."""
     outputs: dict[str, SimulatedOutput] = {}
     refused: str = ""
     """Why an independent solver could not follow the answer."""

@@ -51,9 +51,9 @@ class Description:
     dates: Dates | None = None
 
 
-def describe(path: str | os.PathLike[str], **options: Any) -> Description:
+def describe(path: str | os.PathLike[str], dates: Dates | None = None, **options: Any) -> Description:
     """Columns with names, units, kinds and ranges, and the likely time column; `options` as delimiter, sheet, ..."""
-    return described(table(path, **options))
+    return described(table(path, **options), dates)
 
 
 def described(content: Table, dates: Dates | None = None) -> Description:

@@ -7,7 +7,7 @@ from typing import Any
 from plantfit.findings import Findings, Parameter, ReadingBudget, Score, read_findings
 from plantfit.report.numbers import plus_minus, significant
 from plantfit.report.sections.sentences import LEVELS, no_validation, parameter_status, subtitle
-from plantfit.report.sections.tables import Table, parameter_interval, statuses, weights_table
+from plantfit.report.sections.tables import Table, fit_in_words, parameter_interval, statuses, weights_table
 from plantfit.report.sections.uncertainty_tables import budgets_of, widened_table
 
 WIDTH = 100
@@ -43,7 +43,7 @@ def _scores(scores: Sequence[Score]) -> str:
             s.part,
             significant(s.rmse, 3, True),
             s.unit or "",
-            significant(s.fit_percent, 3, True),
+            fit_in_words(s.fit_percent) or significant(s.fit_percent, 3, True),
             str(s.n),
         )
         for s in scores

@@ -378,6 +378,7 @@ def _simulation(
         checked_with=error.checked_with,
         checked_samples=error.last + 1,
         samples=len(drive.t) if drive.samples is None else len(drive.samples),
+        checked_evaluations=CHECKED if error.spent else None,
         outputs=rows,
         forgets=[Forgets(recording=f.recording, growth=f.growth, tenfold=f.tenfold) for f in forgets],
         **({} if error.stopped is None else {"refused": error.stopped.sentence}),

@@ -6,6 +6,11 @@ import typer
 
 from plantfit.cli.options.shared import Json, Spec
 
+Order = Annotated[
+    str | None,
+    typer.Option("--dates", help='"day first" or "month first", where dates of the recording do not tell it.'),
+]
+
 
 def demo(
     name: Annotated[str, typer.Argument(help="Name of a demo; see `plantfit demo --list`.")] = "gearmotor",
@@ -42,7 +47,7 @@ def init(
     ] = None,
     outputs: Annotated[list[str] | None, typer.Option("--output", help="A column that is an output (repeat).")] = None,
     candidates: Annotated[
-        bool, typer.Option("--candidates", help="Write four kinds of model, fit and compare them.")
+        bool, typer.Option("--candidates", help="Write several kinds of model, fit and compare them.")
     ] = False,
     yes: Annotated[
         bool, typer.Option("--yes", "-y", help="Ask nothing; take the columns for what they seem to be.")
@@ -54,10 +59,7 @@ def init(
             help="dc_motor: all its constants where a current is recorded, else what the speed alone determines.",
         ),
     ] = None,
-    dates: Annotated[
-        str | None,
-        typer.Option("--dates", help='"day first" or "month first", where dates of the recording do not tell it.'),
-    ] = None,
+    dates: Order = None,
     json: Json = False,
 ) -> None:
     """Say what the columns of a recording seem to be, and write a commented study file that runs."""
@@ -85,6 +87,7 @@ def new(
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False,
     list_: Annotated[bool, typer.Option("--list", help="List the plants to begin with and stop.")] = False,
     parts: Annotated[bool, typer.Option("--parts", help="List the parts that may be used and stop.")] = False,
+    dates: Order = None,
     json: Json = False,
 ) -> None:
     """Write the study file of a plant from its parts (resistors, springs, tanks, motors, ...), or of one from the
@@ -93,7 +96,7 @@ def new(
 
     if parts or list_:
         return command.tell_parts(json) if parts else command.tell_plants(json)
-    command.new(name, from_, recording, columns or [], out, force, json)
+    command.new(name, from_, recording, columns or [], out, force, json, dates)
 
 
 def look(
@@ -112,12 +115,13 @@ def look(
     out: Annotated[
         str | None, typer.Option("--out", "-o", help="Where the HTML page goes; NAME-look.html if left out.")
     ] = None,
+    dates: Order = None,
     json: Json = False,
 ) -> None:
     """Look at a recording without equations: frequency and step response, delay, and how well any linear model does."""
     from plantfit.cli.commands.begin import look as command
 
-    command.look(file, input_ or [], output or [], recording, out, json)
+    command.look(file, input_ or [], output or [], recording, out, json, dates)
 
 
 def check(

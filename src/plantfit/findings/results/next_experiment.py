@@ -65,6 +65,13 @@ class ErrorsAfter(Record):
     """Whether it stays open also if all others were known."""
 
 
+class Level(Record):
+    """What the inputs are at some of the samples, in their order and units."""
+
+    values: Samples
+    samples: int
+
+
 class NextExperiment(Printed):
     """What `pf.design` finds; the input itself is a file of signals."""
 
@@ -98,6 +105,8 @@ class NextExperiment(Printed):
     """Of the input that was found."""
     compared: list[InputGain]
     tried: int
+    levels: list[Level] = []
+    """Of a model that follows its inputs at once: what to measure at, in any order; empty for others."""
     parameters: list[ErrorsAfter]
     distance: Number = None
     """Of two models under the input, in standard deviations."""

@@ -27,6 +27,7 @@ _NAMES = re.compile(
     re.IGNORECASE,
 )
 DISTINCT = 0.95  # of the rows, which have a time of their own
+ORDER_WANTED = 'write dates = "day first" or dates = "month first" under [recording.NAME] (in Python dates="day first")'
 FAR = 1e11  # s since 1970, in the year 5138
 _DAYS = (20_000.0, 80_000.0)  # as spreadsheets count them since 1900: 1954 to 2119
 _DATED = re.compile(r"^(date|datum)|date$|stamp|stempel|horodatage", re.IGNORECASE)
@@ -283,8 +284,7 @@ def _from_text(
 
 def _refuse_dates(table: Table, column: Column, why: str) -> None:
     raise RecordingError(
-        f'{table.source}: time column {column.header!r}: {why}; write dates = "day first" or dates = '
-        '"month first" under [recording.NAME] (in Python dates="day first"), or the dates as 2024-05-31 13:05:59.'
+        f"{table.source}: time column {column.header!r}: {why}; {ORDER_WANTED}, or the dates as 2024-05-31 13:05:59."
     )
 
 

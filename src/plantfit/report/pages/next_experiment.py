@@ -35,7 +35,8 @@ def error_rows(record: NextExperiment) -> list[tuple[str, ...]]:
 
 def asked(record: NextExperiment) -> list[str]:
     """What was asked for, and what it was judged by."""
-    found = [f"{record.samples} samples every {record.period:.5g} s; {_MEANT[record.criterion]}."]
+    rows = f"{record.samples} samples" + ("" if record.levels else f" every {record.period:.5g} s")
+    found = [f"{rows}; {_MEANT[record.criterion]}."]
     if record.chosen:
         found[0] = found[0][:-1] + f", of {', '.join(record.chosen)} alone."
     for i in record.inputs:
@@ -52,7 +53,9 @@ def asked(record: NextExperiment) -> list[str]:
     )
     if record.criterion == "difference":
         plants = "the best fit of each model"
-    found.append(f"Judged on {plants}; {record.tried} inputs were simulated.")
+    found.append(
+        f"Judged on {plants}; {record.tried} {'sets of levels' if record.levels else 'inputs'} were simulated."
+    )
     return found
 
 
@@ -62,8 +65,11 @@ def write_next_experiment_page(
 ) -> Path:  # fmt: skip
     """Write the page of a designed input (`ExperimentDesign.typed`) to `path`; signals (N,) with units at times t
     (N,) in s."""
+    along = "sample by sample, in any order" if record.levels else "over time"
+    shown = "What will be measured at" if record.levels else "What will be played, and what the model foretells"
+    much = f"{record.samples} samples" if record.levels else f"{record.seconds:g} s"
     figures = [
-        {"figure": waveform_figure(t, y, n, unit), "label": f"{n} over time"}
+        {"figure": waveform_figure(t, y, n, unit, bool(record.levels)), "label": f"{n} {along}"}
         for n, (y, unit) in (*inputs.items(), *outputs.items())
     ]
     compared = [("this input", record.shape, "1")]
@@ -71,14 +77,14 @@ def write_next_experiment_page(
     worse = "times closer" if record.criterion == "difference" else "errors, times as large"
     page = {
         "title": f"Next experiment: {record.name}",
-        "subtitle": f"{record.seconds:g} s of {', '.join(i.name for i in record.inputs)}, in {file}",
+        "subtitle": f"{much} of {', '.join(i.name for i in record.inputs)}, in {file}",
         "sections": [
             {"title": "What it tells", "verdict": [v.plain() for v in record.verdict], "sentences": asked(record),
              "tables": [{"caption": "Standard errors", "columns": COLUMNS, "rows": error_rows(record)}]},
-            {"title": "What will be played, and what the model foretells", "figures": figures},
-            {"title": "Beside other inputs of the same length and limits",
+            {"title": shown, "figures": figures},
+            *([] if record.levels else [{"title": "Beside other inputs of the same length and limits",
              "tables": [{"caption": "The best of each kind", "columns": ("kind", "settings", worse),
-                         "rows": compared}]},
+                         "rows": compared}]}]),
         ],
     }  # fmt: skip
     return write_case_page(page, path)

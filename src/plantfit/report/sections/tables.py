@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from plantfit.findings import Basin, Combination, Number, Parameter, Run, Score, Simulation, Weight
 from plantfit.report.numbers import UNKNOWN, count, interval, plus_minus, seconds, significant, unit_label
 from plantfit.report.sections.sentences import listed, parameter_status, run_end, run_status, share
+from plantfit.trust.verdict.words import FAR, number
 
 MOST_RUNS = 200
 MOST_NAMES = 8  # columns of parameters
@@ -32,7 +33,7 @@ def scores_table(scores: list[Score]) -> Table:
             s.part,
             quantity(s.rmse, s.unit),
             quantity(s.bias, s.unit),
-            per_cent(s.fit_percent),
+            fit_in_words(s.fit_percent) or per_cent(s.fit_percent),
             count(s.n),
         )
         for s in scores
@@ -193,6 +194,11 @@ def quantity(value: Number, unit: str | None, digits: int = 3) -> str:
     """A number with its unit."""
     label = unit_label(unit)
     return significant(value, digits) + (f" {label}" if label and value is not None else "")
+
+
+def fit_in_words(percent: Number) -> str | None:
+    """A fit that is so far below zero that per cent tell nothing, by the RMSE of the mean; None for another."""
+    return None if percent is None or percent >= FAR else f"{number(1.0 - percent / 100.0)} times the mean's RMSE"
 
 
 def per_cent(value: Number) -> str:

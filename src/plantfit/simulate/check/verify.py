@@ -18,7 +18,8 @@ import jax
 class StepError:
     """Errors of the outputs in their units over the samples [first, last] that were compared, and `checked_with` what.
 
-    `stopped` tells where the tight solver could not follow, so that nothing is compared from there on.
+    `stopped` tells where the tight solver could not follow, so that nothing is compared from there on. It was `spent`
+    where it only took all its evaluations there.
     """
 
     max_error: dict[str, float]
@@ -27,6 +28,7 @@ class StepError:
     last: int
     checked_with: str
     stopped: Stopped | None = None
+    spent: bool = False
 
 
 def check_steps(
@@ -54,8 +56,8 @@ def check_steps(
         largest[name] = float(np.max(error, initial=0.0)) if known else np.inf
         rms[name] = float(np.sqrt(np.mean(error**2))) if known and len(error) else np.inf
     # with all evaluations spent the first part is compared
-    stopped = None if tight.stopped is None or tight.stopped.spent else tight.stopped
-    return StepError(largest, rms, 0, last, tight.checked_with, stopped)
+    spent = tight.stopped is not None and tight.stopped.spent
+    return StepError(largest, rms, 0, last, tight.checked_with, None if spent else tight.stopped, spent)
 
 
 def by_doubling(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> StepError:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -36,6 +37,9 @@ STEEP = 1e-3  # of the least standard error that a straight line gives
 SURE = 2.0  # standard errors that a value is off zero
 # of the work left to a round: what first tries may take, and full fits may have taken when one begins
 TRYING, FITTING = (0.65, 0.85)
+
+# why an addition that explains something is not found
+WhyNot = Literal["not fitted", "chance", "not judged", "unseen", "near zero", "no slope", "bends"]
 
 
 @dataclass(frozen=True)
@@ -223,9 +227,7 @@ def _found(
     What changes with a signal bends to much that it is not: it has to explain most of what is left, or to come near the
     noise.
     """
-    samples = int(use.sum())
-    good = [t for t in trials if t.unseen is not None and t.unseen > 0 and _apart_from_nothing(t, carrier, samples)]
-    good = [t for t in good if not changing([t.extension]) or t.explained >= MOST or _near_noise(carrier, t, kept)]
+    good = [t for t in trials if t.unseen is not None and why_not(t, carrier, 0.0, use, kept) is None]
     if not good:
         return ()
     best = max(good, key=lambda t: t.explained)
@@ -239,6 +241,28 @@ def _found(
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
     return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def why_not(t: Trial, carrier: Carrier, limit: float, use: np.ndarray, kept: np.ndarray) -> WhyNot | None:
+    """Why an addition is not found, whatever it explains; None where nothing is against it.
+
+    "not fitted": its derivatives alone were looked at. "chance": its evidence is below the `limit`. "not judged": it
+    was not compared on unseen data. "unseen": these are worse with it. "near zero", "no slope": its size may be
+    nothing, or the samples tell none. "bends": it is a change with a signal, and explains too little for one.
+    """
+    if t.at is None:
+        return "not fitted"
+    if t.unseen is None:
+        return "chance" if t.evidence < limit else "not judged"
+    if t.unseen <= 0:
+        return "unseen"
+    if not _apart_from_nothing(t, carrier, int(use.sum())):
+        assert t.value is not None
+        assert t.standard_error is not None
+        return "near zero" if t.standard_error > abs(t.value) / SURE else "no slope"
+    if changing([t.extension]) and t.explained < MOST and not _near_noise(carrier, t, kept):
+        return "bends"
+    return None
 
 
 def _same_part(base: Fitted, one: Fitted, other: Fitted, use: np.ndarray) -> bool:

@@ -17,12 +17,13 @@ from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
 from plantfit.trust.diagnosis.plant.unmeasured import SOME
-from plantfit.trust.diagnosis.rounds import Round, Trial
+from plantfit.trust.diagnosis.rounds import MOST, SURE, Round, Trial, WhyNot, why_not
 from plantfit.trust.diagnosis.treatment import addition_lines, changed, outliers_taken
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, with_unit
 from plantfit.units import difference_of
 
 MORE = 1.5  # times that noise: what was found is not all, or stands for something else
+SMALL = 0.05  # of the mean square, from which on it is told why an addition is not named
 MOST_VALUES = 6  # in a sentence
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
@@ -136,11 +137,9 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         yield _nothing(d, alone)
     last = d.rounds[-1] if d.rounds else None
     if d.found and last and not last.found and last.trials:
-        yield say(
-            "info",
-            f"Beside that, nothing that was tried explains more than {_percent(_best(last))}.",
-            explained=_best(last),
-        )
+        text = _fails(d, last, "Beside that, none")
+        text = text or f"Beside that, nothing that was tried explains more than {_percent(_best(last))}."
+        yield say("info", text, explained=_best(last))
     asked = bool(d.curves) and d.beside is None
     if (alone or d.found) and not asked:
         yield from _left(d)
@@ -224,15 +223,68 @@ def _figures(d: Diagnosis, t: Trial) -> str:
 def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     first = d.rounds[0]
     best = _best(first)
-    text = (
+    text = _fails(d, first, "None") or (
         f"Nothing that was tried explains more than {_percent(best)} "
-        f"of what is left ({len(first.trials)} additions to the model)"
+        f"of what is left ({len(first.trials)} additions to the model)."
     )
-    strong = [t for t in first.trials if t.explained >= 0.05]
-    if strong:
-        text += ", and none of it is more than chance or holds on unseen data"
-    good = alone and best < 0.05 and not d.surpassed and not _much_left(d) and d.beside is None
-    return say("good" if good else "info", text + ".", explained=best)
+    good = alone and best < SMALL and not d.surpassed and not _much_left(d) and d.beside is None
+    return say("good" if good else "info", text, explained=best)
+
+
+def _fails(d: Diagnosis, one: Round, none: str) -> str:
+    """Why what explains much is not named, "" where nothing explains much; `none` begins the sentence."""
+    kept = ~d.apart
+    use = d.carrier.rows.fit & kept
+    found = [(t, why_not(t, d.carrier, one.needed, use, kept)) for t in one.trials if t.explained >= SMALL]
+    failed = [(t, why) for t, why in found if why is not None]
+    if not failed:
+        return ""
+    best, why = failed[0]
+    tried = f"of the {len(one.trials)} additions to the model that were tried holds"
+    if len(one.trials) == 1:
+        none, tried = "The one addition", "that was tried does not hold"
+    shown = _shown(replace(best, standard_error=None) if why == "no slope" else best)
+    text = f"{none} {tried}. {shown} explains {_percent(best.explained)} of what is left"
+    text = f"{text}{_against(d, one, best, why)}."
+    others = [why for _, why in failed[1:]]
+    if not others:
+        return text
+    count = {why: others.count(why) for why in dict.fromkeys(others)}
+    if len(count) == 1:
+        which, them = ("The one other", "s") if len(others) == 1 else (f"The {len(others)} others", "")
+        return f"{text} {which} that explain{them} {_percent(SMALL)} or more {_MORE[others[0]][len(others) > 1]}."
+    told = [f"{n} {_MORE[why][n > 1]}" for why, n in count.items()]
+    return f"{text} Of {len(others)} others that explain {_percent(SMALL)} or more {some(told)}."
+
+
+# of one, of several
+_MORE: dict[WhyNot, tuple[str, str]] = {
+    "not fitted": ("was not fitted", "were not fitted"),
+    "chance": ("may be chance", "may be chance"),
+    "not judged": ("was not tried on unseen data", "were not tried on unseen data"),
+    "unseen": ("makes unseen data worse", "make unseen data worse"),
+    "near zero": ("may have the size 0", "may have the size 0"),
+    "no slope": ("has a size that the samples do not tell", "have sizes that the samples do not tell"),
+    "bends": ("is a change that explains too little", "are changes that explain too little"),
+}
+
+
+def _against(d: Diagnosis, one: Round, t: Trial, why: WhyNot) -> str:
+    """What speaks against an addition that explains much, as the end of a sentence."""
+    if why == "unseen":
+        return f" on the fitted samples ({_figures(d, t)}), and predicts the unseen ones worse"
+    if why == "chance":
+        return (
+            f", which may be chance: its evidence, twice the gain of log-likelihood, is {number(t.evidence)}, and the "
+            f"best of {len(one.trials)} reaches {number(one.needed)} in 1 % of the records that lack nothing"
+        )
+    if why == "near zero":
+        return f", and that size is within {SURE:g} standard errors of 0"
+    if why == "no slope":
+        return ", and the samples do not tell that size: the model bends too much there for a standard error"
+    if why == "bends":
+        return f": too little for what changes with a signal, which can stand for much; {_percent(MOST)} is asked for"
+    return " by its derivatives; it was not fitted" if why == "not fitted" else ", and was not tried on unseen data"
 
 
 def _best(one: Round) -> float:

@@ -10,13 +10,14 @@ from plantfit.trust.verdict.words import Sentence, say, some
 
 LEAD = 1.02  # times, from which on an input counts as better than another
 BEYOND = 0.5  # of the range that an output had, outside of which it is unknown land
+MOST_LEVELS = 8  # in a sentence
 TOLD_APART = 3.3  # standard deviations, at which 95 % of decisions are right
 
 
 def precision_sentences(record: NextExperiment) -> list[Sentence]:
     """About errors of the parameters."""
     rows = record.parameters
-    found = [_changed(rows, record)]
+    found = [_changed(rows, record), *_levels(record)]
     found += _beside(record, "Standard errors would be {times:.2f} times as large in the mean")
     found += _open(rows)
     larger = {r.name: r.worst / r.then for r in rows if r.then and r.worst}
@@ -40,16 +41,49 @@ def difference_sentences(record: NextExperiment) -> list[Sentence]:
     )
     if far < TOLD_APART:
         sentence += " Widen the limits, record longer, or use a sensor with less noise."
-    return [say(level, sentence), *_beside(record, "The models would lie {closer:.2f} times closer"), *_common(record)]
+    return [
+        say(level, sentence),
+        *_levels(record),
+        *_beside(record, "The models would lie {closer:.2f} times closer"),
+        *_common(record),
+    ]
 
 
 def _changed(rows: Sequence[ErrorsAfter], record: NextExperiment) -> Sentence:
     chosen = [r for r in rows if not r.open and (not record.chosen or r.name in record.chosen)]
     if not chosen:
-        return say("info", f"{record.seconds:g} s of this input leave all parameters open that were asked for.")
+        return say("info", f"{_much(record)} leave all parameters open that were asked for.")
     told = [f"{r.name} {_error(r.then, r)} (now {_error(r.now, r)})" for r in chosen[:8]]
     more = f" and {len(chosen) - 8} more" if len(chosen) > 8 else ""
-    return say("good", f"With {record.seconds:g} s of this input the standard errors become: {', '.join(told)}{more}.")
+    return say("good", f"With {_much(record)} the standard errors become: {', '.join(told)}{more}.")
+
+
+def _much(record: NextExperiment) -> str:
+    """How much is recorded, as it counts for the model."""
+    return f"{record.samples} samples at these levels" if record.levels else f"{record.seconds:g} s of this input"
+
+
+def _levels(record: NextExperiment) -> list[Sentence]:
+    """Where to measure, of a model without dynamics."""
+    if not record.levels:
+        return []
+    names, units = [i.name for i in record.inputs], [i.unit for i in record.inputs]
+    if len(record.levels) > MOST_LEVELS:
+        at = f"{len(record.levels)} levels, which the file lists"
+    else:
+        told = []
+        for level in record.levels:
+            each = [
+                f"{n} = {v:.4g} {'' if u in (None, '1') else u}".rstrip()
+                for n, v, u in zip(names, array(level.values), units, strict=True)
+            ]
+            told.append(f"{' with '.join(each)} ({level.samples} sample{'s' if level.samples > 1 else ''})")
+        at = some(told, MOST_LEVELS)
+    text = (
+        f"The model follows {some(names)} at once, so that neither the order nor the times of the samples count: "
+        f"measure at {at}, each when the plant is at rest."
+    )
+    return [say("info", text, levels=len(record.levels))]
 
 
 def _error(value: float | None, row: ErrorsAfter) -> str:
@@ -59,7 +93,9 @@ def _error(value: float | None, row: ErrorsAfter) -> str:
 
 
 def _beside(record: NextExperiment, words: str) -> list[Sentence]:
-    """Against the best of the classical kinds."""
+    """Against the best of the classical kinds, which are courses in time."""
+    if record.levels:
+        return []
     others = [c for c in record.compared if c.kind != record.kind]
     if record.kind != "designed":
         return [

@@ -31,20 +31,23 @@ STILL = 1e-3  # of a state: a model that moves less during the samples at rest i
 
 
 def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Look]:
-    """All looks at the recordings of a problem that is simulated over time; none for regressions, static models and
-    steady records.
+    """All looks at the recordings of a problem that is simulated over time; none for regressions. Of static models
+    and steady records it is only said where an input and an output are one column.
 
     Only inputs of the model and outputs that are fitted are looked at. Of the parameters that the data have
     `determined` nobody says that the data cannot tell them. A function that makes another kind of look is called here.
     """
     model = problem.model
-    if not isinstance(model, Model) or not problem.in_time:
+    if not isinstance(model, Model):
         return []
+    if not problem.in_time:
+        return [look for name in problem.experiments for look in _same_in(problem, model, name)]
     found: list[Look] = []
     steps = input_steps(problem)
     conditions = _conditions(problem, model)
     for name, e in problem.experiments.items():
         if e.steady:
+            found += _same_in(problem, model, name)
             continue
         recording = Recording(e.recording.t, e.recording.signals, name, e.recording.log)
         found += clock_looks(recording)
@@ -70,6 +73,14 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
         ):
             found += _start(problem, model, recording)
     return found
+
+
+def _same_in(problem: Problem, model: Model, name: str) -> Iterator[Look]:
+    """Inputs of one recording that have the values of an output."""
+    recording = problem.experiments[name].recording
+    named = Recording(recording.t, recording.signals, name, recording.log)
+    for u in model.inputs:
+        yield from (look for y in problem.outputs if (look := _same(named, u, y)) is not None)
 
 
 def _same(recording: Recording, u: str, y: str) -> Look | None:

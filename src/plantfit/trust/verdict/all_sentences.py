@@ -95,6 +95,8 @@ def _steps(findings: Findings) -> Iterator[Sentence]:
     where = f" in {checked}, the least exact recording," if checked and len(findings["recordings"]) > 1 else ""
     reached, samples = findings["simulation"].get("checked_samples"), findings["simulation"].get("samples")
     part = "" if reached is None or reached >= samples else f" over the first {reached} of {samples} samples"
+    if part and (allowed := findings["simulation"].get("checked_evaluations")):
+        part += f", as far as the {allowed:,} evaluations reach that the check may take,"
     if refused:  # what was compared before it ended speaks for nothing behind
         part = f"{part}, where it could be followed," if part else " where it could be followed"
     for name, o in findings["simulation"].get("outputs", {}).items():

@@ -14,7 +14,7 @@ from plantfit.trust.verdict.outputs import (
     recordings_named,
     shows_nothing,
 )
-from plantfit.trust.verdict.words import FEW, Sentence, say, span, with_unit, worst
+from plantfit.trust.verdict.words import FEW, Sentence, say, span, times_the_mean, with_unit, worst
 
 
 def fit_sentences(findings: Findings) -> Iterator[Sentence]:
@@ -40,7 +40,7 @@ def _by_outliers(findings: Findings, row: Row) -> Sentence:
     which, them = (f"{count} outliers hold", "them") if count > 1 else ("one outlier holds", "it")
     text = (
         f"The model follows {place(findings, row)} with an RMSE of {with_unit(row['rmse'], row['unit'])} on the "
-        f"fitted samples{'' if percent is None else f', a fit of {percent:.1f} %'}; {which} {100 * share:.0f} % of the "
+        f"fitted samples{_in_percent(percent)}; {which} {100 * share:.0f} % of the "
         f"squares of what is left: take {them} out before you judge the model."
     )
     return say("warning", text, rmse=row["rmse"], outliers=count, share=share)
@@ -60,6 +60,11 @@ def _many_by_outliers(findings: Findings, output: str, rows: Sequence[Row]) -> I
 _MUST = "no more than the free parameters that follow them, so that this shows nothing: give more samples of"
 
 
+def _in_percent(percent: float | None) -> str:
+    """A fit as the end of a sentence about an RMSE, as far as it is known."""
+    return "" if percent is None else f", {times_the_mean(percent) or f'a fit of {percent:.1f} %'}"
+
+
 def _fit_level(row: Row) -> str:
     percent = row["fit_percent"]
     if percent is None or (percent < GOOD and row["at_floor"]):
@@ -76,7 +81,13 @@ def _fit(findings: Findings, row: Row) -> Sentence:
     if shows_nothing(row):
         text += f", but these {row['n']} are {_MUST} {row['output']}."
         return say("warning", text, rmse=row["rmse"], samples=row["n"])
-    text += f", a fit of {percent:.1f} %" if percent is not None else ""
+    if percent is not None and times_the_mean(percent):
+        text = (
+            f"The model does not follow {place(findings, row)}: its RMSE on the fitted samples is "
+            f"{with_unit(row['rmse'], row['unit'])}, {times_the_mean(percent)} of these samples"
+        )
+    else:
+        text += _in_percent(percent)
     text += (
         "; what is left is its noise from sample to sample."
         if percent is not None and percent < GOOD and row["at_floor"]
@@ -108,6 +119,12 @@ def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sent
         yield say("info", f"{text}.", rmse=max(r["rmse"] for r in rows))
         return
     low, high = (choose(known, key=lambda r: r["fit_percent"]) for choose in (min, max))
-    text += f", a fit of {low['fit_percent']:.1f} to {high['fit_percent']:.1f} % (lowest in {low['recording']})."
+    worst_fit, best_fit = low["fit_percent"], high["fit_percent"]
+    if times_the_mean(best_fit):
+        text += f", in {low['recording']} {times_the_mean(worst_fit)} and nowhere less than {times_the_mean(best_fit)}."
+    elif times_the_mean(worst_fit):
+        text += f", a fit of {best_fit:.1f} % at best; in {low['recording']} the RMSE is {times_the_mean(worst_fit)}."
+    else:
+        text += f", a fit of {worst_fit:.1f} to {best_fit:.1f} % (lowest in {low['recording']})."
     level = worst(_fit_level(r) for r in known)
     yield say(level, text, rmse=max(r["rmse"] for r in rows), fit_percent=low["fit_percent"])

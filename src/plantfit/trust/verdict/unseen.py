@@ -16,7 +16,7 @@ from plantfit.trust.verdict.outputs import (
     recordings_named,
     shows_nothing,
 )
-from plantfit.trust.verdict.words import Sentence, number, say, span, with_unit, worst
+from plantfit.trust.verdict.words import Sentence, number, say, span, times_the_mean, with_unit, worst
 
 # times the RMSE of fitted samples, up to which unseen ones are followed as well, and from which on they are not
 HOLDS, FAILS = (1.3, 2.0)
@@ -179,11 +179,9 @@ def _but(findings: Findings, row: Row, level: str) -> str | None:
     if level == "bad":
         return None
     percent, noise = row["fit_percent"], most_noise(findings, row["output"])
-    if _is_poor(findings, row, level, noise):
-        return (
-            f"{'no worse than there, but' if level == 'good' else 'worse than there, and'} "
-            f"a fit of {percent:.0f} % only"
-        )
+    if percent is not None and _is_poor(findings, row, level, noise):
+        worse = "no worse than there, but" if level == "good" else "worse than there, and"
+        return f"{worse} {times_the_mean(percent) or f'a fit of {percent:.0f} % only'}"
     if level == "good" and percent is not None and percent < GOOD and noise and row["rmse"] > MUCH * noise:
         return f"no worse than there, but {row['rmse'] / noise:.2g} times the noise from sample to sample"
     return None

@@ -36,6 +36,14 @@ def with_unit(value: float, unit: str | None) -> str:
     return f"{number(value)} {unit}" if unit and unit not in ("1", "") else number(value)
 
 
+FAR = -100.0  # per cent: below that a fit is told as how many times farther off than the mean the model is
+
+
+def times_the_mean(percent: float) -> str | None:
+    """`354 times that of a constant at the mean`, of an RMSE, where a fit in per cent is below -100; else None."""
+    return f"{number(1.0 - percent / 100.0)} times that of a constant at the mean" if percent < FAR else None
+
+
 def span(values: Sequence[float], unit: str | None) -> str:
     """`0.1 to 0.3 V`, or one number when both ends read the same."""
     low, high = min(values), max(values)

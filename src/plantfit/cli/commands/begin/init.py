@@ -4,21 +4,22 @@ import os
 import re
 import sys
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from keyword import iskeyword
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from plantfit.cli.arguments.dates import check_used, order
+from plantfit.cli.commands.begin.at_rest import CLOCK, SPLITS, TOLD, rows_at_rest
 from plantfit.cli.commands.begin.reads_back import checked, clock_that_reads, words_line
-from plantfit.cli.commands.begin.study_text import WORDS, Kind, Link, Signal, clock_line, study_text
+from plantfit.cli.commands.begin.study_text import AT_REST, SPLIT, WORDS, Kind, Link, Signal, clock_line, study_text
 from plantfit.cli.terminal.out import out, print_json
 from plantfit.errors import RecordingError, SpecError
 
 if TYPE_CHECKING:
     from plantfit.recording.description import ColumnSummary, Description
     from plantfit.recording.readers.columns import Table
-    from plantfit.recording.readers.timestamps import Dates
     from plantfit.recording.roles import Role, Roles
 
 NONE = "none"  # as --input: nothing drives the plant
@@ -55,7 +56,6 @@ def init(
     from plantfit.recording.readers.any_format import table
     from plantfit.recording.readers.clock import may_be_milliseconds
     from plantfit.recording.readers.long_tables import widened
-    from plantfit.recording.readers.numbers import is_number
     from plantfit.recording.roles import roles_of
 
     source = Path(file)
@@ -65,15 +65,9 @@ def init(
     target = Path(place) if place else source.with_name(f"{name}.toml")
     targets = _targets(target, candidates, force)
     content = table(file)
-    found, roles = described(content, _order(dates)), roles_of(content)
-    if found.problem:
-        where = (
-            'write dates = "day first" or dates = "month first" under [recording.NAME] (in Python dates="day first")'
-        )
-        raise RecordingError(found.problem.replace(where, 'give --dates "day first" or --dates "month first"'))
+    found, roles = described(content, order(dates)), roles_of(content)
+    check_used(dates, found)
     known = {c.header: c for c in found.columns}
-    if dates is not None and (found.time is None or is_number(next(iter(known[found.time].first), ""))):
-        raise SpecError(f"--dates {dates!r}: the times of {source.name} are no dates; leave it out.")
     if model is not None:
         return _motor(source, target, found, content, (*inputs, *outputs), name, json)
     free = _free(source.name, roles, known, inputs, outputs)
@@ -99,14 +93,24 @@ def init(
     period = found.period or 1.0
     told = _columns(found, roles)
     read = [c.header for k in links for s in (*k.inputs, k.output) for c in s.read]
-    clock = clock_line(found) + words_line(content, read, json)
+    rest = rows_at_rest(content, found, links)
+    if rest is not None:
+        targets = _targets(target, candidates, force, AT_REST)
+        if not json:
+            out.print(
+                f"{source.name} has no column of times, and {TOLD[rest]}: the models are without dynamics. If the rows "
+                "were recorded one after the other, put a column of their times into the file.",
+                markup=False,
+            )
+    clock = (clock_line(found) if rest is None else CLOCK) + words_line(content, read, json)
+    split = SPLIT if rest is None else SPLITS[rest]
     for kind, to in targets.items():
         path = os.path.relpath(source, to.parent)
 
         def text(clock: str, kind: Kind = kind, to: Path = to, path: str = path) -> str:
             return study_text(kind, links, source.name, path, to.name, to.stem if candidates else name, told, clock,
                               period,
-                              period * max(found.rows - 1, 1))  # fmt: skip
+                              period * max(found.rows - 1, 1), split)  # fmt: skip
 
         clock = clock_that_reads(text, clock, to, quiet=json)
         to.write_text(text(clock), encoding="utf-8")
@@ -115,27 +119,17 @@ def init(
     if json:
         return print_json(_record(str(target), links, found, roles))
     _say_links(links, roles, sure=bool(inputs or outputs))
-    if found.time is None and not found.period:
+    if found.time is None and not found.period and rest is None:
         out.print(_NO_CLOCK, markup=False)
-    out.print(f"Written: {target} ({WORDS['dead_time']}; --candidates compares {len(WORDS)} kinds)", markup=False)
+    kinds, (kind,) = WORDS if rest is None else AT_REST, targets
+    out.print(f"Written: {target} ({kinds[kind]}; --candidates compares {len(kinds)} kinds)", markup=False)
     out.print(f"Next: plantfit check {target}", markup=False)
 
 
-def _order(dates: str | None) -> "Dates | None":
-    """The order of day and month; raises SpecError for another."""
-    from plantfit.recording.readers.timestamps import ORDERS
-
-    for order in ORDERS:
-        if order == dates:
-            return order
-    if dates is not None:
-        raise SpecError(f"--dates {dates!r}: write one of {', '.join(map(repr, ORDERS))}.")
-    return None
-
-
-def _targets(target: Path, candidates: bool, force: bool) -> dict[Kind, Path]:
+def _targets(target: Path, candidates: bool, force: bool, words: Mapping[Kind, str] = WORDS) -> dict[Kind, Path]:
     """The file to write for each kind of model."""
-    kinds: list[Kind] = list(WORDS) if candidates else ["dead_time"]
+    alone: Kind = "dead_time" if words is WORDS else "line"
+    kinds: list[Kind] = list(words) if candidates else [alone]
     targets: dict[Kind, Path] = {
         kind: target.with_stem(f"{target.stem}-{kind}") if candidates else target for kind in kinds
     }
@@ -453,7 +447,7 @@ def _symbol(name: str, spare: str) -> str:
     """A name that equations may use and the template does not."""
     from plantfit.models.text.declarations import RESERVED
 
-    taken = re.fullmatch(r"(x|z|K|L|tau|lag|rest|start)\d*", name)
+    taken = re.fullmatch(r"(x|z|K|bend|L|tau|lag|rest|start)\d*", name)
     # a bare key of TOML has no accents
     plain = unicodedata.normalize("NFKD", name.translate(_LETTERS)).encode("ascii", "ignore").decode()
     usable = plain.isidentifier() and not iskeyword(plain) and plain not in RESERVED
@@ -468,7 +462,7 @@ def _compared(files: list[Path], json: bool) -> None:
     given = [str(f) for f in files]
     if not json:
         out.print(f"Written: {', '.join(given)}\nComparing them: plantfit compare {' '.join(given)}", markup=False)
-    page = str(files[0].with_name(files[0].stem.removesuffix("-first") + "-candidates.html"))
+    page = str(files[0].with_name(files[0].stem.removesuffix("-first").removesuffix("-line") + "-candidates.html"))
     compare_models(given, given, os.environ.get(VARIABLE, STORE), page, True, None, json)
 
 

@@ -4,19 +4,24 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from plantfit.cli.arguments.dates import asked_as_option, check_used, order
 from plantfit.cli.arguments.file_names import file_name
 from plantfit.cli.terminal.out import out, print_json, verdict
 from plantfit.errors import RecordingError, SpecError
 
 
 def look(
-    path: str, inputs: Sequence[str], outputs: Sequence[str], name: str | None, place: str | None, json: bool
-) -> None:
-    """Look at a study file's recording with its inputs and outputs, or at a file of measurements."""
+    path: str, inputs: Sequence[str], outputs: Sequence[str], name: str | None, place: str | None, json: bool,
+    dates: str | None = None,
+) -> None:  # fmt: skip
+    """Look at a study file's recording with its inputs and outputs, or at a file of measurements; `dates` is the order
+    of day and month in the time stamps of such a file."""
     from plantfit.report.html import check_place
 
+    if dates is not None and path.endswith(".toml"):
+        raise SpecError(f"--dates is for a file of measurements; {path} says it with dates under [recording.NAME].")
     recording, own_in, own_out, masks, told = (
-        (*_of_study(path, name), "") if path.endswith(".toml") else _of_file(path, inputs, outputs)
+        (*_of_study(path, name), "") if path.endswith(".toml") else _of_file(path, inputs, outputs, dates)
     )
     if path.endswith(".toml"):
         own_in, own_out = list(inputs) or own_in, list(outputs) or own_out
@@ -66,13 +71,18 @@ def _of_study(path: str, name: str | None) -> tuple[Any, list[str], list[str], A
     return experiment.recording, inputs, list(problem.outputs), masks
 
 
-def _of_file(path: str, inputs: Sequence[str], outputs: Sequence[str]) -> tuple[Any, list[str], list[str], None, str]:
+def _of_file(
+    path: str, inputs: Sequence[str], outputs: Sequence[str], dates: str | None
+) -> tuple[Any, list[str], list[str], None, str]:
     """The recording of a file, its inputs and outputs, and what was made of its columns."""
     import numpy as np
 
     from plantfit import recording as rec
 
-    read = rec.read(path)
+    if dates is not None:
+        check_used(dates, rec.describe(path, order(dates)))
+    with asked_as_option():
+        read = rec.read(path, dates=order(dates))
     moving = list(read.signals)
     if len(moving) < 2:
         raise RecordingError(f"{path} has the signals {moving}; a first look needs an input and an output.")

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from plantfit import units
+from plantfit.cli.arguments.dates import check_used, order
 from plantfit.cli.commands.begin.plant_study import Measurements, Plant, expected, of_library, of_network, study
 from plantfit.cli.commands.begin.reads_back import clock_that_reads
 from plantfit.cli.commands.begin.study_text import clock_line
@@ -32,10 +33,10 @@ class _Made:
 
 def new(
     name: str | None, kind: str | None, recording: str | None, columns: Sequence[str], place: str | None, force: bool,
-    json: bool
+    json: bool, dates: str | None = None
 ) -> None:  # fmt: skip
     """Write the study file of the list of parts `name`, or of the plant `kind` under this name; `columns` are
-    SIGNAL=COLUMN."""
+    SIGNAL=COLUMN, and `dates` the order of day and month in the time stamps of the recording."""
     if name is None:
         raise SpecError(
             "Name a list of parts, as in `plantfit new circuit.net`, or a plant to begin with, as in `plantfit new "
@@ -73,9 +74,11 @@ def new(
     said = {signal.strip(): column.strip() for signal, _, column in (c.partition("=") for c in columns)}
     if said and recording is None:
         raise SpecError("--column names columns of a recording; give its file with --recording.")
+    if dates is not None and recording is None:
+        raise SpecError("--dates is of the times of a recording; give its file with --recording.")
     measured, missing = expected(made.plant, f"{target.stem}.csv"), []
     if recording is not None:
-        measured, missing = _columns(made.plant, Path(recording), target, said)
+        measured, missing = _columns(made.plant, Path(recording), target, said, dates)
 
     def text(clock: str) -> str:
         return study(made.plant, replace(measured, clock=clock), target.stem, words, target.name)
@@ -176,7 +179,9 @@ def _of_kind(kind: str, words: str) -> tuple[_Made, str]:
     return _Made(of_library(kind, model, {o.name: o.default for o in entry.options}), "", []), words
 
 
-def _columns(plant: Plant, recording: Path, target: Path, said: Mapping[str, str]) -> tuple[Measurements, list[str]]:
+def _columns(
+    plant: Plant, recording: Path, target: Path, said: Mapping[str, str], dates: str | None
+) -> tuple[Measurements, list[str]]:
     """Columns of a recording by signal, and signals that found none: what the user `said`, else by name, by a unit
     that only one column fits, and by unit and role in their order where as many columns as signals are left."""
     from plantfit.recording.description import described
@@ -184,9 +189,8 @@ def _columns(plant: Plant, recording: Path, target: Path, said: Mapping[str, str
     from plantfit.recording.roles import roles_of
 
     content = table(str(recording))
-    found = described(content)
-    if found.problem:
-        raise RecordingError(found.problem)
+    found = described(content, order(dates))
+    check_used(dates, found)
     roles = {r.header: r.kind for r in roles_of(content).columns}
     free = [
         c

@@ -9,12 +9,17 @@ from typing import TYPE_CHECKING, Literal
 if TYPE_CHECKING:
     from plantfit.recording.description import Description
 
-Kind = Literal["first", "dead_time", "second", "integrating"]
+Kind = Literal["first", "dead_time", "second", "integrating", "line", "parabola"]
 WORDS: dict[Kind, str] = {
     "first": "first order",
     "dead_time": "first order with dead time",
     "second": "second order (two lags) with dead time",
     "integrating": "first order in the rate, which the output sums up, with dead time",
+}
+# of rows that are no motion
+AT_REST: dict[Kind, str] = {
+    "line": "a straight line of the inputs, without dynamics",
+    "parabola": "a parabola in every input, without dynamics",
 }
 
 HEAD = """\
@@ -31,8 +36,8 @@ name = {name}
 file = {path}
 {time}
 signals = {{ {signals} }}
-{units}split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds
-"""
+{units}{split}"""
+SPLIT = "split = 0.7            # the first 70 % are fitted, the rest shows whether the model holds\n"
 SEARCH = """\
 # ---- how to search ---------------------------------------------------------------------------
 [search]
@@ -106,7 +111,7 @@ class Link:
 def study_text(
     kind: Kind, links: Sequence[Link], source: str, path: str, spec: str, name: str, columns: Sequence[str], time: str,
     period: float,
-    duration: float,
+    duration: float, split: str = SPLIT,
 ) -> str:  # fmt: skip
     """A study file of one model of `kind` for each output.
 
@@ -134,10 +139,15 @@ def study_text(
         for u in inputs
         if u.of
     ]
-    return (HEAD + _MIDDLE + SEARCH).format(
-        source=" ".join(source.split()), spec=" ".join(spec.split()), words=WORDS[kind], name=quoted(name),
+    middle = (
+        _MIDDLE
+        if kind not in AT_REST
+        else _MIDDLE[_MIDDLE.index("\n# ---- how the plant") :].replace("states = {{ {states} }}\n", "")
+    )
+    return (HEAD + middle + SEARCH).format(
+        source=" ".join(source.split()), spec=" ".join(spec.split()), words=(WORDS | AT_REST)[kind], name=quoted(name),
         path=quoted(path),
-        time=time, gap=5 * period,
+        time=time, split=split, gap=5 * period,
         columns="".join(f"#   {c}\n" for c in columns),
         signals=", ".join(f"{s.symbol} = {quoted(s.header)}" for s in read),
         units=_units([s for s in read if s.named], bare)
@@ -182,9 +192,12 @@ class _Plant:
         self.link, self.kind, self.number, self.period, self.duration = link, kind, number, period, duration
         places = [str(inputs.index(u) + 1) if len(inputs) > 1 else "" for u in link.inputs]
         self.gains = [f"K{number}{place}" for place in places]
+        self.squares = [f"bend{number}{place}" for place in places] if kind == "parabola" else []
 
     @property
     def states(self) -> list[str]:
+        if self.kind in AT_REST:
+            return []
         return [f"{n}{self.number}" for n in {"second": ("z", "x"), "integrating": ("v", "x")}.get(self.kind, ("x",))]
 
     def state(self, name: str) -> str:
@@ -200,10 +213,16 @@ class _Plant:
 
     @property
     def equations(self) -> list[str]:
-        late = [u.symbol if self.kind == "first" else f"delay({u.symbol}, L{self.number})" for u in self.link.inputs]
+        late = [
+            u.symbol if self.kind in ("first", *AT_REST) else f"delay({u.symbol}, L{self.number})"
+            for u in self.link.inputs
+        ]
         own = "drift" if self.kind == "integrating" else "rest"
         goal = " + ".join([*(f"{k}*{u}" for k, u in zip(self.gains, late, strict=True)), f"{own}{self.number}"])
         x, y = f"x{self.number}", self.link.output.symbol
+        if self.kind in AT_REST:
+            squares = [f"{q}*{u.symbol}^2" for q, u in zip(self.squares, self.link.inputs, strict=False)]
+            return [f"{y} = {' + '.join([goal, *squares])}"]
         if self.kind == "second":
             z = f"z{self.number}"
             return [f"{z}' = ({goal} - {z}) / tau{self.number}", f"{x}' = ({z} - {x}) / lag{self.number}", f"{y} = {x}"]
@@ -222,17 +241,24 @@ class _Plant:
         text = ""
         for name, u in zip(self.gains, self.link.inputs, strict=True):
             wide = u.high - u.low
-            gain = (1 if sums else 20) * moved / wide
-            reach = max(reach, max(abs(u.low), abs(u.high)) / wide)
-            told = f"{'rate' if sums else 'static gain'} from {u.symbol} to {y.symbol}"
-            text += _parameter(name, told, -gain, gain, _ratio(unit, u.unit))
-        room = moved * (1 + 5 * reach)
+            far = max(abs(u.low), abs(u.high)) / wide
+            gain = (1 if sums else 20) * moved / wide * (1 + 4 * far * bool(self.squares))
+            reach = max(reach, far)
+            what = "rate" if sums else "slope" if self.kind in AT_REST else "static gain"
+            text += _parameter(name, f"{what} from {u.symbol} to {y.symbol}", -gain, gain, _ratio(unit, u.unit))
+        for name, u in zip(self.squares, self.link.inputs, strict=False):  # none of a line
+            bend = 80 * moved / (u.high - u.low) ** 2
+            squared = f"({u.unit})^2" if u.unit else None
+            text += _parameter(name, f"bend of {y.symbol} over {u.symbol}", -bend, bend, _ratio(unit, squared))
+        room = moved * (1 + 5 * reach * (1 + 4 * reach * bool(self.squares)))
         if sums:
             told = f"rate of {y.symbol} without input{self._beyond()}"
             text += _parameter(f"drift{self.number}", told, -room, room, unit)
         else:
             told = f"where {y.symbol} rests without input{self._beyond()}"
             text += _parameter(f"rest{self.number}", told, y.low - room, y.high + room, y.unit)
+        if self.kind in AT_REST:
+            return text
         # a parameter holds also where the first value is missing or wrong
         text += _parameter(self.start, f"{y.symbol} at the first sample", y.first - span, y.first + span, y.unit)
         for name in [f"tau{self.number}", *([f"lag{self.number}"] if self.kind == "second" else [])]:

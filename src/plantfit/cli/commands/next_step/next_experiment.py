@@ -49,6 +49,8 @@ def design(
     from plantfit.cli.terminal.out import out as screen
 
     screen.print(f"Written: {', '.join(str(f) for f in files)}", markup=False)
+    if found.typed.levels:
+        return screen.print(f"Next: measure at the levels of {target}", markup=False)
     screen.print(f"Next: plantfit record --excitation {target}", markup=False)
 
 

@@ -10,8 +10,9 @@ from plantfit.report.numbers import with_unit
 _POINTS = 4000
 
 
-def waveform_figure(t: np.ndarray, values: np.ndarray, name: str, unit: str | None) -> Figure:
-    """Values (n,), each held until the next time (s)."""
+def waveform_figure(t: np.ndarray, values: np.ndarray, name: str, unit: str | None, timeless: bool = False) -> Figure:
+    """Values (n,), each held until the next time (s); `timeless` ones are shown by their number."""
+    t = np.arange(1.0, len(values) + 1) if timeless else t
     keep = envelope(values, _POINTS)
     line = {
         "type": "scatter",
@@ -19,9 +20,11 @@ def waveform_figure(t: np.ndarray, values: np.ndarray, name: str, unit: str | No
         "x": style.numbers(t[keep], 9),
         "y": style.numbers(values[keep]),
         "line": {"color": style.INPUT, "width": 1.4, "shape": "hv" if len(t) <= _POINTS else "linear"},
-        "hovertemplate": "%{x:.4g} s: %{y:.4g}<extra></extra>",
+        "hovertemplate": f"%{{x:.4g}}{'' if timeless else ' s'}: %{{y:.4g}}<extra></extra>",
     }
-    layout = style.layout(280, xaxis=style.axis("time [s]"), yaxis=style.axis(with_unit(name, unit)))
+    layout = style.layout(
+        280, xaxis=style.axis("sample" if timeless else "time [s]"), yaxis=style.axis(with_unit(name, unit))
+    )
     return {"data": [line], "layout": layout | {"margin": {"l": 56, "r": 14, "t": 14, "b": 44}}}
 
 
