@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
-from scipy.stats import f
-from scipy.stats import t as student
+from scipy.special import fdtrc, stdtrit  # scipy.stats takes a third of a second to load
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
@@ -268,7 +267,7 @@ class _Fit:
             return None
         apart = (z - begun)[inside] / error
         statistic, degrees = float(np.sum((q[:, told].T @ apart) ** 2 / w[told])), int(told.sum())
-        chance = float(f.sf(statistic / degrees, degrees, max(min(n.degrees for n in noises) - 1.0, 1.0)))
+        chance = float(fdtrc(degrees, max(min(n.degrees for n in noises) - 1.0, 1.0), statistic / degrees))
         worst = int(np.argmax(np.abs(apart) / np.sqrt(np.maximum(np.diag(more), NOTICED**2))))
         name = self.space.names[inside[worst]]
         before, after = (float(np.asarray(self.space.physical(v))[inside[worst]]) for v in (begun, z))
@@ -451,7 +450,7 @@ def _widened(covariance: np.ndarray, parts: Sequence[np.ndarray], degrees: Seque
     for part, own in zip(parts, degrees, strict=True):
         share = np.einsum("ij,jk,ki->i", covariance, part, covariance) / variance
         inverse += np.clip(share, 0.0, 1.0) ** 2 / max(own, 1.0)
-    return student.ppf(0.975, 1.0 / np.maximum(inverse, 1e-9)) / NORMAL
+    return stdtrit(1.0 / np.maximum(inverse, 1e-9), 0.975) / NORMAL
 
 
 __all__ = ["SURE", "Difference", "OutputNoise", "Weighted", "weighted_least_squares"]

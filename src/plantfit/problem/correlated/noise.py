@@ -17,7 +17,7 @@ from scipy import sparse
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 from scipy.optimize import minimize
 from scipy.sparse.linalg import spsolve_triangular
-from scipy.stats import t
+from scipy.special import stdtrit
 
 from plantfit.errors import SearchError
 from plantfit.sobol import Sobol
@@ -297,12 +297,13 @@ def drawn(noise: Noise, columns: np.ndarray, seed: int = 0) -> tuple[list[Noise]
             )
     w, q = np.linalg.eigh(curvature)
     root = q / np.sqrt(np.maximum(w, 1.0))
-    u = t.ppf(Sobol(len(x), np.random.default_rng(seed)).random(DRAWS), DEGREES)
+    u = stdtrit(DEGREES, Sobol(len(x), np.random.default_rng(seed)).random(DRAWS))
     points = np.clip(x + WIDER * u @ root.T, -STRONG, STRONG)
     points[:, : noise.order] = np.clip(points[:, : noise.order], -WIDEST, WIDEST)
     noises = [_sized(noise.with_(p), columns) for p in points]
     likely = np.array([restricted(n, columns)[0] + np.sum(np.log1p(-(n.partial**2))) for n in noises])
-    return noises, likely - np.sum(t.logpdf(u, DEGREES), axis=1)
+    # less the density of u by Student's t, but for a constant
+    return noises, likely + 0.5 * (DEGREES + 1.0) * np.sum(np.log1p(u**2 / DEGREES), axis=1)
 
 
 def shares(logarithms: np.ndarray) -> np.ndarray:
