@@ -82,11 +82,15 @@ def test_a_study_is_meant_by_its_file_its_name_or_its_number(folder, capsys, mon
 
 @pytest.mark.parametrize(("given", "told"), [
     ("fresh.toml", "holds no study of 'fresh.toml'; `plantfit run fresh.toml` makes one"),
-    ("nowhere.toml", "'nowhere.toml' cannot be read as a study file"),
+    ("nowhere.toml", "There is no file 'nowhere.toml'; `plantfit list` shows what is stored"),
+    ("broken.toml", "'broken.toml' cannot be read as a study file"),
+    ("log.csv", "'log.csv' is no study file; give the number, the name or the .toml file of a study"),
     ("unknown", "'unknown' is neither a study file here nor a study in"),
 ])  # fmt: skip
 def test_a_study_that_there_is_not_is_named(given, told, folder, capsys, monkeypatch):
     (folder / "fresh.toml").write_text(SPEC.replace('"gain"', '"fresh"'))
+    (folder / "broken.toml").write_text("name = gain")
+    (folder / "log.csv").write_text("t,u\n0,1\n")
     call(capsys, monkeypatch, "run", "gain.toml")
     said = call(capsys, monkeypatch, "combine", given)
     assert said.code != 0

@@ -10,7 +10,8 @@ from scipy.stats import multivariate_normal
 import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
 from plantfit.estimate.methods.generalised import generalised_least_squares
-from plantfit.problem.correlated.noise import FEW, Noise, Rows, drawn, estimated, in_basis, restricted, shares
+from plantfit.problem.correlated.limits import FEW
+from plantfit.problem.correlated.noise import Noise, Rows, drawn, estimated, in_basis, restricted, shares
 
 GLS = "generalised least squares"
 PARTIAL = np.array([0.7, -0.4])  # an autoregression of order 2: 0.98 and -0.4

@@ -100,6 +100,15 @@ def test_stems_outside_the_bound_are_apart():
     assert [v for v in inside["y"][1::3]] == [0.0, 0.05, -0.05]
 
 
+@pytest.mark.parametrize(("timed", "of_rows", "of_lags"), [(True, "time [s]", "lag [s]"), (False, "row", "lag [rows]")])
+def test_rows_without_times_are_over_no_seconds(record, timed, of_rows, of_lags):
+    fit = figures.fit_figure(record.recordings[0].model_copy(update={"timed": timed}), 100)["layout"]
+    assert {a["title"]["text"] for k, a in fit.items() if k.startswith("xaxis") and a["title"]["text"]} == {of_rows}
+    stems = figures.stem_figure(np.arange(5.0), np.zeros(5), 0.1, "x", timed)
+    assert stems["layout"]["xaxis"]["title"]["text"] == of_lags
+    assert (" rows:" in stems["data"][0]["hovertemplate"]) is not timed
+
+
 @pytest.mark.parametrize("factor", [1.0, 1e-6, 1e6])
 @pytest.mark.parametrize(("scale", "middle"), [("linear", 50.5), ("log", 10.0)])
 def test_position_between_bounds_does_not_depend_on_the_unit(scale, middle, factor):

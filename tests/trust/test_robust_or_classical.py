@@ -43,6 +43,7 @@ def test_samples_in_time_get_errors_that_allow_for_their_correlation(time):
         line(1, 0.8, standard_errors="classical"),
     )
     assert answer.findings["standard_errors"] == {"kind": "robust", "in_time": False}
+    assert answer.findings["recordings"][0]["timed"]
     assert answer.standard_errors == asked.standard_errors
     assert answer.standard_errors["a"] > 2.0 * taken.standard_errors["a"]
     assert told(answer)["level"] == "info"  # nothing tells correlated noise from what the model lacks
@@ -57,6 +58,7 @@ def test_white_residuals_and_rows_without_time_are_not_touched():
     assert told(white)["level"] == "good"
     assert "independent" not in told(white)["sentence"]
     rows = line(1, 0.8, period=1.0)
+    assert not rows.findings["recordings"][0]["timed"]
     assert rows.findings["standard_errors"]["kind"] == "classical"
     assert told(rows)["level"] == "warning"
     assert told(rows)["sentence"].endswith("The intervals take residuals as independent, and those of y are not.")

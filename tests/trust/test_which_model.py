@@ -162,6 +162,16 @@ def test_the_sentence_gives_both_errors_and_the_difference_with_its_unit():
     assert found.verdict[1].sentence.startswith("AICc and BIC choose bend")
 
 
+@pytest.mark.parametrize(("kept", "memory"), [(12, 0.0), (20, 0.98)])
+def test_samples_too_few_for_a_comparison_are_told_with_a_memory_only_where_there_is_one(kept, memory):
+    rng = np.random.default_rng(2)
+    y, other = (slow(rng, memory, N) for _ in range(2))
+    found = record(y, N - kept > T, Candidate("one", 1, 1.0, (0 * y,)), Candidate("other", 1, 1.0, (0.5 * other,)))
+    said = found.verdict[0].sentence
+    assert ("has a memory of" in said) is (memory > 0)
+    assert (f"but {kept} samples are too few for a comparison; keep a longer part unseen" in said) is (memory == 0)
+
+
 @pytest.mark.parametrize("kept", [1000, 12])
 def test_a_linear_model_does_as_well_only_where_the_difference_is_known_to_be_small(kept):
     rng = np.random.default_rng(2)

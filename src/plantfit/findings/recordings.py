@@ -33,6 +33,8 @@ class Recording(Record):
     log: list[str] = []
     """What was done to it, a sentence a step."""
     t: list[float]
+    timed: bool = True
+    """False where rows of a model without time have numbers, and no times."""
     inputs: dict[str, Input] = {}
     outputs: dict[str, Output] = {}
 

@@ -272,14 +272,16 @@ def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool)
     where = f"residual of {test.output} in {test.recording}"
     lags, bound = array(test.lags_s), test.bound
     later = lags > 0  # lag 0 is always 1
-    auto = figures.stem_figure(lags[later], array(test.autocorrelation)[later], bound, "autocorrelation")
-    items = [drawings.add(auto, f"Autocorrelation of the {where} over lag in seconds, with 95 % bounds.")]
+    timed = all(r.timed for r in record.recordings if r.name == test.recording)
+    over = "seconds" if timed else "rows"
+    auto = figures.stem_figure(lags[later], array(test.autocorrelation)[later], bound, "autocorrelation", timed)
+    items = [drawings.add(auto, f"Autocorrelation of the {where} over lag in {over}, with 95 % bounds.")]
     for name, cross in test.cross.items():
         figure = figures.stem_figure(
-            array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}"
+            array(cross.lags_s), array(cross.values), cross.bound, f"cross-correlation with {name}", timed
         )
         items.append(
-            drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in seconds, with 95 % bounds.")
+            drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in {over}, with 95 % bounds.")
         )
     named = named or test.stretch is not None or test.turned is not None
     said = [

@@ -34,6 +34,7 @@ from plantfit.trust.intervals.input_steps import allowing_for_steps, claimed
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
+from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.looks import hold_looks, not_followed, problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
@@ -151,6 +152,7 @@ def _recording(problem: Problem, name: str, predicted: Mapping[str, np.ndarray])
         name=name,
         log=list(record.log),
         t=record.t.tolist(),
+        timed=problem.in_time or has_times(record),
         inputs={
             n: Input(unit=record.signals[n].unit, values=_listed(record[n])) for n in inputs if n not in problem.outputs
         },

@@ -20,9 +20,9 @@ from plantfit.findings.results.estimated import (
     InnovationSize,
     NoiseLevel,
 )
+from plantfit.problem.correlated.limits import RARE
 from plantfit.problem.problem import Problem
 
-RARE = 2.576  # standard deviations that a normal variable exceeds, either way, in 1 % of draws
 LEAST_SQUARES, GENERALISED, LIKELIHOOD = "least squares", "generalised least squares", "maximum likelihood"
 
 

@@ -3,9 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
-
-from plantfit.estimate.methods.estimates_record import GENERALISED, LEAST_SQUARES, RARE
+from plantfit.estimate.methods.estimates_record import GENERALISED, LEAST_SQUARES
 from plantfit.findings.record import Level
 from plantfit.findings.results.estimated import (
     CorrelatedNoise,
@@ -14,11 +12,8 @@ from plantfit.findings.results.estimated import (
     EstimatesByMethod,
 )
 from plantfit.findings.verdict import Sentence
-from plantfit.problem.correlated.noise import FEW
+from plantfit.problem.correlated.limits import FEW, LEFT, SLOW, by_chance
 from plantfit.recording.told import together
-
-MEMORY = 0.1  # correlation of neighbouring innovations from which on intervals of filters are called too narrow
-SLOW = 0.05  # of the samples that are independent, below which what a model lacks is more likely than noise
 
 
 def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> list[Sentence]:
@@ -71,7 +66,7 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
                 f"That is too few to know how slow the noise of {noise.output} is, so {GENERALISED} has no intervals. "
                 "Residuals so slow mostly show that the model lacks something (`plantfit diagnose`).",
             )
-        elif abs(noise.left) > max(MEMORY, RARE / np.sqrt(noise.samples)):
+        elif not by_chance(noise.left, noise.samples):
             say(
                 "warning",
                 f"Neighbouring residuals of {noise.output} are still correlated ({noise.left:.2f}) when this is taken "
@@ -140,7 +135,7 @@ def _alike(told: Mapping[str, Any]) -> list[tuple[list[str], Any]]:
 def _memory(memory: Mapping[str, float | None], chance: Mapping[str, float | None]) -> str:
     """What correlated innovations do to the intervals of a filter; nothing where they are not correlated, or no more
     than by chance."""
-    strong = {n: r for n, r in memory.items() if r is not None and abs(r) > max(MEMORY, chance.get(n) or 0.0)}
+    strong = {n: r for n, r in memory.items() if r is not None and abs(r) > max(LEFT, chance.get(n) or 0.0)}
     if not strong:
         return ""
     shown = ", ".join(f"{r:.2f} of {n}" for n, r in strong.items())

@@ -16,7 +16,8 @@ from scipy.special import fdtrc, stdtrit  # scipy.stats takes a third of a secon
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
-from plantfit.problem.correlated.noise import FEW, Noise, Rows, drawn, estimated, shares
+from plantfit.problem.correlated.limits import FEW
+from plantfit.problem.correlated.noise import Noise, Rows, drawn, estimated, shares
 from plantfit.problem.evaluate.points import residuals, residuals_and_jacobian
 from plantfit.problem.problem import Problem
 

@@ -28,7 +28,6 @@ WIDEST = 3.8  # inverse hyperbolic tangent of a partial correlation: 0.999
 FAINT, STRONG = -12.0, 14.0  # logarithms of the shared variance over the white one
 CURVED = 0.02  # step of second differences
 DRAWS, DEGREES, WIDER = 64, 5.0, 1.1  # of the noise, by Student's t a little wider than its likelihood
-FEW = 8.0  # independent samples, below which it is hardly known how slow the noise is
 FEWEST = 8.0  # effective draws, below which all count the same
 RANK = 1e-8  # of the largest singular value
 
@@ -313,4 +312,4 @@ def shares(logarithms: np.ndarray) -> np.ndarray:
     return weights if 1.0 / np.sum(weights**2) >= FEWEST else np.full(len(weights), 1.0 / len(weights))
 
 
-__all__ = ["FEW", "Noise", "Rows", "drawn", "estimated", "in_basis", "restricted", "shares"]
+__all__ = ["Noise", "Rows", "drawn", "estimated", "in_basis", "restricted", "shares"]

@@ -65,7 +65,7 @@ def fit_figure(recording: Recording, points: int) -> Figure:
     for k in range(panel):
         last = k == panel - 1
         layout[_axis("xaxis", k)] = style.axis(
-            "time [s]" if last else "",
+            ("time [s]" if recording.timed else "row") if last else "",
             anchor=_axis("y", k),
             showticklabels=last,
             **({} if k == 0 else {"matches": "x"}),

@@ -7,6 +7,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.measure.long_run import first_correlation
 from plantfit.problem.problem import Problem
+from plantfit.recording.record import Recording
 from plantfit.trust.intervals.covariance import Block
 from plantfit.trust.validate.residuals.residual_tests import whiteness
 
@@ -30,10 +31,13 @@ def robust_errors(problem: Problem, residuals: np.ndarray, blocks: Sequence[Bloc
 def timed(problem: Problem) -> bool:
     """Whether rows of any recording of the problem have times, and not only numbers from 0 or 1 that no column of time
     gave."""
-    own = [e.recording for e in problem.experiments.values()]
-    return any(
-        r.clocked or r.t[0] not in (0.0, 1.0) or not np.array_equal(r.t - r.t[0], np.arange(len(r))) for r in own
-    )
+    return any(has_times(e.recording) for e in problem.experiments.values())
+
+
+def has_times(recording: Recording) -> bool:
+    """Whether the rows of a recording have times, and not only such numbers."""
+    t = recording.t
+    return recording.clocked or t[0] not in (0.0, 1.0) or not np.array_equal(t - t[0], np.arange(len(t)))
 
 
 def _correlated(residuals: np.ndarray, blocks: Sequence[Block]) -> bool:

@@ -3,13 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from plantfit.problem.correlated.limits import by_chance, enough
 from plantfit.trust.verdict.outputs import Findings, Row, diagnosed, disagree
 from plantfit.trust.verdict.unseen import failing
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, some
 
-SLOW = 0.05  # of the samples that are independent, below which what a model lacks is more likely than noise
-LEFT = 0.1  # correlation of neighbours that such noise may leave, or what chance does
-RARE = 2.576  # standard deviations that a normal variable exceeds, either way, in 1 % of draws
 SHORTER = 0.9  # of an interval's length, from which on it is worth a sentence
 BEST = 3  # parameters that it lists
 
@@ -27,7 +25,7 @@ def may_be_noise(findings: Findings, output: str) -> bool:
     noise = next((n for n in found["noise"] if n["output"] == output), None)
     if noise is None or not (noise["order"] or noise["form"]):
         return False
-    return _enough(noise) and abs(noise["left"]) <= max(LEFT, RARE / noise["samples"] ** 0.5)
+    return enough(noise["independent"], noise["samples"]) and by_chance(noise["left"], noise["samples"])
 
 
 def as_noise(findings: Findings) -> str:
@@ -45,7 +43,7 @@ def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[
     if not found or not coloured:
         return
     least = {p["name"]: p for p in findings["parameters"]}
-    if found["differs"] and all(_enough(n) for n in found["noise"]):
+    if found["differs"] and all(enough(n["independent"], n["samples"]) for n in found["noise"]):
         [moved] = [p for p in found["parameters"] if p["name"] == found["moved"]]
         unit = f" {moved['unit']}" if moved["unit"] and moved["unit"] != "1" else ""
         text = (
@@ -67,11 +65,6 @@ def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[
             '(`plantfit estimate --method "generalised least squares"`).'
         )
         yield say("info", text, ratio=better[0][1])
-
-
-def _enough(noise: Row) -> bool:
-    """Whether samples tell how the noise is correlated, and are not so slow that a model's fault is more likely."""
-    return noise["independent"] >= max(8.0, SLOW * noise["samples"])
 
 
 def _unknown(findings: Findings) -> bool:

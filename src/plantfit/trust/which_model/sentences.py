@@ -123,14 +123,15 @@ def _undecided(
     if all(equal(values[0], v) for v in values):
         text = f"The data do not tell {some(names, 9)} apart: on {where} they predict alike, RMSE {values[0]:.4g}{unit}"
     elif half is None:
-        length = (
-            f"what differs has a memory of {pair.correlation:.0f} "
-            f"samples, so that the {pair.samples} are worth {pair.degrees}"
-        )
+        few = f"{pair.samples} samples are too few for a comparison"
+        if pair.correlation is not None and pair.correlation >= 1.5:
+            few = (
+                f"what differs has a memory of {pair.correlation:.0f} samples, so that the {pair.samples} are worth "
+                f"{pair.degrees}, and {FEWEST} are the fewest that a comparison can be made of"
+            )
         text = (
             f"The data do not tell {some(names, 9)} apart: RMSE on {where} "
-            f"{some([f'{v:.4g}' for v in values], 9)}{unit}, but {length}, "
-            f"and {FEWEST} are the fewest that a comparison can be made of; keep a longer part unseen"
+            f"{some([f'{v:.4g}' for v in values], 9)}{unit}, but {few}; keep a longer part unseen"
         )
     else:
         decimals = places(half, values)

@@ -28,8 +28,12 @@ def number_given(given: str | None, store: str) -> int | None:
         return None if given is None else number_of(given, store)
     from plantfit.study import Store
 
+    if not given.endswith(".toml"):
+        raise StoreError(f"{given!r} is no study file; give the number, the name or the .toml file of a study.")
     try:
         name = tomllib.loads(Path(given).read_text(encoding="utf-8-sig")).get("name")
+    except FileNotFoundError:
+        raise StoreError(f"There is no file {given!r}; `plantfit list` shows what is stored.") from None
     except (OSError, ValueError) as error:
         raise StoreError(f"{given!r} cannot be read as a study file: {error}.") from None
     own = [r.id for r in Store.open(store, create=False).studies() if r.name == name]
