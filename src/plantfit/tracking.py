@@ -24,6 +24,7 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.recording.told import either
 from plantfit.report.numbers import significant
 from plantfit.spec.study import Study
+from plantfit.units import is_point
 
 if TYPE_CHECKING:
     import polars as pl
@@ -65,7 +66,7 @@ class Alarm:
         unit = f" {self.unit}" if self.unit and self.unit != "1" else ""
         was, now = significant(self.from_value, 4, True), significant(self.to_value, 3, True)
         share = ""
-        if self.from_value:
+        if self.from_value and not (self.unit and is_point(self.unit)):  # of 0 degC nothing is a share
             share = f", {100 * (self.to_value - self.from_value) / abs(self.from_value):+.0f} %"  # pyrefly: ignore[unsupported-operation]
         value = f"about {now}{unit} in place of {was}{unit}{share}"
         later = f"; samples up to {self.told:.6g} s tell it" if self.told is not None else ""

@@ -14,6 +14,7 @@ from plantfit.errors import RecordingError, SearchError
 from plantfit.estimate.watch.causes import causes
 from plantfit.estimate.watch.changes import Calibration, Changes
 from plantfit.recording.readers.formats.text.growing import GrowingTable
+from plantfit.tracking import Alarm
 
 
 @pytest.fixture(scope="module")
@@ -450,3 +451,9 @@ def test_the_file_of_a_running_recorder_is_followed_over_gaps(tmp_path, tracker)
     assert out.exists()
     live = dict(tracker.rows[-1])
     assert live == pytest.approx(fed(tracker, pf.read_csv(out)).rows[-1], rel=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "told"), [("degC", "about 26 degC in place of 21 degC ("), ("s", "21 s, +24 % (")])
+def test_a_change_is_a_share_of_what_has_a_zero(unit, told):
+    alarm = Alarm(1100.0, 1000.0, "x", unit, 21.0, 26.0, (), 3.0, 1e-9, 1e-4)
+    assert told in alarm.sentence
