@@ -5,7 +5,7 @@ from typing import Literal
 
 import numpy as np
 
-from plantfit.cli.commands.begin.study_text import HEAD, SEARCH, Signal, quoted
+from plantfit.cli.commands.begin.study_text import HEAD, SEARCH, SPLIT, Signal, quoted
 from plantfit.units import compatible, factor_offset
 
 Motion = Literal["oscillation", "decay"]
@@ -99,7 +99,7 @@ def free_text(
     text = (HEAD + _MIDDLE + SEARCH).format(
         source=" ".join(source.split()), spec=" ".join(spec.split()), words=f"{WORDS[motion]} without an input",
         name=quoted(name),
-        columns="".join(f"#   {c}\n" for c in columns), path=quoted(path), time=time, y=y.symbol,
+        columns="".join(f"#   {c}\n" for c in columns), path=quoted(path), time=time, split=SPLIT, y=y.symbol,
         signals=f"{y.symbol} = {quoted(y.header)}",
         units=f"units = {{ {y.symbol} = {quoted(stated)} }}    # by the name of the column: correct it\n"
         if y.named
