@@ -9,9 +9,13 @@ import pytest
 from findings_example import example
 
 from plantfit.findings import History, Parameter, read_findings
+from plantfit.findings.diagnosis import ResidualChange
+from plantfit.findings.results.models_compared import ModelSeries
 from plantfit.report import figures
 from plantfit.report.figures import style
+from plantfit.report.figures.comparison.models import overlay_figure
 from plantfit.report.figures.convergence import cost_at
+from plantfit.report.figures.missing import residual_change_figure
 from plantfit.report.figures.parameters import position
 
 
@@ -107,6 +111,13 @@ def test_rows_without_times_are_over_no_seconds(record, timed, of_rows, of_lags)
     stems = figures.stem_figure(np.arange(5.0), np.zeros(5), 0.1, "x", timed)
     assert stems["layout"]["xaxis"]["title"]["text"] == of_lags
     assert (" rows:" in stems["data"][0]["hovertemplate"]) is not timed
+    t, y, part = [0.0, 1.0, 2.0], [1.0, 2.0, 3.0], ["fit"] * 3
+    models = ModelSeries(
+        recording="r", output="y", unit=None, t=t, measured=y, part=part, simulated={"a": y}, timed=timed
+    )
+    assert overlay_figure(models, ["a"], 100)["layout"]["xaxis2"]["title"]["text"] == of_rows
+    changed = ResidualChange(recording="r", output="y", t=t, before=y, after=y, timed=timed)
+    assert residual_change_figure([changed], 100)["layout"]["xaxis"]["title"]["text"] == of_rows
 
 
 @pytest.mark.parametrize("factor", [1.0, 1e-6, 1e6])

@@ -15,8 +15,9 @@ sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the 
 
 from benchmarks.equal_models import apart
 
+import plantfit as pf
 from plantfit.trust.which_model.candidates import Candidate
-from plantfit.trust.which_model.common_data import Series
+from plantfit.trust.which_model.common_data import Series, series_of
 from plantfit.trust.which_model.comparison import compared
 from plantfit.trust.which_model.paired_losses import _at_worst, paired_difference
 from plantfit.trust.which_model.sentences import told_apart
@@ -225,3 +226,18 @@ def test_errors_worth_few_numbers_each_are_not_told_by_their_ratio():
         least = [_at_worst(1.0, r, (own, other), 1)[0] for r in ratios]
         told = np.mean(np.sqrt(ratios) - 1.0 > np.array(least))
         assert 0.015 <= told <= 0.035  # one side of 5 %
+
+
+@pytest.mark.parametrize("named", ["", "t [s],"])
+def test_rows_without_times_are_known_to_be_rows(tmp_path, named):
+    x = np.linspace(0.0, 1.0, 12)
+    rows = np.c_[x, 2.0 * x] if not named else np.c_[0.5 * np.arange(12), x, 2.0 * x]
+    np.savetxt(tmp_path / "r.csv", rows, delimiter=",", header=f"{named}x [V],y [V]", comments="")
+    (tmp_path / "s.toml").write_text(
+        'name = "s"\n[recording.r]\nfile = "r.csv"\n'
+        + ('time = "t"\n' if named else "period = 1\n")
+        + 'signals = { x = "x [V]", y = "y [V]" }\n[model]\nequations = "y = a*x"\ninputs = { x = "V" }\n'
+        'outputs = { y = "V" }\n[parameters.a]\nbounds = [0, 5]\n'
+    )
+    series = series_of(pf.load(tmp_path / "s.toml").problem)
+    assert [s.timed for s in series.values()] == [bool(named)]

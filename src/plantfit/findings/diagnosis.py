@@ -62,6 +62,8 @@ class ResidualChange(Record):
     t: list[float]
     before: Values
     after: Values
+    timed: bool = True
+    """False where the rows have no times: t counts them."""
 
 
 class ValueBeside(Record):

@@ -83,6 +83,8 @@ class ModelSeries(Record):
     measured: Samples
     part: list[Literal["fit", "validation", ""]]
     simulated: dict[str, Samples]
+    timed: bool = True
+    """False where the rows have no times: t counts them."""
 
 
 class ComparisonOfModels(Printed):

@@ -58,7 +58,9 @@ def residual_change_figure(series: Sequence[ResidualChange], points: int) -> Fig
         layout[f"yaxis{axis}"] = style.axis(
             domain=[max(0.0, top - PANEL / height), top], nticks=5, zeroline=True, zerolinecolor=style.MUTED
         )
-        layout[f"xaxis{axis}"] = style.axis("time [s]" if k == len(series) - 1 else "", anchor=f"y{axis}")
+        layout[f"xaxis{axis}"] = style.axis(
+            ("time [s]" if one.timed else "row") if k == len(series) - 1 else "", anchor=f"y{axis}"
+        )
     return {"data": data, "layout": layout | {"annotations": notes}}
 
 

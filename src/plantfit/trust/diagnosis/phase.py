@@ -23,6 +23,7 @@ from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.finish.other_starts import OtherStarts, other_starts
 from plantfit.trust.intervals.first_values import outputs_begun_at
+from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
 from plantfit.trust.verdict.outputs import GOOD, forgotten, noise_rows
@@ -246,7 +247,13 @@ def _series(found: Diagnosis, after: Fitted) -> Iterator[ResidualChange]:
             before, now = ([float(v) if np.isfinite(v) else None for v in one] for one in both)
             unit = given.model.outputs[output]
             yield ResidualChange(
-                recording=name, output=output, unit=unit, t=e.recording.t.tolist(), before=before, after=now
+                recording=name,
+                output=output,
+                unit=unit,
+                t=e.recording.t.tolist(),
+                before=before,
+                after=now,
+                timed=given.in_time or has_times(e.recording),
             )
 
 

@@ -10,6 +10,7 @@ from plantfit import units
 from plantfit.errors import RecordingError
 from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.robust_or_classical import has_times
 
 Place = tuple[str, str]
 """Recording and output."""
@@ -28,6 +29,7 @@ class Series:
     measured: np.ndarray
     fitted: np.ndarray
     unseen: np.ndarray
+    timed: bool = True  # whether t are times, and not numbers of rows
 
 
 @dataclass(frozen=True)
@@ -76,7 +78,14 @@ def series_of(problem: Problem) -> dict[Place, Series]:
                 experiment.recording.signals[output].unit if output in experiment.recording.signals else None
             )
             found[name, output] = Series(
-                name, output, unit, experiment.recording.t, measured, fitted & known, unseen & known & ~fitted
+                name,
+                output,
+                unit,
+                experiment.recording.t,
+                measured,
+                fitted & known,
+                unseen & known & ~fitted,
+                problem.in_time or has_times(experiment.recording),
             )
     return found
 

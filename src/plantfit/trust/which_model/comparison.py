@@ -217,5 +217,5 @@ def _drawn(s: Series, k: int, candidates: Sequence[Candidate]) -> ModelSeries:
     return ModelSeries(
         recording=s.recording, output=s.output, unit=s.unit, t=s.t.tolist(), measured=s.measured.tolist(),
         part=np.where(s.fitted, "fit", np.where(s.unseen, "validation", "")).tolist(),
-        simulated={c.name: np.asarray(c.simulated[k]).tolist() for c in candidates},
+        simulated={c.name: np.asarray(c.simulated[k]).tolist() for c in candidates}, timed=s.timed,
     )  # fmt: skip

@@ -48,7 +48,10 @@ def overlay_figure(drawn: ModelSeries, names: Sequence[str], points: int) -> Fig
     for k in range(len(heights)):
         last, number = k == len(heights) - 1, str(k + 1) if k else ""
         layout["xaxis" + number] = style.axis(
-            "time [s]" if last else "", anchor="y" + number, showticklabels=last, **({} if k == 0 else {"matches": "x"})
+            ("time [s]" if drawn.timed else "row") if last else "",
+            anchor="y" + number,
+            showticklabels=last,
+            **({} if k == 0 else {"matches": "x"}),
         )
     layout["legend"] = {**layout["legend"], "y": 1.0 + 8.0 / total}
     return {"data": data, "layout": layout | {"shapes": _zones(t, drawn.part, len(heights)), "annotations": notes}}
