@@ -22,6 +22,7 @@ from jax import Array, lax
 LARGE = 300  # dimension from which the step size follows two points instead of a path, and bounds fold back
 NEAR, NEAR_LARGE = 0.4, 0.1  # length of a first step around a warm start, in ranges; the latter from LARGE on
 WIDEST = 1 / 3  # largest standard deviation of a coordinate
+ROUNDING = 1e-14  # of a coordinate: by so much a program may round a candidate that it makes in two places differently
 
 
 class Search(NamedTuple):
@@ -132,7 +133,7 @@ class EvolutionStrategy(ABC):
 
     def tell(self, state: Search, x: Array, f: Array) -> tuple[Search, Info]:
         n = x.shape[1]
-        foreign = jnp.any(x != self._inside(state.raw, state), axis=1)
+        foreign = jnp.any(jnp.abs(x - self._inside(state.raw, state)) > ROUNDING, axis=1)
         y, white = lax.cond(
             jnp.any(foreign), self._taken_in, lambda s, x, _: ((s.raw - s.mean) / s.sigma, s.z), state, x, foreign
         )
