@@ -148,8 +148,11 @@ def main() -> None:
                 if n in one.values:
                     beside.append(abs(one.values[n][0] / v - 1.0))
                     held.append(abs(one.values[n][0] - v) <= 1.96 * one.values[n][1])
-        row = [f"{100 * np.median(before):.0f} %", f"{100 * np.median(beside):.1f} %", f"{100 * np.mean(held):.0f} %"]
-        end = " | ".join(row) if held else " | | "
+        row = [before, beside, held] if held else []
+        end = " | ".join(
+            f"{100 * f(v):.{k}f} %" for v, f, k in zip(row, (np.median, np.median, np.mean), (0, 1, 0), strict=False)
+        )
+        end = end or " | | "
         print(f"| {name} | {found} of {given.seeds} | {placed if found else ''} | {end} |", flush=True)
 
 
