@@ -43,6 +43,11 @@ def pictures() -> dict[str, tuple[str, str, str]]:
     drift = 0.6 * np.sin(2 * np.pi * T / (0.6 * T[-1])) + 0.4 * np.sin(2 * np.pi * T / (1.1 * T[-1]) + 1.0)
     said = KINDS["slow_drift"].sentence.format("y")
     found["slow_drift"] = "slow drift of y", f"{said[0].upper()}{said[1:]}.", svg([("without", T, plant(u)), ("with", T, plant(u) + drift)])
+    sun = np.maximum(np.sin(2 * np.pi * T / (0.2 * T[-1])), 0.0)  # five days
+    for kind, signal, y in (("cycle", "x", plant(u + sun)), ("sensor_cycle", "y", plant(u) + 0.6 * sun)):
+        said = KINDS[kind].sentence.format(signal)
+        name = f"daily pattern of {'the sensor of ' if kind == 'sensor_cycle' else ''}{signal}"
+        found[kind] = name, f"{said[0].upper()}{said[1:]}.", svg([("without", T, plant(u)), ("with", T, y)])
     for name, recording, look in looks():
         signal = look.signal
         if signal is None:

@@ -27,7 +27,12 @@ WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
 
 @pytest.mark.parametrize(
     "kind",
-    [*(k for k in KINDS if k not in ("change", "slow_drift")), "change k with x", "change b with t", "change m with t"],
+    [
+        *(k for k in KINDS if k not in ("change", "slow_drift", "cycle", "sensor_cycle")),
+        "change k with x",
+        "change b with t",
+        "change m with t",
+    ],
 )
 def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     plant, fault = PLANTS["second"], kind

@@ -14,7 +14,7 @@ PLACES = {"inputs": Before, "states": Inside, "changes": Changing, "outputs": Be
 
 def test_every_extension_of_a_model_is_a_candidate_at_its_place():
     # a curve in time is tried by itself
-    assert set(CANDIDATES) == {name for name, kind in KINDS.items() if not kind.over_time}
+    assert set(CANDIDATES) == {name for name, kind in KINDS.items() if not kind.over}
     for kind, candidate in CANDIDATES.items():
         assert isinstance(candidate, PLACES[KINDS[kind].to]), kind
 

@@ -113,6 +113,37 @@ class Drifting(Record):
     """The parameters with that allowed for."""
 
 
+class CyclePlace(Record):
+    """Where a pattern that repeats may act."""
+
+    name: str
+    kind: str = ""
+    signal: str = ""
+    parameter: str = ""
+    unit: str | None = None
+
+
+class Repeating(Record):
+    """What is left as a pattern that repeats, in what moves a state or in what a sensor shows."""
+
+    places: list[CyclePlace] = []
+    """The best one first; of several the record does not tell which."""
+    period: Number = None
+    """In s."""
+    explained: Number = None
+    """Share of the mean square of what is left."""
+    pattern: list[Number] = []
+    """At the best place, at even times of the period, the first at t = 0."""
+    driven: list[str] = []
+    """Inputs that repeat as well."""
+    rmse: Number = None
+    rmse_with: Number = None
+    unseen_rmse: Number = None
+    unseen_rmse_with: Number = None
+    values: list[ValueBeside] = []
+    """The parameters with that allowed for."""
+
+
 class Diagnosis(Record):
     """Rounds of additions, what they say, and what to write into the study file."""
 
@@ -140,6 +171,8 @@ class Diagnosis(Record):
     """A disturbance that nothing measured explains."""
     drifting: Drifting | None = None
     """Slow drifts that nothing measured explains."""
+    repeating: Repeating | None = None
+    """A pattern that repeats every day."""
     state: Literal["", "whole", "part", "stopped", "left"] = ""
     """Everything was tried, a part of it, it was stopped, or left alone as it would take long."""
 

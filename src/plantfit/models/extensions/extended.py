@@ -12,12 +12,14 @@ from plantfit.models.remade import remade
 from plantfit.models.text.suggest import suggest
 from plantfit.models.text.table_text import read_nodes
 
+FEWEST = 3  # values of a pattern that repeats
+
 
 @remade
 def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, float] | Mapping[str, Any]]]) -> Model:
     """The model with additions: kind -> signal -> bounds (low, high) of the parameter KIND_SIGNAL, in the order of
     `KINDS`, then those of other packages. Of a curve in time it is {"bounds": (low, high), "nodes": ...} with nodes in
-    s, a list or {"from", "to", "count"}.
+    s, a list or {"from", "to", "count"}, of a pattern that repeats {"bounds": (low, high), "period": s, "count": n}.
 
     Parameters that come beside it, as creep_SIGNAL with dry friction, get their values from the study. Raises
     ModelError for a kind, signal or bounds that cannot be, for a dead time of an input that has one already, and for an
@@ -39,7 +41,7 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
                     f"{where} give {signal!r} a dead time, and it has one already; widen the bounds of that one."
                 )
             what = f"{where}: {kind} of {signal!r}"
-            pair, nodes = _over_time(what, bounds) if made.over_time else (pair_of(what, bounds), ())
+            pair, nodes = _OVER[made.over](what, bounds)
             try:
                 model = made.make(model, signal, pair, parameter_name(kind, signal), *nodes)
             except Exception as failure:
@@ -83,6 +85,21 @@ def _over_time(what: str, given: Any) -> tuple[tuple[float, float], tuple[tuple[
     )
 
 
+def _over_period(what: str, given: Any) -> tuple[tuple[float, float], tuple[float, int]]:
+    """Bounds, period and count of a pattern that repeats."""
+    if not isinstance(given, Mapping) or set(given) != {"bounds", "period", "count"}:
+        raise ModelError(
+            f"{what} is {given!r}; it repeats, so write bounds, the period (s) and how many values it has, "
+            "as in { bounds = [-1, 1], period = 86400, count = 8 }."
+        )
+    period, count = given["period"], given["count"]
+    if isinstance(period, bool) or not isinstance(period, int | float) or not 0 < period < float("inf"):
+        raise ModelError(f"{what}: period is {period!r}; write a time in s, as in 86400 for a day.")
+    if isinstance(count, bool) or not isinstance(count, int) or count < FEWEST:
+        raise ModelError(f"{what}: count is {count!r}; write a whole number, at least {FEWEST}.")
+    return pair_of(f"{what}: bounds", given["bounds"], "where to look for its values"), (float(period), count)
+
+
 def pair_of(what: str, bounds: Any, meant: str = "the bounds of its parameter") -> tuple[float, float]:
     """(low, high) as a study file or a call gives them. Raises ModelError, which says `what` they are of, for
     anything else."""
@@ -94,3 +111,6 @@ def pair_of(what: str, bounds: Any, meant: str = "the bounds of its parameter") 
     ):
         raise ModelError(f"{what} is {bounds!r}; write {meant}, as in [0, 1].")
     return float(pair[0]), float(pair[1])
+
+
+_OVER = {"": lambda what, bounds: (pair_of(what, bounds), ()), "time": _over_time, "period": _over_period}

@@ -12,15 +12,15 @@ class Kind(NamedTuple):
 
     `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these
     bounds (low, high). Of "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it,
-    as in "creep" for creep_SIGNAL. One that is `over_time` is a table, whose nodes (n,) s are given to `make` behind
-    the name.
+    as in "creep" for creep_SIGNAL. One `over` "time" is a table, whose nodes (n,) s are given to `make` behind the
+    name; one over a "period" gets its length (s) and how many values it has.
     """
 
     to: Literal["inputs", "outputs", "states", "changes"]
     make: Callable[..., Model]
     sentence: str
     beside: tuple[str, ...] = ()
-    over_time: bool = False
+    over: Literal["", "time", "period"] = ""
 
     def signals(self, model: Model) -> tuple[str, ...]:
         """What it can be made to in a model."""
@@ -35,6 +35,7 @@ KINDS: dict[str, Kind] = {
     "coulomb": Kind("states", states.coulomb, "dry friction slows {}", ("creep",)),
     "stribeck": Kind("states", states.stribeck, "friction that falls with speed slows {}", ("stribeck_speed", "creep")),
     "quadratic": Kind("states", states.quadratic, "a drag slows {}, with the square of it"),
+    "cycle": Kind("states", states.cycle, "what moves {} has a pattern that repeats", over="period"),
     "dead_time": Kind("inputs", inputs.dead_time, "{} acts late"),
     "lag": Kind("inputs", inputs.lag, "{} acts through a lag of first order"),
     "dead_zone": Kind("inputs", inputs.dead_zone, "{} does nothing near zero"),
@@ -43,7 +44,8 @@ KINDS: dict[str, Kind] = {
     "sensor_lag": Kind("outputs", outputs.sensor_lag, "the sensor of {} is a lag of first order"),
     "offset": Kind("outputs", outputs.offset, "the sensor of {} has an offset"),
     "drift": Kind("outputs", outputs.drift, "the sensor of {} drifts"),
-    "slow_drift": Kind("outputs", outputs.slow_drift, "the sensor of {} drifts along a curve in time", over_time=True),
+    "slow_drift": Kind("outputs", outputs.slow_drift, "the sensor of {} drifts along a curve in time", over="time"),
+    "sensor_cycle": Kind("outputs", outputs.cycle, "the sensor of {} has an error that repeats", over="period"),
     "sensor_high": Kind("outputs", outputs.sensor_high, "the sensor of {} ends above"),
     "sensor_low": Kind("outputs", outputs.sensor_low, "the sensor of {} ends below"),
 }

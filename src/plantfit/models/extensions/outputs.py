@@ -1,12 +1,13 @@
-"""What may stand between the plant and a recorded output: a lag of the sensor, an offset, a drift, the ends of its
-range."""
+"""What may stand between the plant and a recorded output: a lag of the sensor, an offset, a drift, a pattern that
+repeats, the ends of its range."""
 
+from dataclasses import replace
 from typing import Any
 
 from plantfit import units
 from plantfit.models.extensions.wiring import declared, first_channels, per, rewired, without
 from plantfit.models.model import Model, Named
-from plantfit.models.parts.tables import Table
+from plantfit.models.parts.tables import Table, over_a_period
 
 import jax.numpy as jnp
 
@@ -53,25 +54,23 @@ def drift(model: Model, y: str, bounds: Bounds, name: str) -> Model:
 
 def slow_drift(model: Model, y: str, bounds: Bounds, name: str, nodes: tuple[float, ...]) -> Model:
     """The sensor shows y and a curve in time through `nodes` (n,) s: straight lines between them, level outside."""
-    unit, begin, output = units.difference_of(model.outputs[y]), model.initial_state, model.output
-    curve = Table(name, ("t",), (nodes,), unit)
+    curve = Table(name, ("t",), (nodes,), units.difference_of(model.outputs[y]))
+    return _along(model, y, bounds, name, curve, f"slow drift of the sensor of {y}")
 
-    def others(p: Named) -> dict[str, Any]:
-        return without(p, (name,))  # what the model does with its parameters is for single numbers and its own tables
 
-    def shown(x: Named, c: Named, p: Named) -> Named:
-        own = output(x, c, others(p))
-        return {**own, y: own[y] + curve(p[name], c["t"])}
+def cycle(model: Model, y: str, bounds: Bounds, name: str, period: float, count: int) -> Model:
+    """The sensor shows y and a pattern that repeats every `period` s: a smooth curve through `count` even values,
+    the first at t = 0."""
+    unit = units.difference_of(model.outputs[y])
+    curve = over_a_period(name, period, count, unit)
+    made, begin = _along(model, y, bounds, name, curve, f"error of {y} over {period:g} s"), model.initial_state
 
-    return rewired(
-        model,
-        lambda x, c, p: (x, c),
-        values=lambda x, c, p: others(p),
-        output=shown,
-        initial_state=None if begin is None else lambda p, u0, y0: begin(others(p), u0, y0),
-        parameters=declared(model, name, unit, bounds, f"slow drift of the sensor of {y}", shape=curve.shape),
-        tables=(*model.tables, curve),
-    )
+    def initial_state(p: Named, u0: Named, y0: Named) -> Named:
+        # states that begin at the first measured value begin where the sensor would be right
+        assert begin is not None
+        return begin(without(p, (name,)), u0, {**y0, y: y0[y] - curve(p[name], u0["t"])})
+
+    return made if begin is None else replace(made, initial_state=initial_state)
 
 
 def sensor_high(model: Model, y: str, bounds: Bounds, name: str) -> Model:
@@ -109,4 +108,26 @@ def _shown(model: Model, y: str, name: str, unit: str | None, bounds: Bounds, cu
 
     return rewired(
         model, lambda x, c, p: (x, c), output=shown, parameters=declared(model, name, unit, bounds, sentence)
+    )
+
+
+def _along(model: Model, y: str, bounds: Bounds, name: str, curve: Table, sentence: str) -> Model:
+    """The sensor shows y and a curve in time."""
+    begin, output = model.initial_state, model.output
+
+    def others(p: Named) -> dict[str, Any]:
+        return without(p, (name,))  # what the model does with its parameters is for single numbers and its own tables
+
+    def shown(x: Named, c: Named, p: Named) -> Named:
+        own = output(x, c, others(p))
+        return {**own, y: own[y] + curve(p[name], c["t"])}
+
+    return rewired(
+        model,
+        lambda x, c, p: (x, c),
+        values=lambda x, c, p: others(p),
+        output=shown,
+        initial_state=None if begin is None else lambda p, u0, y0: begin(others(p), u0, y0),
+        parameters=declared(model, name, curve.unit, bounds, sentence, shape=curve.shape),
+        tables=(*model.tables, curve),
     )

@@ -54,6 +54,36 @@ class Table:
         return lookup2(values, (self.nodes[0], self.nodes[1]), *at)
 
 
+@dataclass(frozen=True)
+class Cycle(Table):
+    """A table over time that begins anew after each `period` (s): the smoothest curve through its even values.
+
+    With n values it is the sum of harmonics up to n/2 that interpolates them (trigonometric interpolation; Henrici,
+    Applied and Computational Complex Analysis 3, 1986, section 13.6):
+
+        y(t) = sum_i v_i D(2 pi (t - t_i)/period),  D(a) = (1 + 2 sum_{0 < k < n/2} cos(k a) [+ cos(n a/2), n even])/n
+    """
+
+    period: float = 1.0
+
+    def __call__(self, values: Any, *at: Any) -> Any:
+        """The value at times (s): `values` of `shape`."""
+        count = self.shape[0]
+        # as harmonics of time with weights that are linear in the values: cosines and sines are those of time alone
+        orders = np.arange(count // 2 + 1)
+        size = np.where((orders == 0) | (2 * orders == count), 1.0, 2.0) / count
+        angle = 2.0 * np.pi / self.period * orders[:, None] * np.asarray(self.nodes[0])
+        weights = _checked(values, self.shape)
+        cosines, sines = (size[:, None] * np.cos(angle)) @ weights, (size[:, None] * np.sin(angle)) @ weights
+        now = 2.0 * np.pi * jnp.mod(jnp.asarray(at[0]), self.period)[..., None] / self.period * orders
+        return jnp.cos(now) @ cosines + jnp.sin(now) @ sines
+
+
+def over_a_period(name: str, period: float, count: int, unit: str | None) -> Cycle:
+    """A cycle with so many even nodes, at least two."""
+    return Cycle(name, ("t",), (tuple(period * k / count for k in range(count)),), unit, period)
+
+
 def lookup(values: Any, nodes: Nodes, x: Any) -> Any:
     """Piecewise linear in x through (nodes, values), clamped outside.
 

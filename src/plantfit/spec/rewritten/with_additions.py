@@ -61,8 +61,12 @@ def with_additions(
 
 
 def _bounds(c: Change) -> Any:
-    """The bounds of an addition, of a curve in time with its nodes."""
+    """The bounds of an addition, of a curve in time with its nodes, of a pattern that repeats with its period."""
     pair = [_plain(b) for b in c.bounds]
+    if c.period is not None:
+        (period, count), made = c.period, tomlkit.inline_table()
+        made.update({"bounds": pair, "period": _plain(period), "count": count})
+        return made
     if c.nodes is None:
         return pair
     (begin, end, count), made = c.nodes, tomlkit.inline_table()

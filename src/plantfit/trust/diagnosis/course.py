@@ -12,6 +12,7 @@ from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_err
 from plantfit.trust.diagnosis.outliers import Outliers, apart_of, outliers_of
 from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.curves import Curve
+from plantfit.trust.diagnosis.plant.cycles import Place, Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
@@ -51,7 +52,8 @@ class Diagnosis:
     model does far better than all that was found. `disturbed` is the fit beside a disturbance that wanders, where
     what the model or what was found leaves is one, `drifting` that beside slow drifts; `curves` are for the study
     file, of what wanders or drifts or of what was asked for. `rival` is a slow drift that does as well as all that
-    was found."""
+    was found. `repeating` is the fit beside a pattern that repeats every day, `places` are where one is to be
+    written."""
 
     carrier: Carrier
     base: Fitted
@@ -68,11 +70,14 @@ class Diagnosis:
     drifting: Drifting | None = None
     curves: tuple[Curve, ...] = ()
     rival: Rival | None = None
+    repeating: Repeating | None = None
+    places: tuple[Place, ...] = ()
 
     @property
     def beside(self) -> tuple[Extension, ...] | None:
-        """What of all that was found is needed beside a disturbance or a drift; None where there is neither."""
-        told = self.disturbed or self.drifting
+        """What of all that was found is needed beside a disturbance, a drift or a pattern that repeats; None where
+        there is none."""
+        told = self.disturbed or self.drifting or self.repeating
         return None if told is None else told.additions
 
     @property

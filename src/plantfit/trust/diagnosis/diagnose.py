@@ -2,6 +2,7 @@
 are fitted in full."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,9 +17,10 @@ from plantfit.trust.diagnosis.course import Course, Diagnosis
 from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.plant.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.plant.curves import driftable
+from plantfit.trust.diagnosis.plant.cycles import Place, places_of
 from plantfit.trust.diagnosis.plant.regression import Regression, carrier_of_regression
 from plantfit.trust.diagnosis.plant.terms import extensions_of, terms_of
-from plantfit.trust.diagnosis.plant.unmeasured import curves_for, with_unmeasured
+from plantfit.trust.diagnosis.plant.unmeasured import curves_for, repeats, with_unmeasured
 
 ROUNDS = 3  # additions that may be named one after the other
 STRONG = 3.0  # times the evidence that is needed: "very likely"
@@ -47,7 +49,7 @@ def diagnose(
     if isinstance(problem.model, LinearModel):
         regression = (regression or Regression.of(problem)).in_units()
     extensions = additions(problem, regression)
-    wanted = None if only is None else chosen(problem, extensions, [only] if isinstance(only, str) else only)
+    wanted = None if only is None else chosen(problem, extensions, [only] if isinstance(only, str) else only, z)
     say("preparing")
     if regression is None:
         carrier = Carrier.of(problem, z, inside_kinds(problem), meter)
@@ -55,11 +57,13 @@ def diagnose(
         carrier = carrier_of_regression(problem, z, regression, terms_of(regression), meter)
     course = Course.begun(carrier, say)
     if wanted is not None:
-        return curves_for(course, wanted[1], course.diagnosis([one for e in wanted[0] for one in course.alone(e)]))
+        made = course.diagnosis([one for e in wanted[0] for one in course.alone(e)])
+        return replace(curves_for(course, wanted[1], made), places=tuple(wanted[2]))
+    cycle = repeats(course)
     course.one_by_one(extensions, rounds)
     if rounds > 1 and course.two_at_once(extensions):
         course.one_by_one(extensions, rounds - 2)
-    return with_unmeasured(course, course.diagnosis(course.made))
+    return with_unmeasured(course, course.diagnosis(course.made), cycle)
 
 
 def additions(problem: Problem, regression: Regression | None = None) -> list[Extension]:
@@ -87,17 +91,19 @@ def demand_treatable(problem: Problem) -> None:
 
 
 def chosen(
-    problem: Problem, extensions: Sequence[Extension], names: Sequence[str]
-) -> tuple[list[Extension], list[str]]:
-    """The additions of these names, each once, and the outputs whose slow drift is asked for. Raises ModelError for
-    a name that there is not, and lists those that there are."""
+    problem: Problem, extensions: Sequence[Extension], names: Sequence[str], z: np.ndarray | None = None
+) -> tuple[list[Extension], list[str], list[Place]]:
+    """The additions of these names, each once, the outputs whose slow drift is asked for, and where a daily pattern
+    is, sized for the answer z (d,) where there is one. Raises ModelError for a name that there is not, and lists those
+    that there are."""
     by_name, curves = {e.name: e for e in extensions}, driftable(problem)
+    places = {p.name: p for p in places_of(problem, np.full(problem.space.dimension, 0.5) if z is None else z)}
     asked = list(dict.fromkeys(name.strip() for name in names))
-    known = [*by_name, *curves]
+    known = [*by_name, *curves, *places]
     for name in asked:
         if name not in known:
             raise ModelError(f"There is no {name!r} to try.{suggest(name, known)} There are: {', '.join(known)}.")
-    return [by_name[n] for n in asked if n in by_name], [curves[n] for n in asked if n in curves]
+    return tuple([kind[n] for n in asked if n in kind] for kind in (by_name, curves, places))  # pyrefly: ignore[bad-return]
 
 
 __all__ = ["STRONG", "Diagnosis", "additions", "chosen", "demand_treatable", "diagnose", "treatable"]

@@ -110,7 +110,7 @@ def unseen(carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, ke
     if validated(carrier.rows, kept):
         return Unseen(base.cost(later) / later.sum(), extended.cost(later) / later.sum(), False)
     sums = np.zeros(2)
-    for block in _blocks(carrier.rows, use):
+    for block in blocks_of(carrier.rows, use):
         rest = use & ~block
         for k, one in enumerate((base, extended)):
             again = fitted(carrier, one.additions, one.x, one.theta, rest, REFITS)
@@ -118,7 +118,7 @@ def unseen(carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, ke
     return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
 
 
-def _blocks(rows: Rows, use: np.ndarray) -> list[np.ndarray]:
+def blocks_of(rows: Rows, use: np.ndarray) -> list[np.ndarray]:
     """Fifths of every recording's fitted samples, one after the other."""
     names = list(dict.fromkeys(rows.recording[use]))
     found = [np.zeros(len(use), dtype=bool) for _ in range(BLOCKS)]

@@ -14,6 +14,7 @@ from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output
 from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
+from plantfit.trust.diagnosis.plant.cycles import DAY, Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
 from plantfit.trust.diagnosis.plant.unmeasured import SOME
@@ -43,7 +44,8 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
     (`first_look.linear_beside`).
     """
     simulated = isinstance(diagnosis.carrier.given.model, Model)
-    beside = [] if linear is None or not simulated else list(_linear(diagnosis, linear))
+    skipped = linear is None or not simulated or diagnosis.repeating is not None
+    beside = [] if skipped else list(_linear(diagnosis, linear))
     diagnosis = replace(diagnosis, surpassed=bool(beside))
     return {
         "name": diagnosis.carrier.given.name,
@@ -59,6 +61,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
         "evaluations": diagnosis.evaluations,
         "wandering": _wandering(diagnosis),
         "drifting": _drifting(diagnosis),
+        "repeating": _repeating(diagnosis),
     }
 
 
@@ -140,10 +143,14 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         text = _fails(d, last, "Beside that, none")
         text = text or f"Beside that, nothing that was tried explains more than {_percent(_best(last))}."
         yield say("info", text, explained=_best(last))
-    asked = bool(d.curves) and d.beside is None
+    asked = bool(d.curves or d.places) and d.beside is None
     if (alone or d.found) and not asked:
         yield from _left(d)
-    if asked:
+    for p in d.places if asked else ():
+        yield say(
+            "info", f"{p.name[0].upper() + p.name[1:]}: a smooth curve over {DAY / 3600:g} h, the same every day."
+        )
+    if d.curves and asked:
         yield say(
             "info",
             f"{some([c.name[0].upper() + c.name[1:] for c in d.curves])}: "
@@ -153,6 +160,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         yield _wanders(d, d.disturbed)
     if d.drifting is not None and not d.surpassed:
         yield _drifts(d, d.drifting)
+    if d.repeating is not None:
+        yield _repeats(d, d.repeating)
 
 
 def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "possibly"] | None:
@@ -342,7 +351,47 @@ def _drifts(d: Diagnosis, found: Drifting) -> Sentence:
     return say("warning", text + _allowed_for(d, found), explained=found.explains)
 
 
-def _allowed_for(d: Diagnosis, found: Disturbed | Drifting) -> str:
+def _repeats(d: Diagnosis, found: Repeating) -> Sentence:
+    """A pattern that repeats every day, where it acts, and the parameters with it."""
+    names = [f"what the sensor of {p.signal} shows" if p.kind == "sensor_cycle" else f"what moves {p.signal}"
+             for p in found.places]  # fmt: skip
+    where = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
+    best, unit = found.places[0], _unit(d)
+    scaled = "scaled " if len(d.carrier.given.outputs) > 1 else ""
+    later = "blocks left out" if found.unseen.blocks else "unseen data"
+    text = (
+        f"A pattern that repeats every {found.period / 3600:g} h in {where} explains {_percent(found.explains)} of "
+        f"what is left ({scaled}RMSE {number(found.rmse[0])} to {with_unit(found.rmse[1], unit)}; {later} "
+        f"{number(found.unseen.base)} to {number(found.unseen.extended)})"
+    )
+    text += ", and this record cannot tell where it acts" if len(names) > 1 else ""
+    rate = best.kind == "cycle"
+    moves, peak = float(np.ptp(found.pattern)) * (3600 if rate else 1), int(np.argmax(found.pattern))
+    size = with_unit(moves, plain_unit(best.unit).removesuffix("/s") + ("/h" if rate and best.unit else ""))
+    of = f"the rate of {best.signal}" if rate else best.signal
+    hour = peak * found.period / len(found.pattern) / 3600
+    first = f" in {next(iter(d.carrier.given.experiments))}" if best.several else ""
+    text += f". It moves {of} by {size}, and is highest about {hour:g} h after t = 0{first}. "
+    text += (
+        "Something that is not measured comes back every day, as sun, people or a schedule do, or the plant is another "
+        "one at some hours"
+    )
+    if found.driven:
+        one = len(found.driven) == 1
+        text += (
+            f"; {some(list(found.driven))} repeat{'s' if one else ''} as well, so that an error in what "
+            f"{'it does' if one else 'they do'} may look alike"
+        )
+    text += "." + _allowed_for(d, found)
+    if found.times > MORE:
+        text += (
+            f" {number(found.times)} times the sample-to-sample noise is left with it: it is not quite the same every "
+            "day, or more is missing."
+        )
+    return say("warning", text, explained=found.explains)
+
+
+def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating) -> str:
     """The parameters beside it."""
     shown = [r for r in _values_beside(d, found) if r["name"] in d.carrier.given.space.names][:MOST_VALUES]
     if not shown:
@@ -351,7 +400,7 @@ def _allowed_for(d: Diagnosis, found: Disturbed | Drifting) -> str:
     return f" With that allowed for {', '.join(each[:-1])}{' and ' if len(each) > 1 else ''}{each[-1]}."
 
 
-def _values_beside(d: Diagnosis, found: Disturbed | Drifting) -> list[dict[str, Any]]:
+def _values_beside(d: Diagnosis, found: Disturbed | Drifting | Repeating) -> list[dict[str, Any]]:
     units = dict(zip(d.carrier.given.space.names, (c.unit for c in d.carrier.given.space.coordinates), strict=True))
     units |= {a.parameter: a.unit for a in found.additions}
     return [{"name": n, "value": v, "standard_error": e, "unit": units.get(n)} for n, (v, e) in found.values.items()]
@@ -382,6 +431,21 @@ def _drifting(d: Diagnosis) -> dict[str, Any] | None:
     ]
     values = [records.ValueBeside(**v) for v in _values_beside(d, found)]
     return records.Drifting(outputs=outputs, explained=found.explains, values=values).plain()
+
+
+def _repeating(d: Diagnosis) -> dict[str, Any] | None:
+    found = d.repeating
+    if found is None:
+        return None
+    places = [
+        records.CyclePlace(name=p.name, kind=p.kind, signal=p.signal, parameter=p.parameter, unit=p.unit)
+        for p in found.places
+    ]
+    return records.Repeating(
+        places=places, period=found.period, explained=found.explains, pattern=list(found.pattern),
+        driven=list(found.driven), rmse=found.rmse[0], rmse_with=found.rmse[1], unseen_rmse=found.unseen.base,
+        unseen_rmse_with=found.unseen.extended, values=[records.ValueBeside(**v) for v in _values_beside(d, found)],
+    ).plain()  # fmt: skip
 
 
 def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:

@@ -12,6 +12,7 @@ from plantfit.trust.diagnosis.candidates import Inside
 from plantfit.trust.diagnosis.diagnose import Diagnosis
 from plantfit.trust.diagnosis.plant.carrier import FASTEST, SLOWEST
 from plantfit.trust.diagnosis.plant.curves import KIND, Curve
+from plantfit.trust.diagnosis.plant.cycles import COUNT, DAY, Place
 from plantfit.trust.diagnosis.plant.hypothesis import speed_places
 from plantfit.trust.diagnosis.ranges import rounded
 from plantfit.trust.diagnosis.rounds import Trial
@@ -24,7 +25,7 @@ class Change:
 
     `values` are parameters that come with it, `ranges` those of them that are fitted (low, high, start); with
     `per_recording` every recording has its own value. A curve in time has `nodes` (from, to in s, count), and its bends
-    are kept small.
+    are kept small; a pattern that repeats has a `period` (s) with so many values.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Change:
     ranges: tuple[tuple[str, tuple[float, float, float]], ...] = ()
     per_recording: bool = False
     nodes: tuple[float, float, int] | None = None
+    period: tuple[float, int] | None = None
 
 
 SMOOTH = "reml"  # of curves in time
@@ -47,14 +49,14 @@ def changed(diagnosis: Diagnosis) -> list[Change]:
     in their place."""
     beside = diagnosis.beside
     trials = [t for t in diagnosis.found if beside is None or t.extension in beside]
-    return [*(change_of(diagnosis, t) for t in trials), *map(_of_curve, diagnosis.curves)]
+    return [*(change_of(diagnosis, t) for t in trials), *_of_time(diagnosis)]
 
 
 def asked_changes(diagnosis: Diagnosis) -> list[Change]:
     """Those that were asked for, whatever they explain."""
     return [
         *(change_of(diagnosis, r.trials[0]) for r in diagnosis.rounds if r.trials),
-        *map(_of_curve, diagnosis.curves),
+        *_of_time(diagnosis),
     ]
 
 
@@ -84,6 +86,17 @@ def _removals(diagnosis: Diagnosis) -> Iterator[tuple[str, str, dict[str, Any], 
             marked[rows.sample[at[diagnosis.apart[at]]]] = True
             if marked.any():
                 yield name, output, *step_without(output, e.recording[output], e.recording.t, marked)
+
+
+def _of_time(diagnosis: Diagnosis) -> list[Change]:
+    return [*map(_of_curve, diagnosis.curves), *map(_of_place, diagnosis.places)]
+
+
+def _of_place(p: Place) -> Change:
+    wide = rounded(p.wide)
+    return Change(
+        p.name, p.kind, p.signal, p.parameter, (-wide, wide), 0.0, per_recording=p.several, period=(DAY, COUNT)
+    )
 
 
 def _of_curve(c: Curve) -> Change:
@@ -134,6 +147,8 @@ def addition_lines(changes: Sequence[Change]) -> list[str]:
 
 def _bounds(c: Change) -> str:
     pair = f"[{c.bounds[0]:g}, {c.bounds[1]:g}]"
+    if c.period is not None:
+        return f"{{ bounds = {pair}, period = {c.period[0]:g}, count = {c.period[1]} }}"
     if c.nodes is None:
         return pair
     begin, end, count = c.nodes

@@ -58,8 +58,9 @@ def most_noise(findings: Findings, output: str) -> float | None:
 def diagnosed(findings: Findings) -> dict[str, bool]:
     """Whether additions to the model were tried, and whether one was named: then no other sentence guesses at
     causes."""
-    rounds = (findings.get("diagnosis") or {}).get("rounds", [])
-    return {"tried": bool(rounds), "named": any(r["found"] for r in rounds)}
+    made = findings.get("diagnosis") or {}
+    rounds = made.get("rounds", [])
+    return {"tried": bool(rounds), "named": any(r["found"] for r in rounds) or bool(made.get("repeating"))}
 
 
 def disagree(findings: Findings) -> bool:

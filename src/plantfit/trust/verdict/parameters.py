@@ -22,7 +22,10 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """Which parameters the data determine, and which not."""
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
-    yield from _determined(single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings))
+    repeats = ((findings.get("diagnosis") or {}).get("repeating") or {}).get("period") or 0.0
+    yield from _determined(
+        single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings), repeats
+    )
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
         weak, shown = [p for p in single if p["status"] == "weak"], findings["determined"].get("shown", ())
@@ -65,6 +68,7 @@ def _determined(
     fails: Sequence[str],
     lacks: Sequence[str],
     forgets: Sequence[str] = (),
+    repeats: float = 0.0,
 ) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
@@ -88,14 +92,19 @@ def _determined(
             f" The model does not hold for unseen samples of {some(list(fails))}: "
             "these are its values, and the plant's may be others."
         )
-    elif lacks and not denied:
+    if repeats:
+        text += (
+            f" A pattern that repeats every {repeats / 3600:g} h is left, and these are values without it: the plant's "
+            "may be others, by more than ± tells."
+        )
+    elif lacks and not denied and not forgets and not fails:
         text += (
             f" The residuals of {some(list(lacks))} are not white: if the "
             "model lacks something, the plant's values may be others, "
         )
         text += "by more than ± tells."
     yield say(
-        "warning" if denied or fails or forgets else "good" if len(good) == total and not lacks else "info",
+        "warning" if denied or fails or forgets or repeats else "good" if len(good) == total and not lacks else "info",
         text,
         determined=len(good),
     )

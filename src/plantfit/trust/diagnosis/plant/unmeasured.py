@@ -1,12 +1,15 @@
 """What acts on an output and nobody measured, where more than noise is left in the end: a disturbance that wanders,
-or a slow drift."""
+a slow drift, or a pattern that repeats every day."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from plantfit.trust.diagnosis.course import Course, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output, needed, times_noise
 from plantfit.trust.diagnosis.plant.curves import curve_of
+from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival, drifting, evidence_beside_a_drift, rival
@@ -14,6 +17,7 @@ from plantfit.trust.diagnosis.rounds import ALIKE
 
 SOME = 1.3  # times the sample-to-sample noise: a disturbance or a linear model is looked at
 WORK = 10  # simulations with derivatives that one takes at most, about
+BETTER = 0.8  # of what additions leave that a daily pattern may leave in their place, as it has more numbers
 NODES = 2  # of straight lines for a cubic spline
 Told = Disturbed | Drifting
 
@@ -28,8 +32,19 @@ class Kind:
     evidence: Callable[[Fitted, Fitted], float]
 
 
-def with_unmeasured(course: Course, found: Diagnosis) -> Diagnosis:
-    """The diagnosis with what nobody measured, where that is what the model, or what was found, leaves."""
+def repeats(course: Course) -> Repeating | None:
+    """A pattern that repeats every day in what the model as it is leaves, where that is more than noise."""
+    if times_noise(course.carrier, course.base, course.apart) <= SOME:
+        return None
+    return repeating(course.carrier, course.base, course.use, course.kept)
+
+
+def with_unmeasured(course: Course, found: Diagnosis, cycle: Repeating | None = None) -> Diagnosis:
+    """The diagnosis with what nobody measured, where that is what the model, or what was found, leaves; `cycle` is a
+    pattern that may be it."""
+    left = float(np.sum(cycle.left[course.use] ** 2)) if cycle is not None else np.inf
+    if times_noise(course.carrier, found.end, course.apart) > SOME and left < BETTER * found.end.cost(course.use):
+        return replace(found, repeating=cycle, places=cycle.places[:1] if cycle is not None else ())
     found = replace(found, rival=_rival(course, found))
     meter = course.carrier.meter
     if times_noise(course.carrier, found.end, course.apart) <= SOME or not meter.holds(
@@ -126,4 +141,4 @@ def _hidden(course: Course, found: Diagnosis, kind: Kind) -> Diagnosis | None:
     return _said(course, replace(found, rounds=rounds), told)
 
 
-__all__ = ["SOME", "curves_for", "with_unmeasured"]
+__all__ = ["SOME", "curves_for", "repeats", "with_unmeasured"]
