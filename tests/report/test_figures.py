@@ -111,10 +111,11 @@ def test_rows_without_times_are_over_no_seconds(record, timed, of_rows, of_lags)
     stems = figures.stem_figure(np.arange(5.0), np.zeros(5), 0.1, "x", timed)
     assert stems["layout"]["xaxis"]["title"]["text"] == of_lags
     assert (" rows:" in stems["data"][0]["hovertemplate"]) is not timed
-    t, y, part = [0.0, 1.0, 2.0], [1.0, 2.0, 3.0], ["fit"] * 3
+    t, y = [0.0, 1.0, 2.0], [1.0, 2.0, 3.0]
     models = ModelSeries(
-        recording="r", output="y", unit=None, t=t, measured=y, part=part, simulated={"a": y}, timed=timed
-    )
+        recording="r", output="y", unit=None, t=t, measured=y, part=["fit", "fit", "fit"], simulated={"a": y},
+        timed=timed,
+    )  # fmt: skip
     assert overlay_figure(models, ["a"], 100)["layout"]["xaxis2"]["title"]["text"] == of_rows
     changed = ResidualChange(recording="r", output="y", t=t, before=y, after=y, timed=timed)
     assert residual_change_figure([changed], 100)["layout"]["xaxis"]["title"]["text"] == of_rows
