@@ -2,8 +2,8 @@
 PYTHON ?= python3
 # processes that share the tests
 WORKERS ?= 2
-# Searches and filters are compiled for each test and called a few times. So compiled by XLA they cost half of the time,
-# and numbers stay the same but for a last bit; all other tests, and the slow ones, are compiled as users' programs are.
+# Searches and filters are compiled for each test and called a few times. So XLA compiles them in half of the time, and
+# numbers stay the same but for a last bit; all other tests, and the slow ones, are compiled as users' programs are.
 QUICK_XLA := --xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=1
 QUICK := tests/optimize tests/estimate tests/control
 VENV := .venv
