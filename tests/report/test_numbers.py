@@ -88,6 +88,8 @@ def test_units_read_well():
     assert unit_label("kg*m**2") == "kg·m²"
     assert unit_label("m*s**-2") == "m·s⁻²"
     assert unit_label("N * m * s / rad") == "N·m·s/rad"
+    assert unit_label("1/delta_degree_Celsius") == "1/K"
+    assert unit_label("delta_degC/s") == "K/s"
     assert unit_label("dimensionless") == unit_label(None) == ""
     assert with_unit("R", "ohm") == "R [Ω]"
     assert with_unit("gain", None) == "gain"

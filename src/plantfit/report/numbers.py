@@ -89,10 +89,11 @@ def seconds(value: float | None) -> str:
 
 
 def unit_label(unit: str | None) -> str:
-    """A unit for reading: `N*m*s**2` becomes `N·m·s²`; nothing for unknown or dimensionless ones."""
+    """A unit for reading: `N*m*s**2` becomes `N·m·s²`, a difference of temperatures in degC is one in K; nothing for
+    unknown or dimensionless ones."""
     if unit is None or unit.strip() in ("", "1", "dimensionless"):
         return ""
-    text = unit.strip().replace("^", "**")
+    text = unit.strip().replace("^", "**").replace("delta_degree_Celsius", "K").replace("delta_degC", "K")
     for digit in "123456789":
         text = text.replace(f"**-{digit}", f"-{digit}".translate(_SUPERSCRIPT)).replace(
             f"**{digit}", digit.translate(_SUPERSCRIPT)
