@@ -20,7 +20,7 @@ from plantfit.models.extensions import with_extensions
 from plantfit.models.library.process import first_order
 from plantfit.spec import load, parse, with_additions
 from plantfit.trust.diagnosis import changed, diagnose, diagnosis_record
-from plantfit.trust.diagnosis.sentences import _drifts
+from plantfit.trust.diagnosis.plant.unmeasured_told import drifts
 
 LEVEL = "the curve of its slow drift is level there"
 
@@ -169,7 +169,7 @@ def test_a_model_without_inputs_is_not_said_to_be_moved_by_them(inputs, alone):
     space = SimpleNamespace(names=[], coordinates=[])
     given = SimpleNamespace(model=SimpleNamespace(inputs=inputs, outputs={"y": "K"}), space=space)
     d: Any = SimpleNamespace(end=SimpleNamespace(additions=(added,)), carrier=SimpleNamespace(given=given))
-    text = _drifts(d, drift)["sentence"]
+    text = drifts(d, drift)["sentence"]
     assert ("more slowly than the inputs move the plant" in text) is bool(inputs)
     assert ("Without inputs it cannot be told from an error of the equations" in text) is not bool(inputs)
     assert ("nothing else need be missing" in text) is (bool(inputs) and alone)

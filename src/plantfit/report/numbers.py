@@ -5,10 +5,12 @@
 
 # ruff: noqa: RUF001 (true minus, times and dash signs are meant)
 
+import re
 from math import isfinite
 
 UNKNOWN = "–"
 MOST_DIGITS = 8  # of the ends of an interval
+_ALONE = re.compile(r"\((\w+)\)")  # one unit in parentheses
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _PLAIN_EXPONENTS = range(-3, 6)  # 0.001 to 999999 is written without a power of ten
 
@@ -94,6 +96,7 @@ def unit_label(unit: str | None) -> str:
     if unit is None or unit.strip() in ("", "1", "dimensionless"):
         return ""
     text = unit.strip().replace("^", "**").replace("delta_degree_Celsius", "K").replace("delta_degC", "K")
+    text = _ALONE.sub(r"\1", text)
     for digit in "123456789":
         text = text.replace(f"**-{digit}", f"-{digit}".translate(_SUPERSCRIPT)).replace(
             f"**{digit}", digit.translate(_SUPERSCRIPT)

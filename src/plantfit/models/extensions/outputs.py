@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from plantfit import units
-from plantfit.models.extensions.wiring import declared, first_channels, per, rewired, without
+from plantfit.models.extensions.wiring import declared, first_channels, per, rewired, with_table, without
 from plantfit.models.model import Model, Named
 from plantfit.models.parts.tables import Table, over_a_period
 
@@ -55,7 +55,7 @@ def drift(model: Model, y: str, bounds: Bounds, name: str) -> Model:
 def slow_drift(model: Model, y: str, bounds: Bounds, name: str, nodes: tuple[float, ...]) -> Model:
     """The sensor shows y and a curve in time through `nodes` (n,) s: straight lines between them, level outside."""
     curve = Table(name, ("t",), (nodes,), units.difference_of(model.outputs[y]))
-    return _along(model, y, bounds, name, curve, f"slow drift of the sensor of {y}")
+    return _along(model, y, bounds, curve, f"slow drift of the sensor of {y}")
 
 
 def cycle(model: Model, y: str, bounds: Bounds, name: str, period: float, count: int) -> Model:
@@ -63,7 +63,7 @@ def cycle(model: Model, y: str, bounds: Bounds, name: str, period: float, count:
     the first at t = 0."""
     unit = units.difference_of(model.outputs[y])
     curve = over_a_period(name, period, count, unit)
-    made, begin = _along(model, y, bounds, name, curve, f"error of {y} over {period:g} s"), model.initial_state
+    made, begin = _along(model, y, bounds, curve, f"error of {y} over {period:g} s"), model.initial_state
 
     def initial_state(p: Named, u0: Named, y0: Named) -> Named:
         # states that begin at the first measured value begin where the sensor would be right
@@ -111,23 +111,10 @@ def _shown(model: Model, y: str, name: str, unit: str | None, bounds: Bounds, cu
     )
 
 
-def _along(model: Model, y: str, bounds: Bounds, name: str, curve: Table, sentence: str) -> Model:
+def _along(model: Model, y: str, bounds: Bounds, curve: Table, sentence: str) -> Model:
     """The sensor shows y and a curve in time."""
-    begin, output = model.initial_state, model.output
 
-    def others(p: Named) -> dict[str, Any]:
-        return without(p, (name,))  # what the model does with its parameters is for single numbers and its own tables
+    def shown(own: Named, c: Named, p: Named) -> Named:
+        return {**own, y: own[y] + curve(p[curve.name], c["t"])}
 
-    def shown(x: Named, c: Named, p: Named) -> Named:
-        own = output(x, c, others(p))
-        return {**own, y: own[y] + curve(p[name], c["t"])}
-
-    return rewired(
-        model,
-        lambda x, c, p: (x, c),
-        values=lambda x, c, p: others(p),
-        output=shown,
-        initial_state=None if begin is None else lambda p, u0, y0: begin(others(p), u0, y0),
-        parameters=declared(model, name, curve.unit, bounds, sentence, shape=curve.shape),
-        tables=(*model.tables, curve),
-    )
+    return with_table(model, curve, bounds, sentence, output=shown)

@@ -4,7 +4,7 @@ repeats, another initial value."""
 from typing import Any
 
 from plantfit import units
-from plantfit.models.extensions.wiring import declared, per, rewired, without
+from plantfit.models.extensions.wiring import declared, per, rewired, with_table
 from plantfit.models.model import Declared, Model, Named
 from plantfit.models.parts.tables import over_a_period
 
@@ -66,26 +66,12 @@ def quadratic(model: Model, v: str, bounds: Bounds, name: str) -> Model:
 def cycle(model: Model, x: str, bounds: Bounds, name: str, period: float, count: int) -> Model:
     """x' and a pattern that repeats every `period` s, as of sun that nobody measured: a smooth curve through
     `count` even values, the first at t = 0."""
-    unit, rate, begin = per(units.difference_of(model.states[x]), "/s"), model.derivative, model.initial_state
-    assert rate is not None
-    curve = over_a_period(name, period, count, unit)
+    curve = over_a_period(name, period, count, per(units.difference_of(model.states[x]), "/s"))
 
-    def others(p: Named) -> dict[str, Any]:
-        return without(p, (name,))  # what the model does with its parameters is for single numbers and its own tables
-
-    def derivative(s: Named, c: Named, p: Named) -> Named:
-        own = rate(s, c, others(p))
+    def derivative(own: Named, c: Named, p: Named) -> Named:
         return {**own, x: own[x] + curve(p[name], c["t"])}
 
-    return rewired(
-        model,
-        lambda s, c, p: (s, c),
-        values=lambda s, c, p: others(p),
-        derivative=derivative,
-        initial_state=None if begin is None else lambda p, u0, y0: begin(others(p), u0, y0),
-        parameters=declared(model, name, unit, bounds, f"what {x}' has more, over {period:g} s", shape=curve.shape),
-        tables=(*model.tables, curve),
-    )
+    return with_table(model, curve, bounds, f"what {x}' has more, over {period:g} s", derivative=derivative)
 
 
 def start(model: Model, x: str, bounds: Bounds, name: str) -> Model:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from plantfit.models.model import Declared, Model, Named
+from plantfit.models.parts.tables import Table
 
 Reads = Callable[[Named, Named, Named], tuple[Named, Named]]
 Values = Callable[[Named, Named, Named], Named]
@@ -39,6 +40,30 @@ def rewired(model: Model, reads: Reads, *, values: Values | None = None, **chang
         ),
         **changes,
     )  # fmt: skip
+
+
+def with_table(
+    model: Model, table: Table, bounds: tuple[float, float], sentence: str, **changes: Callable[..., Named]
+) -> Model:
+    """The model with a table of parameters that its own functions do not see; of its `changes`, functions of states,
+    channels and parameters, each gets what the model has there as the first argument."""
+    begin, name = model.initial_state, table.name
+
+    def others(p: Named) -> dict[str, Any]:
+        return without(p, (name,))  # what the model does with its parameters is for single numbers and its own tables
+
+    def over(own: Any, change: Callable[..., Named]) -> Callable[..., Named]:
+        return lambda x, c, p: change(own(x, c, others(p)), c, p)
+
+    return rewired(
+        model,
+        lambda x, c, p: (x, c),
+        values=lambda x, c, p: others(p),
+        initial_state=None if begin is None else lambda p, u0, y0: begin(others(p), u0, y0),
+        parameters=declared(model, name, table.unit, bounds, sentence, shape=table.shape),
+        tables=(*model.tables, table),
+        **{field: over(getattr(model, field), change) for field, change in changes.items()},
+    )
 
 
 def channels_of(model: Model, name: str) -> tuple[str, ...]:

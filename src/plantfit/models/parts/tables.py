@@ -47,6 +47,11 @@ class Table:
         """(n,), or (ny, nu) over two signals."""
         return tuple(len(nodes) for nodes in self.nodes)
 
+    @property
+    def kinks(self) -> tuple[tuple[float, ...], ...]:
+        """By signal where the slope may jump."""
+        return self.nodes
+
     def __call__(self, values: Any, *at: Any) -> Any:
         """The value at operating points: `values` of `shape`, one argument for each signal."""
         if len(at) == 1:
@@ -65,6 +70,11 @@ class Cycle(Table):
     """
 
     period: float = 1.0
+
+    @property
+    def kinks(self) -> tuple[tuple[float, ...], ...]:
+        """None: it is smooth."""
+        return ((),)
 
     def __call__(self, values: Any, *at: Any) -> Any:
         """The value at times (s): `values` of `shape`."""

@@ -64,7 +64,7 @@ def known_times(vector: VectorModel, t: np.ndarray) -> np.ndarray:
     Raises SimulationError for an event at t[0], where nothing is passed.
     """
     found = [
-        np.asarray(table.nodes[i], dtype=float)
+        np.asarray(table.kinks[i], dtype=float)
         for table in vector.model.tables
         for i, s in enumerate(table.over)
         if s == "t"

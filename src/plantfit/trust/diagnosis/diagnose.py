@@ -103,7 +103,8 @@ def chosen(
     for name in asked:
         if name not in known:
             raise ModelError(f"There is no {name!r} to try.{suggest(name, known)} There are: {', '.join(known)}.")
-    return tuple([kind[n] for n in asked if n in kind] for kind in (by_name, curves, places))  # pyrefly: ignore[bad-return]
+    named, drifting = [by_name[n] for n in asked if n in by_name], [curves[n] for n in asked if n in curves]
+    return named, drifting, [places[n] for n in asked if n in places]
 
 
 __all__ = ["STRONG", "Diagnosis", "additions", "chosen", "demand_treatable", "diagnose", "treatable"]

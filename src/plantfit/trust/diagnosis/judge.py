@@ -101,24 +101,27 @@ def validated(rows: Rows, kept: np.ndarray) -> bool:
     return bool(np.sum(rows.unseen & kept) >= FEWEST)
 
 
-def unseen(carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, kept: np.ndarray) -> Unseen:
+def unseen(
+    carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, kept: np.ndarray, own: Carrier | None = None
+) -> Unseen:
     """Over the validation part, or over blocks of the fitted part left out in turn.
 
-    `use` are the fitted rows, `kept` those that no outlier takes away.
+    `use` are the fitted rows, `kept` those that no outlier takes away; `own` is the carrier of `extended` where it is
+    another one of the same rows.
     """
     later = carrier.rows.unseen & kept
     if validated(carrier.rows, kept):
         return Unseen(base.cost(later) / later.sum(), extended.cost(later) / later.sum(), False)
     sums = np.zeros(2)
-    for block in blocks_of(carrier.rows, use):
+    for block in _blocks(carrier.rows, use):
         rest = use & ~block
-        for k, one in enumerate((base, extended)):
-            again = fitted(carrier, one.additions, one.x, one.theta, rest, REFITS)
+        for k, (c, one) in enumerate(((carrier, base), (own or carrier, extended))):
+            again = fitted(c, one.additions, one.x, one.theta, rest, REFITS)
             sums[k] += again.cost(block)
     return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
 
 
-def blocks_of(rows: Rows, use: np.ndarray) -> list[np.ndarray]:
+def _blocks(rows: Rows, use: np.ndarray) -> list[np.ndarray]:
     """Fifths of every recording's fitted samples, one after the other."""
     names = list(dict.fromkeys(rows.recording[use]))
     found = [np.zeros(len(use), dtype=bool) for _ in range(BLOCKS)]

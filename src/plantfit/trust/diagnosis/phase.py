@@ -17,7 +17,6 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.clean.outliers import inline
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
-from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
 from plantfit.trust.diagnosis.treatment import changed
@@ -229,32 +228,29 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
 def _after(found: Diagnosis) -> dict[str, Any]:
     """Residuals (measured minus simulated) of the model as it is and with what was found, else with what explains
     most, if that is worth a drawing."""
+    if found.repeating is not None:
+        return {"with": [found.repeating.places[0].name], "residuals": list(_series(found, found.repeating.left))}
     trials = found.rounds[0].trials
     best = found.found[-1] if found.found else trials[0] if trials and trials[0].explained >= DRAWN else None
     if best is None or best.at is None:
         return {"with": [], "residuals": []}
-    return {"with": [a.name for a in best.at.additions], "residuals": list(_series(found, best.at))}
+    return {"with": [a.name for a in best.at.additions], "residuals": list(_series(found, best.at.residuals))}
 
 
-def _series(found: Diagnosis, after: Fitted) -> Iterator[ResidualChange]:
+def _series(found: Diagnosis, after: np.ndarray) -> Iterator[ResidualChange]:
     given, rows = found.carrier.given, found.carrier.rows
     for name, e in given.experiments.items():
         for output in given.outputs:
             at = rows.part(name, output)
             with np.errstate(all="ignore"):
                 size = -given.scales[output] / rows.weight[at]
-                both = found.base.residuals[at] * size, after.residuals[at] * size
+                both = found.base.residuals[at] * size, after[at] * size
             before, now = ([float(v) if np.isfinite(v) else None for v in one] for one in both)
             unit = given.model.outputs[output]
             yield ResidualChange(
-                recording=name,
-                output=output,
-                unit=unit,
-                t=e.recording.t.tolist(),
-                before=before,
-                after=now,
+                recording=name, output=output, unit=unit, t=e.recording.t.tolist(), before=before, after=now,
                 timed=given.in_time or has_times(e.recording),
-            )
+            )  # fmt: skip
 
 
 __all__ = ["asked_for", "with_diagnosis"]

@@ -13,19 +13,25 @@ from plantfit.trust.diagnosis.candidates import of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output
-from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
-from plantfit.trust.diagnosis.plant.cycles import DAY, Repeating
-from plantfit.trust.diagnosis.plant.disturbance import Disturbed
-from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
+from plantfit.trust.diagnosis.plant.cycles import DAY
+from plantfit.trust.diagnosis.plant.slow_drift import Rival
 from plantfit.trust.diagnosis.plant.unmeasured import SOME
+from plantfit.trust.diagnosis.plant.unmeasured_told import (
+    MORE,
+    drifting_record,
+    drifts,
+    output_unit,
+    repeating_record,
+    repeats,
+    wandering_record,
+    wanders,
+)
 from plantfit.trust.diagnosis.rounds import MOST, SURE, Round, Trial, WhyNot, why_not
 from plantfit.trust.diagnosis.treatment import addition_lines, changed, outliers_taken
-from plantfit.trust.verdict.words import Sentence, estimate, number, say, some, with_unit
+from plantfit.trust.verdict.words import Sentence, estimate, number, percent, plain_unit, say, some, with_unit
 from plantfit.units import difference_of
 
-MORE = 1.5  # times that noise: what was found is not all, or stands for something else
 SMALL = 0.05  # of the mean square, from which on it is told why an addition is not named
-MOST_VALUES = 6  # in a sentence
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
 
@@ -59,9 +65,9 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
         "exchanged": {old.name: new.name for old, new in diagnosis.exchanged},
         "write": addition_lines(changed(diagnosis)),
         "evaluations": diagnosis.evaluations,
-        "wandering": _wandering(diagnosis),
-        "drifting": _drifting(diagnosis),
-        "repeating": _repeating(diagnosis),
+        "wandering": wandering_record(diagnosis),
+        "drifting": drifting_record(diagnosis),
+        "repeating": repeating_record(diagnosis),
     }
 
 
@@ -112,6 +118,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
             count=count,
             share=d.outliers.behind_share,
         )
+    if d.repeating is not None:  # it explains more than all that follows
+        yield repeats(d, d.repeating)
     for k, one in enumerate(r for r in d.rounds if r.found):
         yield _found(d, one, k)
     if d.rival is not None:
@@ -141,7 +149,7 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
     last = d.rounds[-1] if d.rounds else None
     if d.found and last and not last.found and last.trials:
         text = _fails(d, last, "Beside that, none")
-        text = text or f"Beside that, nothing that was tried explains more than {_percent(_best(last))}."
+        text = text or f"Beside that, nothing that was tried explains more than {percent(_best(last))}."
         yield say("info", text, explained=_best(last))
     asked = bool(d.curves or d.places) and d.beside is None
     if (alone or d.found) and not asked:
@@ -157,11 +165,9 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
             "a curve in time, as smooth as the data ask for.",
         )
     if d.disturbed is not None and not d.surpassed:
-        yield _wanders(d, d.disturbed)
+        yield wanders(d, d.disturbed)
     if d.drifting is not None and not d.surpassed:
-        yield _drifts(d, d.drifting)
-    if d.repeating is not None:
-        yield _repeats(d, d.repeating)
+        yield drifts(d, d.drifting)
 
 
 def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "possibly"] | None:
@@ -187,15 +193,18 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     best = max(one.found, key=lambda t: t.explained)
     likely, much = likelihood(d, one), _stands_for_more(d)
     left = "what is left" if k == 0 else "what is then left"
-    text = f"{_shown(one.found[0])} explains {_percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
-    if one.untried:
+    shown = _shown(one.found[0]) if d.repeating is None else f"Without that pattern, {_phrase(one.found[0])}"
+    text = f"{shown} explains {percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
+    if d.repeating is not None:
+        text += ": less than the pattern does, so it may stand for that."
+    elif one.untried:
         text += f": it may be missing, or stand for one of the {len(one.untried)} additions that were not tried."
     elif len(one.found) == 1:
         text += f": {likely} missing{', or it stands for something that is not among the additions' if much else ''}."
     else:
         rest = one.found[1:]
         if len(rest) == 1:
-            others = f"{_phrase(rest[0])} ({_percent(rest[0].explained)}) explains"
+            others = f"{_phrase(rest[0])} ({percent(rest[0].explained)}) explains"
         else:
             named = [f"{t.extension.article} {t.extension.name}".strip() for t in rest]
             others = f"{', '.join(named[:-1])} and {named[-1]} explain"
@@ -210,7 +219,7 @@ def _rivalled(d: Diagnosis, found: Rival) -> Sentence:
     moved = with_unit(found.drift.moves, plain_unit(difference_of(d.carrier.given.model.outputs[y])))
     that = "that" if len(d.end.additions) == 1 else "all of that"
     text = (
-        f"A slow drift of {y}, a curve in time that moves by up to {moved}, explains {_percent(found.explains)} of "
+        f"A slow drift of {y}, a curve in time that moves by up to {moved}, explains {percent(found.explains)} of "
         f"what is left by itself, "
         f"as well as {that}: this record does not tell which. What comes back when the record is repeated is no drift. "
         f"Try it by "
@@ -220,7 +229,7 @@ def _rivalled(d: Diagnosis, found: Rival) -> Sentence:
 
 
 def _figures(d: Diagnosis, t: Trial) -> str:
-    unit = _unit(d)
+    unit = output_unit(d)
     scaled = "scaled " if len(d.carrier.given.outputs) > 1 else ""
     text = f"{scaled}RMSE {number(t.rmse[0])} to {with_unit(t.rmse[1], unit)}"
     if t.unseen_rmse is None:
@@ -233,7 +242,8 @@ def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     first = d.rounds[0]
     best = _best(first)
     text = _fails(d, first, "None") or (
-        f"Nothing that was tried explains more than {_percent(best)} "
+        f"{'Nothing' if d.repeating is None else 'Without that pattern, nothing'} that was tried explains more than "
+        f"{percent(best)} "
         f"of what is left ({len(first.trials)} additions to the model)."
     )
     good = alone and best < SMALL and not d.surpassed and not _much_left(d) and d.beside is None
@@ -253,7 +263,7 @@ def _fails(d: Diagnosis, one: Round, none: str) -> str:
     if len(one.trials) == 1:
         none, tried = "The one addition", "that was tried does not hold"
     shown = _shown(replace(best, standard_error=None) if why == "no slope" else best)
-    text = f"{none} {tried}. {shown} explains {_percent(best.explained)} of what is left"
+    text = f"{none} {tried}. {shown} explains {percent(best.explained)} of what is left"
     text = f"{text}{_against(d, one, best, why)}."
     others = [why for _, why in failed[1:]]
     if not others:
@@ -261,9 +271,9 @@ def _fails(d: Diagnosis, one: Round, none: str) -> str:
     count = {why: others.count(why) for why in dict.fromkeys(others)}
     if len(count) == 1:
         which, them = ("The one other", "s") if len(others) == 1 else (f"The {len(others)} others", "")
-        return f"{text} {which} that explain{them} {_percent(SMALL)} or more {_MORE[others[0]][len(others) > 1]}."
+        return f"{text} {which} that explain{them} {percent(SMALL)} or more {_MORE[others[0]][len(others) > 1]}."
     told = [f"{n} {_MORE[why][n > 1]}" for why, n in count.items()]
-    return f"{text} Of {len(others)} others that explain {_percent(SMALL)} or more {some(told)}."
+    return f"{text} Of {len(others)} others that explain {percent(SMALL)} or more {some(told)}."
 
 
 # of one, of several
@@ -292,7 +302,7 @@ def _against(d: Diagnosis, one: Round, t: Trial, why: WhyNot) -> str:
     if why == "no slope":
         return ", and the samples do not tell that size: the model bends too much there for a standard error"
     if why == "bends":
-        return f": too little for what changes with a signal, which can stand for much; {_percent(MOST)} is asked for"
+        return f": too little for what changes with a signal, which can stand for much; {percent(MOST)} is asked for"
     return " by its derivatives; it was not fitted" if why == "not fitted" else ", and was not tried on unseen data"
 
 
@@ -311,141 +321,6 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
             "tried explains beyond doubt: something else is missing, or the record is too short to tell.",
             times=times,
         )
-
-
-def _wanders(d: Diagnosis, found: Disturbed) -> Sentence:
-    """A disturbance on the output, and the parameters beside it."""
-    walk, given = found.walk, d.carrier.given
-    unit = plain_unit(difference_of(given.model.outputs[found.output]))
-    longest = max(float(np.ptp(e.recording.t)) for e in given.experiments.values())
-    time = rounded_to_series(0.1 * longest)
-    moved = with_unit(walk.moves(time / found.period), unit)
-    alone, y = len(found.additions) < len(d.end.additions), found.output
-    noise, of = with_unit(walk.noise, unit), f"The residual of {y} as the model is" if alone else f"What is left of {y}"
-    text = (
-        f"{of} wanders by itself, by about {moved} in {time:g} s, beside noise of {noise}. That accounts for "
-        f"{_percent(walk.explains)} of it, and it follows no input: something that is not measured acts on {y}"
-        f"{', and nothing else need be missing' if alone else ''}."
-    )
-    return say("warning", text + _allowed_for(d, found), explained=walk.explains)
-
-
-def _drifts(d: Diagnosis, found: Drifting) -> Sentence:
-    """Slow drifts of outputs, and the parameters beside them."""
-    alone, ys = len(found.additions) < len(d.end.additions), [s.output for s in found.drifts]
-    units = d.carrier.given.model.outputs
-    moved = [
-        f"{f'{y} ' if len(ys) > 1 else ''}by up to {with_unit(s.moves, plain_unit(difference_of(units[y])))}"
-        for y, s in zip(ys, found.drifts, strict=True)
-    ]
-    of = f"The residual of {some(ys)} as the model is" if alone else f"What is left of {some(ys)}"
-    driven = bool(getattr(d.carrier.given.model, "inputs", None))
-    slower = ", more slowly than the inputs move the plant" if driven else ""
-    text = (
-        f"{of} drifts slowly, {some(moved)}{slower}: a curve in time accounts for "
-        f"{_percent(found.explains)} of it and leaves the noise. Something that is not measured acts "
-        f"there, or a sensor drifts{', and nothing else need be missing' if alone and driven else ''}."
-    )
-    if not driven:
-        text += " Without inputs it cannot be told from an error of the equations that moves slowly."
-    return say("warning", text + _allowed_for(d, found), explained=found.explains)
-
-
-def _repeats(d: Diagnosis, found: Repeating) -> Sentence:
-    """A pattern that repeats every day, where it acts, and the parameters with it."""
-    names = [f"what the sensor of {p.signal} shows" if p.kind == "sensor_cycle" else f"what moves {p.signal}"
-             for p in found.places]  # fmt: skip
-    where = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} or {names[-1]}"
-    best, unit = found.places[0], _unit(d)
-    scaled = "scaled " if len(d.carrier.given.outputs) > 1 else ""
-    later = "blocks left out" if found.unseen.blocks else "unseen data"
-    text = (
-        f"A pattern that repeats every {found.period / 3600:g} h in {where} explains {_percent(found.explains)} of "
-        f"what is left ({scaled}RMSE {number(found.rmse[0])} to {with_unit(found.rmse[1], unit)}; {later} "
-        f"{number(found.unseen.base)} to {number(found.unseen.extended)})"
-    )
-    text += ", and this record cannot tell where it acts" if len(names) > 1 else ""
-    rate = best.kind == "cycle"
-    moves, peak = float(np.ptp(found.pattern)) * (3600 if rate else 1), int(np.argmax(found.pattern))
-    size = with_unit(moves, plain_unit(best.unit).removesuffix("/s") + ("/h" if rate and best.unit else ""))
-    of = f"the rate of {best.signal}" if rate else best.signal
-    hour = peak * found.period / len(found.pattern) / 3600
-    first = f" in {next(iter(d.carrier.given.experiments))}" if best.several else ""
-    text += f". It moves {of} by {size}, and is highest about {hour:g} h after t = 0{first}. "
-    text += (
-        "Something that is not measured comes back every day, as sun, people or a schedule do, or the plant is another "
-        "one at some hours"
-    )
-    if found.driven:
-        one = len(found.driven) == 1
-        text += (
-            f"; {some(list(found.driven))} repeat{'s' if one else ''} as well, so that an error in what "
-            f"{'it does' if one else 'they do'} may look alike"
-        )
-    text += "." + _allowed_for(d, found)
-    if found.times > MORE:
-        text += (
-            f" {number(found.times)} times the sample-to-sample noise is left with it: it is not quite the same every "
-            "day, or more is missing."
-        )
-    return say("warning", text, explained=found.explains)
-
-
-def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating) -> str:
-    """The parameters beside it."""
-    shown = [r for r in _values_beside(d, found) if r["name"] in d.carrier.given.space.names][:MOST_VALUES]
-    if not shown:
-        return ""
-    each = [estimate(r) for r in shown]
-    return f" With that allowed for {', '.join(each[:-1])}{' and ' if len(each) > 1 else ''}{each[-1]}."
-
-
-def _values_beside(d: Diagnosis, found: Disturbed | Drifting | Repeating) -> list[dict[str, Any]]:
-    units = dict(zip(d.carrier.given.space.names, (c.unit for c in d.carrier.given.space.coordinates), strict=True))
-    units |= {a.parameter: a.unit for a in found.additions}
-    return [{"name": n, "value": v, "standard_error": e, "unit": units.get(n)} for n, (v, e) in found.values.items()]
-
-
-def _wandering(d: Diagnosis) -> dict[str, Any] | None:
-    found = d.disturbed
-    if found is None:
-        return None
-    unit = plain_unit(difference_of(d.carrier.given.model.outputs[found.output]))
-    walk, values = found.walk, [records.ValueBeside(**v) for v in _values_beside(d, found)]
-    return records.Wandering(
-        output=found.output, unit=unit, steps=walk.steps, period=found.period, noise=walk.noise,
-        explained=walk.explains, values=values,
-    ).plain()  # fmt: skip
-
-
-def _drifting(d: Diagnosis) -> dict[str, Any] | None:
-    found = d.drifting
-    if found is None:
-        return None
-    units = d.carrier.given.model.outputs
-    outputs = [
-        records.SlowDrift(
-            output=s.output, unit=plain_unit(difference_of(units[s.output])), splines=s.count, moves=s.moves
-        )
-        for s in found.drifts
-    ]
-    values = [records.ValueBeside(**v) for v in _values_beside(d, found)]
-    return records.Drifting(outputs=outputs, explained=found.explains, values=values).plain()
-
-
-def _repeating(d: Diagnosis) -> dict[str, Any] | None:
-    found = d.repeating
-    if found is None:
-        return None
-    places = [
-        records.CyclePlace(name=p.name, kind=p.kind, signal=p.signal, parameter=p.parameter, unit=p.unit)
-        for p in found.places
-    ]
-    return records.Repeating(
-        places=places, period=found.period, explained=found.explains, pattern=list(found.pattern),
-        driven=list(found.driven), rmse=found.rmse[0], rmse_with=found.rmse[1], unseen_rmse=found.unseen.base,
-        unseen_rmse_with=found.unseen.extended, values=[records.ValueBeside(**v) for v in _values_beside(d, found)],
-    ).plain()  # fmt: skip
 
 
 def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:
@@ -494,24 +369,3 @@ def _value(t: Trial) -> str:
     e: Extension = t.extension
     row = {"name": "x", "value": t.value, "standard_error": t.standard_error, "unit": plain_unit(e.unit)}
     return estimate(row).removeprefix("x = ") if t.value is not None else "unknown size"
-
-
-def plain_unit(unit: str | None) -> str:
-    """A unit as a sentence has it: differences of temperatures in K."""
-    return "" if unit in (None, "1") else unit.replace("delta_degree_Celsius", "K").replace("delta_degC", "K")
-
-
-def _percent(share: float) -> str:
-    percent = 100.0 * share
-    return (
-        f"{percent:.0f} %"
-        if percent < 99.5 and percent >= 2
-        else f"{percent:.1f} %"
-        if percent < 99.95
-        else "over 99.9 %"
-    )
-
-
-def _unit(d: Diagnosis) -> str | None:
-    given = d.carrier.given
-    return given.model.outputs[given.outputs[0]] if len(given.outputs) == 1 else None

@@ -39,6 +39,19 @@ def with_unit(value: float, unit: str | None) -> str:
 FAR = -100.0  # per cent: below that a fit is told as how many times farther off than the mean the model is
 
 
+def plain_unit(unit: str | None) -> str:
+    """A unit as a sentence has it: differences of temperatures in K."""
+    return "" if unit in (None, "1") else unit.replace("delta_degree_Celsius", "K").replace("delta_degC", "K")
+
+
+def percent(share: float) -> str:
+    """A share as a sentence has it."""
+    of_100 = 100.0 * share
+    return (
+        f"{of_100:.0f} %" if of_100 < 99.5 and of_100 >= 2 else f"{of_100:.1f} %" if of_100 < 99.95 else "over 99.9 %"
+    )
+
+
 def times_the_mean(percent: float) -> str | None:
     """`354 times that of a constant at the mean`, of an RMSE, where a fit in per cent is below -100; else None."""
     return f"{number(1.0 - percent / 100.0)} times that of a constant at the mean" if percent < FAR else None

@@ -13,15 +13,7 @@ from plantfit.models.extensions import parameter_name, with_extensions
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.space import Parameter
-from plantfit.trust.diagnosis.judge import (
-    REFITS,
-    Unseen,
-    blocks_of,
-    evidence,
-    independent_share,
-    times_noise,
-    validated,
-)
+from plantfit.trust.diagnosis.judge import Unseen, evidence, independent_share, times_noise, unseen
 from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.disturbance import PRESSED, values_beside
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted, lengths
@@ -127,21 +119,16 @@ def repeating(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray)
     """The pattern that repeats every day in what the model as it is (`bare`) leaves over rows `use` (m,) bool; `kept`
     (m,) bool are those that no outlier takes away.
 
-    None where there is none: by its harmonics a day has to account for a good part of the residual, and for more than
-    other periods of that order. The plant is then fitted with a pattern at each place. The best one has to account for
-    most of what is left, and for much of what is left of samples that were not fitted: noise with a memory, a drift or
-    an error of the model has some pattern, too, and it does not come back.
+    None where there is none. The plant is fitted with a pattern at each place. The best one has to account for most of
+    what is left, and for much of what is left of samples that were not fitted: noise with a memory, a drift or an error
+    of the model has some pattern, too, and it does not come back.
     """
     given = carrier.given
-    if not _daily(given) or not _shows(carrier, bare, use):
-        return None
     made: list[tuple[float, Place, Carrier, Fitted]] = []
     for place in places_of(given, bare.x[: carrier.own]):
         problem = beside(given, place)
         z = np.full(problem.space.dimension, 0.5)
         z[[problem.space.names.index(n) for n in given.space.names]] = bare.x[: carrier.own]
-        if not carrier.meter.holds(STEPS * carrier.charge(False)):
-            return None
         own = Carrier.of(problem, z, {}, carrier.meter)
         fit = fitted(own, (), own.x, np.zeros(0), use, STEPS)
         if np.isfinite(fit.cost(use)):
@@ -153,7 +140,7 @@ def repeating(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray)
     before = bare.cost(use)
     if cost > (1.0 - LARGE) * before:
         return None
-    later = _unseen(carrier, bare, own, fit, use, kept)
+    later = unseen(carrier, bare, fit, use, kept, own)
     if later.extended > (1.0 - HELD) * later.base:
         return None
     alike = [one for one in made if one[0] <= AS_WELL * cost or evidence(one[3], fit, own.rows, use) < ALIKE]
@@ -168,6 +155,11 @@ def repeating(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray)
     )  # fmt: skip
 
 
+def work(carrier: Carrier, bare: Fitted) -> float:
+    """What the fits of `repeating` cost at most, in evaluations."""
+    return len(places_of(carrier.given, bare.x[: carrier.own])) * STEPS * carrier.charge(False)
+
+
 def _daily(problem: Problem) -> bool:
     """Whether every recording shows some days, well sampled."""
     if not isinstance(problem.model, Model) or not problem.predictor.has_steps or problem.mesh:
@@ -179,9 +171,12 @@ def _daily(problem: Problem) -> bool:
     return True
 
 
-def _shows(carrier: Carrier, bare: Fitted, use: np.ndarray) -> bool:
-    """Whether harmonics of a day account for much of the residual, the parameters moving along their derivatives, and
-    for more than those of other periods."""
+def shows(carrier: Carrier, bare: Fitted, use: np.ndarray) -> bool:
+    """Whether a daily pattern is worth a fit: harmonics of a day account for a good part of the residual of the model
+    as it is (`bare`) over rows `use` (m,) bool, the parameters moving along their derivatives, and for more than those
+    of other periods of that order."""
+    if not _daily(carrier.given):
+        return False
     r, a = bare.residuals[use], bare.jacobian[np.ix_(use, columns(carrier, bare.additions))]
     if not (np.all(np.isfinite(r)) and np.all(np.isfinite(a))):
         return False
@@ -211,18 +206,6 @@ def _missed(carrier: Carrier, r: np.ndarray, a: np.ndarray, use: np.ndarray, per
     q, s, _ = np.linalg.svd(every / lengths(every), full_matrices=False)
     q = q[:, s > 1e-7 * s[0]]
     return float(np.sum((r - q @ (q.T @ r)) ** 2))
-
-
-def _unseen(carrier: Carrier, bare: Fitted, own: Carrier, fit: Fitted, use: np.ndarray, kept: np.ndarray) -> Unseen:
-    """Over the validation part, else over fifths of the fitted part left out in turn."""
-    later = own.rows.unseen & kept
-    if validated(own.rows, kept):
-        return Unseen(bare.cost(later) / later.sum(), fit.cost(later) / later.sum(), False)
-    sums = np.zeros(2)
-    for block in blocks_of(own.rows, use):
-        for k, (c, one) in enumerate(((carrier, bare), (own, fit))):
-            sums[k] += fitted(c, (), one.x, np.zeros(0), use & ~block, REFITS).cost(block)
-    return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
 
 
 def _driven(problem: Problem) -> tuple[str, ...]:
@@ -301,4 +284,4 @@ def _together(every: Sequence[dict[str, tuple[float, float]]]) -> dict[str, tupl
     }
 
 
-__all__ = ["DAY", "Place", "Repeating", "beside", "places_of", "repeating"]
+__all__ = ["DAY", "Place", "Repeating", "beside", "places_of", "repeating", "shows", "work"]

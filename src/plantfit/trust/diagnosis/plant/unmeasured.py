@@ -9,7 +9,7 @@ import numpy as np
 from plantfit.trust.diagnosis.course import Course, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output, needed, times_noise
 from plantfit.trust.diagnosis.plant.curves import curve_of
-from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating
+from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating, shows, work
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival, drifting, evidence_beside_a_drift, rival
@@ -33,10 +33,15 @@ class Kind:
 
 
 def repeats(course: Course) -> Repeating | None:
-    """A pattern that repeats every day in what the model as it is leaves, where that is more than noise."""
-    if times_noise(course.carrier, course.base, course.apart) <= SOME:
+    """A pattern that repeats every day in what the model as it is leaves, where that is more than noise; the course is
+    not whole where the work that may be done does not suffice for it."""
+    carrier, base = course.carrier, course.base
+    if times_noise(carrier, base, course.apart) <= SOME or not shows(carrier, base, course.use):
         return None
-    return repeating(course.carrier, course.base, course.use, course.kept)
+    if not carrier.meter.holds(work(carrier, base)):
+        course.whole = False
+        return None
+    return repeating(carrier, base, course.use, course.kept)
 
 
 def with_unmeasured(course: Course, found: Diagnosis, cycle: Repeating | None = None) -> Diagnosis:
