@@ -204,7 +204,7 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
 def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, may stand for that; nothing
     where it finds none."""
-    if not (found.found or found.disturbed or found.drifting or found.repeating):
+    if not (found.found or found.disturbed or found.drifting or found.repeating or found.stepping):
         return
     seldom = some(
         list(dict.fromkeys(k["signal"] for k in findings.get("data", ()) if k["kind"] in ("held", "filled"))) or [""]
