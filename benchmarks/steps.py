@@ -140,7 +140,7 @@ def main() -> None:
                 place, at = study_of(plant, what, size, seed, Path(folder), given.noise)
                 course = course_of(load(place).problem)
                 began = time.process_time()
-                one = steps_of(course)
+                one = steps_of(course, course.diagnosis([]))
                 took = time.process_time() - began
                 end = ""
                 if given.full:

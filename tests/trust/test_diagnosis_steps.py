@@ -82,7 +82,8 @@ def diagnosed(folder, plant, what, size, seed):
     place, at = study_of(plant, what, size, seed, folder)
     study = load(place)
     course = course_of(study.problem)
-    return study, with_unmeasured(course, course.diagnosis([]), None, steps_of(course)), at
+    made = course.diagnosis([])
+    return study, with_unmeasured(course, made, None, steps_of(course, made)), at
 
 
 def test_a_parameter_that_changes_is_told_with_its_moment_and_both_values(tmp_path):
@@ -130,7 +131,7 @@ def test_loads_that_no_record_tells_apart_are_told_together(tmp_path):
     ],
 )
 def test_nothing_else_is_called_a_step(tmp_path, plant, what):
-    assert steps_of(course_of(load(study_of(plant, what, 0.0, 3, tmp_path)[0]).problem)) is None
+    assert _told(tmp_path, plant, what, 0.0, 3) is None
 
 
 def test_parameters_are_not_called_determined_without_a_word_on_the_step(tmp_path):
@@ -207,4 +208,5 @@ def test_steps_over_many_records(tmp_path, plant):
 
 
 def _told(folder, plant, what, size, seed):
-    return steps_of(course_of(load(study_of(plant, what, size, seed, folder)[0]).problem))
+    course = course_of(load(study_of(plant, what, size, seed, folder)[0]).problem)
+    return steps_of(course, course.diagnosis([]))

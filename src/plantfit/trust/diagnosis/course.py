@@ -407,4 +407,4 @@ def _with_better_base(
     ]
 
 
-__all__ = ["Course", "Diagnosis"]
+__all__ = ["CLEAR", "Course", "Diagnosis"]

@@ -63,11 +63,12 @@ def diagnose(
         steps = looked_at(carrier, course.base, course.use) if asked else []
         made = curves_for(course, wanted[1], made)
         return replace(made, places=tuple(wanted[2]), stepped=tuple(p for p in steps if p.name in asked))
-    cycle, step = repeats(course), steps_of(course)
+    cycle = repeats(course)
     course.one_by_one(extensions, rounds)
     if rounds > 1 and course.two_at_once(extensions):
         course.one_by_one(extensions, rounds - 2)
-    return with_unmeasured(course, course.diagnosis(course.made), cycle, step)
+    made = course.diagnosis(course.made)
+    return with_unmeasured(course, made, cycle, steps_of(course, made))
 
 
 def additions(problem: Problem, regression: Regression | None = None) -> list[Extension]:

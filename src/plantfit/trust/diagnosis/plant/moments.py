@@ -22,7 +22,8 @@ from plantfit.trust.diagnosis.ranges import joined
 MOMENTS = 100  # of the fitted part that are looked at first, then every sample about the best one
 SIDE, FEWEST = 0.04, 15  # of the fitted samples before a moment and behind it, at least, and how many
 PARTS, PART_STEPS = 3, 30  # of the fitted part, the first and last of which are fitted alone, by so many steps
-OFF_BOUNDS, ELSEWHERE = 0.1, 3  # of the cube, where these begin, and at how many other points
+# of the cube: from where these begin, what is at a bound, and at how many other points they begin then
+OFF_BOUNDS, NEAR_BOUND, ELSEWHERE = 0.1, 0.02, 3
 ROUND = 0.05  # of the fitted part to each side of a moment: where a study file looks for it
 NUDGE = 1e-5  # of the cube, by which states are differenced
 NOTHING = 1e-9  # of a column, projected: what no sample tells
@@ -106,16 +107,18 @@ def _bases(carrier: Carrier, bare: Fitted, use: np.ndarray) -> Iterator[Fitted]:
     """The model as it is, and fitted to each end of the record."""
     yield bare
     order = np.unique(carrier.rows.sample[use])
-    x = bare.x.copy()
-    x[: carrier.own] = np.clip(x[: carrier.own], OFF_BOUNDS, 1.0 - OFF_BOUNDS)
+    here = bare.x[: carrier.own]
+    begins = [np.clip(here, OFF_BOUNDS, 1.0 - OFF_BOUNDS)]
+    if np.any((here < NEAR_BOUND) | (here > 1.0 - NEAR_BOUND)):  # a large step has pressed them far away
+        begins += list(Sobol(max(carrier.own, 1), np.random.default_rng(0)).random(ELSEWHERE)[:, : carrier.own])
     for part in (order[: len(order) // PARTS], order[-(len(order) // PARTS) :]):
-        if len(part) < FEWEST or not carrier.meter.holds((1 + ELSEWHERE) * PART_STEPS * carrier.charge(False)):
+        if len(part) < FEWEST or not carrier.meter.holds(len(begins) * PART_STEPS * carrier.charge(False)):
             continue
         rows = use & (carrier.rows.sample >= part[0]) & (carrier.rows.sample <= part[-1])
         every = []
-        for z in (x[: carrier.own], *Sobol(max(carrier.own, 1), np.random.default_rng(0)).random(ELSEWHERE)):
+        for z in begins:
             own = bare.x.copy()
-            own[: carrier.own] = z[: carrier.own]
+            own[: carrier.own] = z
             every.append(fitted(carrier, (), own, np.zeros(0), rows, PART_STEPS))
         yield min(every, key=lambda one: np.nan_to_num(one.cost(rows), nan=np.inf))
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plantfit.trust.diagnosis.course import Course, Diagnosis
+from plantfit.trust.diagnosis.course import CLEAR, Course, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output, independent_share, needed, times_noise
 from plantfit.trust.diagnosis.plant.curves import curve_of
 from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating
@@ -41,11 +41,14 @@ def repeats(course: Course) -> Repeating | None:
     return repeating(course.carrier, course.base, course.use, course.kept)
 
 
-def steps_of(course: Course) -> Stepping | None:
-    """A step at a moment in what the model as it is leaves, where that is more than noise."""
-    if times_noise(course.carrier, course.base, course.apart) <= SOME:
+def steps_of(course: Course, found: Diagnosis) -> Stepping | None:
+    """A step at a moment in what the model as it is leaves, where that is more than noise and not what one addition
+    alone explains to the noise."""
+    if times_noise(course.carrier, course.bare, course.apart) <= SOME:
         return None
-    return stepping(course.carrier, course.base, course.use, course.kept)
+    if len(found.end.additions) < NUMBERS and times_noise(course.carrier, found.end, course.apart) <= CLEAR:
+        return None
+    return stepping(course.carrier, course.bare, course.use, course.kept)
 
 
 def with_unmeasured(
