@@ -161,11 +161,12 @@ def main() -> None:
             if own:
                 off, h = own[0].at - at, PLANTS[plant].period
                 held = f"off {off / h:+.2f} samples, in {own[0].within[0] <= at <= own[0].within[1]}"
-                if own[0].before is not None:
+                before, behind = own[0].before, own[0].behind
+                if before is not None and behind is not None:
                     v = PLANTS[plant].truth[what]
                     z = (
-                        (own[0].before[0] - v) / own[0].before[1],
-                        (own[0].behind[0] - v * (1 + size)) / own[0].behind[1],
+                        (before[0] - v) / before[1],
+                        (behind[0] - v * (1 + size)) / behind[1],
                     )
                     held += f", z {z[0]:.1f} {z[1]:.1f}"
             print(f"{text} {told} {one.explains:.3f} x{one.times:.2f} {held} {names}{end}", flush=True)

@@ -94,6 +94,7 @@ def test_a_parameter_that_changes_is_told_with_its_moment_and_both_values(tmp_pa
     assert one.within[0] <= at <= one.within[1]
     assert one.within[1] - one.within[0] < 0.02 * study.problem.experiments["a"].recording.t[-1]
     for found, truth in ((one.before, 8.0), (one.behind, 6.8), (d.stepping.values["tau"], 0.6)):
+        assert found is not None
         assert abs(found[0] - truth) < 3.0 * found[1] < 0.01 * truth
     text = diagnosis_record(d)["verdict"][-1]["sentence"]
     assert text.startswith("K changes at t = ")
@@ -136,6 +137,7 @@ def test_nothing_else_is_called_a_step(tmp_path, plant, what):
 
 def test_parameters_are_not_called_determined_without_a_word_on_the_step(tmp_path):
     study, d, _ = diagnosed(tmp_path, "first", "K", -0.15, 4)
+    assert d.stepping is not None
     findings, made = fit(study.problem, budget=200).findings, diagnosis_record(d)
     findings = {**findings, "parameters": [{**p, "status": "determined"} for p in findings["parameters"]]}
     told = [

@@ -65,7 +65,8 @@ def step_places(problem: Problem, z: np.ndarray) -> list[StepPlace]:
         return []
     if not even(problem):
         return []
-    had, free, sizes = {p.name for p in model.parameters}, {}, sizes_of(problem, z)
+    had, sizes = {p.name for p in model.parameters}, sizes_of(problem, z)
+    free: dict[str, list[object]] = {}
     added = {name for kind, own in KINDS.items() for s in own.signals(model) for name in brought(kind, s)}
     for c in problem.space.coordinates:
         free.setdefault(c.parameter, []).append(c)
@@ -252,6 +253,7 @@ def _of_states(carrier: Carrier, z: np.ndarray, name: str) -> Iterator[dict[str,
     """By coordinate what it does to the states at every sample (N,), by differences."""
     given = carrier.given
     model, n = given.model, len(given.experiments[name].recording.t)
+    assert isinstance(model, Model)
 
     def at(z: np.ndarray) -> dict[str, np.ndarray]:
         carrier.meter.charge(1.0)

@@ -114,8 +114,8 @@ def stepping(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray) 
     roots = Unseen(float(np.sqrt(later.base)) * unit, float(np.sqrt(later.extended)) * unit, later.blocks)
     told = {s.place.signal for s in steps if s.place.kind == "step"}
     names = [n for n in carrier.given.space.names if n not in told]
-    every = [{n: v for n, v in one.values(use).items() if n in names} for one in alike]
-    return Stepping(tuple(steps), explains, roots, rmse, together(every), best.fit.residuals, times)
+    values = together([{n: v for n, v in one.values(use).items() if n in names} for one in alike])
+    return Stepping(tuple(steps), explains, roots, rmse, values, best.fit.residuals, times)
 
 
 def beside(problem: Problem, place: StepPlace, at: tuple[float, float]) -> Problem:
@@ -218,17 +218,17 @@ class _Made:
         first = 0.25 * float(np.median(np.diff(e.recording.t))) / width
         at, ends = float(self.fit.x[k]), []
         for side in (-1.0, 1.0):
-            inside, outside, d = 0.0, None, first
+            inside, outside, d = 0.0, np.inf, first
             for _ in range(OUTWARDS):
                 if self._beside(at + side * d, use)[0] > limit:
                     outside = d
                     break
                 inside, d = d, 2.0 * d
-            for _ in range(HALVINGS if outside is not None else 0):
+            for _ in range(HALVINGS if outside < np.inf else 0):
                 middle = 0.5 * (inside + outside)
                 refused = self._beside(at + side * middle, use)[0] > limit
                 inside, outside = (inside, middle) if refused else (middle, outside)
-            ends.append(np.clip(at + side * (outside if outside is not None else inside), 0.0, 1.0))
+            ends.append(np.clip(at + side * (outside if outside < np.inf else inside), 0.0, 1.0))
         # beyond a moment that is refused another one may be as good, where an input jumps between them
         ends += [at + d for d in _around() if self._beside(at + d, use)[0] <= limit]
         ends = [min(ends), max(ends)]
