@@ -48,6 +48,15 @@ def pictures() -> dict[str, tuple[str, str, str]]:
         said = KINDS[kind].sentence.format(signal)
         name = f"daily pattern of {'the sensor of ' if kind == 'sensor_cycle' else ''}{signal}"
         found[kind] = name, f"{said[0].upper()}{said[1:]}.", svg([("without", T, plant(u)), ("with", T, y)])
+    late = T >= 0.55 * T[-1]
+    for kind, signal, name, y in (
+        ("step", "K", "step of K", plant(np.where(late, 1.4, 1.0) * u)),
+        ("load_step", "x", "load step of x", plant(u + 0.8 * late)),
+        ("sensor_step", "y", "step of the sensor of y", plant(u) + 0.8 * late),
+    ):
+        said = KINDS[kind].sentence.format(signal)
+        said = said if said.startswith(f"{signal} ") else said[0].upper() + said[1:]
+        found[kind] = name, f"{said}.", svg([("without", T, plant(u)), ("with", T, y)])
     for name, recording, look in looks():
         signal = look.signal
         if signal is None:

@@ -144,6 +144,44 @@ class Repeating(Record):
     """The parameters with that allowed for."""
 
 
+class StepFound(Record):
+    """A parameter, what moves a state, or what a sensor shows, that is another one from a moment on."""
+
+    name: str
+    kind: str = ""
+    signal: str = ""
+    parameter: str = ""
+    unit: str | None = None
+    """Of the size; a parameter changes by so much of its value."""
+    size: Number = None
+    standard_error: Number = None
+    at: Number = None
+    """In s."""
+    at_low: Number = None
+    at_high: Number = None
+    """Between these with 95 %."""
+    before: Number = None
+    before_error: Number = None
+    """Of a parameter, in its own unit."""
+    behind: Number = None
+    behind_error: Number = None
+
+
+class Stepping(Record):
+    """What is left as a step at a moment."""
+
+    steps: list[StepFound] = []
+    """The best one first; of several the record does not tell which."""
+    explained: Number = None
+    """Share of the mean square of what is left."""
+    rmse: Number = None
+    rmse_with: Number = None
+    unseen_rmse: Number = None
+    unseen_rmse_with: Number = None
+    values: list[ValueBeside] = []
+    """The other parameters with that allowed for."""
+
+
 class Diagnosis(Record):
     """Rounds of additions, what they say, and what to write into the study file."""
 
@@ -173,6 +211,8 @@ class Diagnosis(Record):
     """Slow drifts that nothing measured explains."""
     repeating: Repeating | None = None
     """A pattern that repeats every day."""
+    stepping: Stepping | None = None
+    """A step at a moment."""
     state: Literal["", "whole", "part", "stopped", "left"] = ""
     """Everything was tried, a part of it, it was stopped, or left alone as it would take long."""
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, SpecError
 from plantfit.models import equations
-from plantfit.models.extensions import KINDS, parameter_name, with_extensions
+from plantfit.models.extensions import brought, with_extensions
 from plantfit.models.extensions.terms import with_terms
 from plantfit.models.library import catalogue as library
 from plantfit.models.library.regression import LinearModel
@@ -141,8 +141,7 @@ def _from_text(table: SpecTable) -> Model:
     m = table.model
     added = {shift_name(s) for s in m.clock_shift}
     for kind, own in m.extensions.items():
-        beside = KINDS[kind].beside if kind in KINDS else ()
-        added |= {parameter_name(part, s) for part in (kind, *beside) for s in own}
+        added |= {name for s in own for name in brought(kind, s)}
     states = {
         n: ({"unit": s} if isinstance(s, str) else {"unit": s.unit, "initial": s.initial}) for n, s in m.states.items()
     }

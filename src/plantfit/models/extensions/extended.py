@@ -19,7 +19,8 @@ FEWEST = 3  # values of a pattern that repeats
 def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, float] | Mapping[str, Any]]]) -> Model:
     """The model with additions: kind -> signal -> bounds (low, high) of the parameter KIND_SIGNAL, in the order of
     `KINDS`, then those of other packages. Of a curve in time it is {"bounds": (low, high), "nodes": ...} with nodes in
-    s, a list or {"from", "to", "count"}, of a pattern that repeats {"bounds": (low, high), "period": s, "count": n}.
+    s, a list or {"from", "to", "count"}, of a pattern that repeats {"bounds": (low, high), "period": s, "count": n}, of
+    a step at a moment {"bounds": (low, high), "at": (low, high)} with the bounds of the moment in s.
 
     Parameters that come beside it, as creep_SIGNAL with dry friction, get their values from the study. Raises
     ModelError for a kind, signal or bounds that cannot be, for a dead time of an input that has one already, and for an
@@ -57,7 +58,8 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
 
 def _unknown(model: Model, made: Kind, signal: str, known: tuple[str, ...]) -> str:
     if made.to != "changes":
-        return f"which is not one of its {made.to} {list(known)}."
+        which = "parameters that can change" if made.to == "numbers" else made.to
+        return f"which is not one of its {which} {list(known)}."
     subjects, drivers = ({k.split(WITH)[side]: None for k in known} for side in (0, 1))
     example = known[0] if known else "K with u"
     if signal.count(WITH) != 1:
@@ -100,6 +102,18 @@ def _over_period(what: str, given: Any) -> tuple[tuple[float, float], tuple[floa
     return pair_of(f"{what}: bounds", given["bounds"], "where to look for its values"), (float(period), count)
 
 
+def _over_moment(what: str, given: Any) -> tuple[tuple[float, float], tuple[tuple[float, float]]]:
+    """Bounds of a change and of its moment."""
+    if not isinstance(given, Mapping) or set(given) != {"bounds", "at"}:
+        raise ModelError(
+            f"{what} is {given!r}; it is at a moment, so write bounds and between which times (s) that is, "
+            "as in { bounds = [-1, 1], at = [0, 600] }."
+        )
+    return pair_of(f"{what}: bounds", given["bounds"], "where to look for its value"), (
+        pair_of(f"{what}: at", given["at"], "where to look for its moment (s)"),
+    )
+
+
 def pair_of(what: str, bounds: Any, meant: str = "the bounds of its parameter") -> tuple[float, float]:
     """(low, high) as a study file or a call gives them. Raises ModelError, which says `what` they are of, for
     anything else."""
@@ -113,4 +127,9 @@ def pair_of(what: str, bounds: Any, meant: str = "the bounds of its parameter") 
     return float(pair[0]), float(pair[1])
 
 
-_OVER = {"": lambda what, bounds: (pair_of(what, bounds), ()), "time": _over_time, "period": _over_period}
+_OVER = {
+    "": lambda what, bounds: (pair_of(what, bounds), ()),
+    "time": _over_time,
+    "period": _over_period,
+    "moment": _over_moment,
+}

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from plantfit.models.extensions import changes, inputs, outputs, states
+from plantfit.models.extensions import changes, inputs, outputs, states, steps
 from plantfit.models.model import Model
 
 
@@ -13,17 +13,20 @@ class Kind(NamedTuple):
     `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these
     bounds (low, high). Of "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it,
     as in "creep" for creep_SIGNAL. One `over` "time" is a table, whose nodes (n,) s are given to `make` behind the
-    name; one over a "period" gets its length (s) and how many values it has.
+    name; one over a "period" gets its length (s) and how many values it has, one over a "moment" the bounds of that
+    (low, high) s, which is the parameter KIND_SIGNAL_at.
     """
 
-    to: Literal["inputs", "outputs", "states", "changes"]
+    to: Literal["inputs", "outputs", "states", "changes", "numbers"]
     make: Callable[..., Model]
     sentence: str
     beside: tuple[str, ...] = ()
-    over: Literal["", "time", "period"] = ""
+    over: Literal["", "time", "period", "moment"] = ""
 
     def signals(self, model: Model) -> tuple[str, ...]:
         """What it can be made to in a model."""
+        if self.to == "numbers":
+            return steps.numbers_of(model)
         return changes.changes_of(model) if self.to == "changes" else tuple(getattr(model, self.to))
 
 
@@ -36,6 +39,8 @@ KINDS: dict[str, Kind] = {
     "stribeck": Kind("states", states.stribeck, "friction that falls with speed slows {}", ("stribeck_speed", "creep")),
     "quadratic": Kind("states", states.quadratic, "a drag slows {}, with the square of it"),
     "cycle": Kind("states", states.cycle, "what moves {} has a pattern that repeats", over="period"),
+    "step": Kind("numbers", steps.parameter, "{} is another one from a moment on", over="moment"),
+    "load_step": Kind("states", steps.load, "what moves {} is more or less from a moment on", over="moment"),
     "dead_time": Kind("inputs", inputs.dead_time, "{} acts late"),
     "lag": Kind("inputs", inputs.lag, "{} acts through a lag of first order"),
     "dead_zone": Kind("inputs", inputs.dead_zone, "{} does nothing near zero"),
@@ -46,10 +51,18 @@ KINDS: dict[str, Kind] = {
     "drift": Kind("outputs", outputs.drift, "the sensor of {} drifts"),
     "slow_drift": Kind("outputs", outputs.slow_drift, "the sensor of {} drifts along a curve in time", over="time"),
     "sensor_cycle": Kind("outputs", outputs.cycle, "the sensor of {} has an error that repeats", over="period"),
+    "sensor_step": Kind("outputs", steps.sensor, "the sensor of {} shows more or less from a moment on", over="moment"),
     "sensor_high": Kind("outputs", outputs.sensor_high, "the sensor of {} ends above"),
     "sensor_low": Kind("outputs", outputs.sensor_low, "the sensor of {} ends below"),
 }
 """In the order in which they are made: dynamics of the plant, what is before it, what is behind it."""
+
+
+def brought(kind: str, signal: str) -> tuple[str, ...]:
+    """All parameters that an addition brings, also those of a package."""
+    own = KINDS.get(kind)
+    names = [parameter_name(part, signal) for part in (kind, *(own.beside if own else ()))]
+    return (*names, *([steps.moment_of(names[0])] if own is not None and own.over == "moment" else ()))
 
 
 def parameter_name(kind: str, signal: str) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import tomlkit
 
 from plantfit.errors import SpecError
+from plantfit.models.extensions.steps import moment_of
 from plantfit.spec.reading import parse
 from plantfit.spec.rewritten.document import text_of
 from plantfit.trust.diagnosis.treatment import SMOOTH, Change
@@ -46,6 +47,8 @@ def with_additions(
         if c.nodes is not None:
             own["smooth"] = SMOOTH
         parameters[c.parameter] = own
+        if c.moment is not None:
+            parameters[moment_of(c.parameter)] = {"start": _plain(c.moment[2])}
         for beside, (low, high, start) in c.ranges:
             parameters[beside] = {"bounds": [_plain(low), _plain(high)], "start": _plain(start)}
         for beside, value in c.values:
@@ -61,11 +64,16 @@ def with_additions(
 
 
 def _bounds(c: Change) -> Any:
-    """The bounds of an addition, of a curve in time with its nodes, of a pattern that repeats with its period."""
+    """The bounds of an addition, of a curve in time with its nodes, of a pattern that repeats with its period, of
+    a step with its moment."""
     pair = [_plain(b) for b in c.bounds]
     if c.period is not None:
         (period, count), made = c.period, tomlkit.inline_table()
         made.update({"bounds": pair, "period": _plain(period), "count": count})
+        return made
+    if c.moment is not None:
+        made = tomlkit.inline_table()
+        made.update({"bounds": pair, "at": [_plain(v) for v in c.moment[:2]]})
         return made
     if c.nodes is None:
         return pair

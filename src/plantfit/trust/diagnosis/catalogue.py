@@ -8,7 +8,7 @@ from itertools import islice
 import numpy as np
 
 from plantfit import units
-from plantfit.models.extensions import KINDS, parameter_name
+from plantfit.models.extensions import KINDS, brought, parameter_name
 from plantfit.models.extensions.changes import WITH, changes_of, drivers_of
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
@@ -77,13 +77,8 @@ def _pairs(problem: Problem, model: Model, moving: tuple[str, ...]) -> Iterator[
     and inputs with each other; those with states last, for there are many."""
     known = changes_of(model)
     ways = [u for u in model.inputs if any(np.ptp(e.recording[u]) > 0 for e in problem.experiments.values())]
-    brought = {
-        parameter_name(part, s)
-        for kind, own in KINDS.items()
-        for part in (kind, *own.beside)
-        for s in own.signals(model)
-    }
-    free = dict.fromkeys(c.parameter for c in problem.space.coordinates if c.parameter not in brought)
+    added = {name for kind, own in KINDS.items() for s in own.signals(model) for name in brought(kind, s)}
+    free = dict.fromkeys(c.parameter for c in problem.space.coordinates if c.parameter not in added)
     for subjects, drivers in ((free, [*ways, "t"]), (ways, ways), (free, moving)):
         yield from (pair for s in subjects for d in drivers if (pair := f"{s}{WITH}{d}") in known)
 

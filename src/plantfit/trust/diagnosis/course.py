@@ -15,8 +15,10 @@ from plantfit.trust.diagnosis.plant.curves import Curve
 from plantfit.trust.diagnosis.plant.cycles import Place, Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
+from plantfit.trust.diagnosis.plant.moments import StepPlace
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
 from plantfit.trust.diagnosis.plant.starts import begun_anew
+from plantfit.trust.diagnosis.plant.steps import Stepping
 from plantfit.trust.diagnosis.rounds import (
     ALIKE,
     FINALISTS,
@@ -53,7 +55,7 @@ class Diagnosis:
     what the model or what was found leaves is one, `drifting` that beside slow drifts; `curves` are for the study
     file, of what wanders or drifts or of what was asked for. `rival` is a slow drift that does as well as all that
     was found. `repeating` is the fit beside a pattern that repeats every day, `places` are where one is to be
-    written."""
+    written. `stepping` is the fit with a step at a moment, `stepped` are those to be written."""
 
     carrier: Carrier
     base: Fitted
@@ -72,12 +74,14 @@ class Diagnosis:
     rival: Rival | None = None
     repeating: Repeating | None = None
     places: tuple[Place, ...] = ()
+    stepping: Stepping | None = None
+    stepped: tuple[StepPlace, ...] = ()
 
     @property
     def beside(self) -> tuple[Extension, ...] | None:
-        """What of all that was found is needed beside a disturbance, a drift or a pattern that repeats; None where
-        there is none."""
-        told = self.disturbed or self.drifting or self.repeating
+        """What of all that was found is needed beside a disturbance, a drift, a pattern that repeats or a step; None
+        where there is none."""
+        told = self.disturbed or self.drifting or self.repeating or self.stepping
         return None if told is None else told.additions
 
     @property
@@ -403,4 +407,4 @@ def _with_better_base(
     ]
 
 
-__all__ = ["Course", "Diagnosis"]
+__all__ = ["CLEAR", "Course", "Diagnosis"]

@@ -18,9 +18,10 @@ from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.plant.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.plant.curves import driftable
 from plantfit.trust.diagnosis.plant.cycles import Place, places_of
+from plantfit.trust.diagnosis.plant.moments import StepPlace, looked_at, step_places
 from plantfit.trust.diagnosis.plant.regression import Regression, carrier_of_regression
 from plantfit.trust.diagnosis.plant.terms import extensions_of, terms_of
-from plantfit.trust.diagnosis.plant.unmeasured import curves_for, repeats, with_unmeasured
+from plantfit.trust.diagnosis.plant.unmeasured import curves_for, repeats, steps_of, with_unmeasured
 
 ROUNDS = 3  # additions that may be named one after the other
 STRONG = 3.0  # times the evidence that is needed: "very likely"
@@ -58,12 +59,17 @@ def diagnose(
     course = Course.begun(carrier, say)
     if wanted is not None:
         made = course.diagnosis([one for e in wanted[0] for one in course.alone(e)])
-        return replace(curves_for(course, wanted[1], made), places=tuple(wanted[2]))
+        asked = [p.name for p in wanted[3]]
+        steps = looked_at(carrier, course.base, course.use) if asked else []
+        made = curves_for(course, wanted[1], made)
+        return replace(made, places=tuple(wanted[2]), stepped=tuple(p for p in steps if p.name in asked))
     cycle = repeats(course)
     course.one_by_one(extensions, rounds)
     if rounds > 1 and course.two_at_once(extensions):
         course.one_by_one(extensions, rounds - 2)
-    return with_unmeasured(course, course.diagnosis(course.made), cycle)
+    made = course.diagnosis(course.made)
+    step = steps_of(course, made)
+    return with_unmeasured(course, replace(made, whole=made.whole and course.whole), cycle, step)
 
 
 def additions(problem: Problem, regression: Regression | None = None) -> list[Extension]:
@@ -92,19 +98,21 @@ def demand_treatable(problem: Problem) -> None:
 
 def chosen(
     problem: Problem, extensions: Sequence[Extension], names: Sequence[str], z: np.ndarray | None = None
-) -> tuple[list[Extension], list[str], list[Place]]:
-    """The additions of these names, each once, the outputs whose slow drift is asked for, and where a daily pattern
-    is, sized for the answer z (d,) where there is one. Raises ModelError for a name that there is not, and lists those
-    that there are."""
+) -> tuple[list[Extension], list[str], list[Place], list[StepPlace]]:
+    """The additions of these names, each once, the outputs whose slow drift is asked for, where a daily pattern is, and
+    what changes at a moment, sized for the answer z (d,) where there is one. Raises ModelError for a name that there is
+    not, and lists those that there are."""
     by_name, curves = {e.name: e for e in extensions}, driftable(problem)
-    places = {p.name: p for p in places_of(problem, np.full(problem.space.dimension, 0.5) if z is None else z)}
+    z = np.full(problem.space.dimension, 0.5) if z is None else z
+    places = {p.name: p for p in places_of(problem, z)}
+    steps = {p.name: p for p in step_places(problem, z)}
     asked = list(dict.fromkeys(name.strip() for name in names))
-    known = [*by_name, *curves, *places]
+    known = [*by_name, *curves, *places, *steps]
     for name in asked:
         if name not in known:
             raise ModelError(f"There is no {name!r} to try.{suggest(name, known)} There are: {', '.join(known)}.")
     named, drifting = [by_name[n] for n in asked if n in by_name], [curves[n] for n in asked if n in curves]
-    return named, drifting, [places[n] for n in asked if n in places]
+    return named, drifting, [places[n] for n in asked if n in places], [steps[n] for n in asked if n in steps]
 
 
 __all__ = ["STRONG", "Diagnosis", "additions", "chosen", "demand_treatable", "diagnose", "treatable"]

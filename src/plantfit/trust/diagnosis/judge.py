@@ -102,12 +102,13 @@ def validated(rows: Rows, kept: np.ndarray) -> bool:
 
 
 def unseen(
-    carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, kept: np.ndarray, own: Carrier | None = None
-) -> Unseen:
+    carrier: Carrier, base: Fitted, extended: Fitted, use: np.ndarray, kept: np.ndarray, own: Carrier | None = None,
+    held: tuple[int, ...] = (),
+) -> Unseen:  # fmt: skip
     """Over the validation part, or over blocks of the fitted part left out in turn.
 
     `use` are the fitted rows, `kept` those that no outlier takes away; `own` is the carrier of `extended` where it is
-    another one of the same rows.
+    another one of the same rows, of which the coordinates `held` are not fitted.
     """
     later = carrier.rows.unseen & kept
     if validated(carrier.rows, kept):
@@ -116,7 +117,7 @@ def unseen(
     for block in _blocks(carrier.rows, use):
         rest = use & ~block
         for k, (c, one) in enumerate(((carrier, base), (own or carrier, extended))):
-            again = fitted(c, one.additions, one.x, one.theta, rest, REFITS)
+            again = fitted(c, one.additions, one.x, one.theta, rest, REFITS, held=held if k else ())
             sums[k] += again.cost(block)
     return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
 

@@ -194,16 +194,15 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
             f"{tried} of {tried + untried} additions to the model were tried {limit}; {command} tries the rest.",
             tried=tried,
         )
-    elif found.found:
-        yield say(
-            "info", f"What may be missing beside that was not tried in full {limit}; {command} does it.", tried=tried
-        )
+    else:
+        beside = " beside that" if found.found else ""
+        yield say("info", f"What may be missing{beside} was not tried in full {limit}; {command} does it.", tried=tried)
 
 
 def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, may stand for that; nothing
     where it finds none."""
-    if not (found.found or found.disturbed or found.drifting or found.repeating):
+    if not (found.found or found.disturbed or found.drifting or found.repeating or found.stepping):
         return
     seldom = some(
         list(dict.fromkeys(k["signal"] for k in findings.get("data", ()) if k["kind"] in ("held", "filled"))) or [""]
@@ -230,6 +229,8 @@ def _after(found: Diagnosis) -> dict[str, Any]:
     most, if that is worth a drawing."""
     if found.repeating is not None:
         return {"with": [found.repeating.places[0].name], "residuals": list(_series(found, found.repeating.left))}
+    if found.stepping is not None:
+        return {"with": [found.stepped[0].name], "residuals": list(_series(found, found.stepping.left))}
     trials = found.rounds[0].trials
     best = found.found[-1] if found.found else trials[0] if trials and trials[0].explained >= DRAWN else None
     if best is None or best.at is None:

@@ -23,6 +23,8 @@ from plantfit.trust.diagnosis.plant.unmeasured_told import (
     output_unit,
     repeating_record,
     repeats,
+    stepping_record,
+    steps,
     wandering_record,
     wanders,
 )
@@ -50,7 +52,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
     (`first_look.linear_beside`).
     """
     simulated = isinstance(diagnosis.carrier.given.model, Model)
-    skipped = linear is None or not simulated or diagnosis.repeating is not None
+    skipped = linear is None or not simulated or bool(diagnosis.repeating or diagnosis.stepping)
     beside = [] if skipped else list(_linear(diagnosis, linear))
     diagnosis = replace(diagnosis, surpassed=bool(beside))
     return {
@@ -68,6 +70,7 @@ def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | 
         "wandering": wandering_record(diagnosis),
         "drifting": drifting_record(diagnosis),
         "repeating": repeating_record(diagnosis),
+        "stepping": stepping_record(diagnosis),
     }
 
 
@@ -118,8 +121,10 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
             count=count,
             share=d.outliers.behind_share,
         )
-    if d.repeating is not None:  # it explains more than all that follows
+    if d.repeating is not None:  # these explain more than all that follows
         yield repeats(d, d.repeating)
+    if d.stepping is not None:
+        yield steps(d, d.stepping)
     for k, one in enumerate(r for r in d.rounds if r.found):
         yield _found(d, one, k)
     if d.rival is not None:
@@ -151,13 +156,15 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         text = _fails(d, last, "Beside that, none")
         text = text or f"Beside that, nothing that was tried explains more than {percent(_best(last))}."
         yield say("info", text, explained=_best(last))
-    asked = bool(d.curves or d.places) and d.beside is None
+    asked = bool(d.curves or d.places or d.stepped) and d.beside is None
     if (alone or d.found) and not asked:
         yield from _left(d)
     for p in d.places if asked else ():
         yield say(
             "info", f"{p.name[0].upper() + p.name[1:]}: a smooth curve over {DAY / 3600:g} h, the same every day."
         )
+    for p in d.stepped if asked else ():
+        yield say("info", f"{p.name[0].upper() + p.name[1:]}: at t = {number(p.at, 4)} s, where one explains most.")
     if d.curves and asked:
         yield say(
             "info",
@@ -188,15 +195,21 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
 
+def _instead(d: Diagnosis) -> str:
+    """What is told in place of additions to the model; "" where nothing is."""
+    return "pattern" if d.repeating is not None else "step" if d.stepping is not None else ""
+
+
 def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     """One addition, or several that explain alike."""
     best = max(one.found, key=lambda t: t.explained)
     likely, much = likelihood(d, one), _stands_for_more(d)
     left = "what is left" if k == 0 else "what is then left"
-    shown = _shown(one.found[0]) if d.repeating is None else f"Without that pattern, {_phrase(one.found[0])}"
+    instead = _instead(d)
+    shown = f"Without that {instead}, {_phrase(one.found[0])}" if instead else _shown(one.found[0])
     text = f"{shown} explains {percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
-    if d.repeating is not None:
-        text += ": less than the pattern does, so it may stand for that."
+    if instead:
+        text += f": less than the {instead} does, so it may stand for that."
     elif one.untried:
         text += f": it may be missing, or stand for one of the {len(one.untried)} additions that were not tried."
     elif len(one.found) == 1:
@@ -242,7 +255,7 @@ def _nothing(d: Diagnosis, alone: bool) -> Sentence:
     first = d.rounds[0]
     best = _best(first)
     text = _fails(d, first, "None") or (
-        f"{'Nothing' if d.repeating is None else 'Without that pattern, nothing'} that was tried explains more than "
+        f"{f'Without that {_instead(d)}, nothing' if _instead(d) else 'Nothing'} that was tried explains more than "
         f"{percent(best)} "
         f"of what is left ({len(first.trials)} additions to the model)."
     )

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.models.extensions import KINDS, parameter_name
+from plantfit.models.extensions.steps import moment_of
 from plantfit.recording.clean.outliers import step_without
 from plantfit.trust.diagnosis.candidates import Inside
 from plantfit.trust.diagnosis.diagnose import Diagnosis
@@ -14,7 +15,8 @@ from plantfit.trust.diagnosis.plant.carrier import FASTEST, SLOWEST
 from plantfit.trust.diagnosis.plant.curves import KIND, Curve
 from plantfit.trust.diagnosis.plant.cycles import COUNT, DAY, Place
 from plantfit.trust.diagnosis.plant.hypothesis import speed_places
-from plantfit.trust.diagnosis.ranges import rounded
+from plantfit.trust.diagnosis.plant.moments import StepPlace
+from plantfit.trust.diagnosis.ranges import both_signs, rounded
 from plantfit.trust.diagnosis.rounds import Trial
 
 
@@ -25,7 +27,8 @@ class Change:
 
     `values` are parameters that come with it, `ranges` those of them that are fitted (low, high, start); with
     `per_recording` every recording has its own value. A curve in time has `nodes` (from, to in s, count), and its bends
-    are kept small; a pattern that repeats has a `period` (s) with so many values.
+    are kept small; a pattern that repeats has a `period` (s) with so many values, a step a `moment` (s): between two,
+    and where to begin.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Change:
     per_recording: bool = False
     nodes: tuple[float, float, int] | None = None
     period: tuple[float, int] | None = None
+    moment: tuple[float, float, float] | None = None
 
 
 SMOOTH = "reml"  # of curves in time
@@ -89,7 +93,14 @@ def _removals(diagnosis: Diagnosis) -> Iterator[tuple[str, str, dict[str, Any], 
 
 
 def _of_time(diagnosis: Diagnosis) -> list[Change]:
-    return [*map(_of_curve, diagnosis.curves), *map(_of_place, diagnosis.places)]
+    return [*map(_of_curve, diagnosis.curves), *map(_of_place, diagnosis.places),
+            *map(_of_step, diagnosis.stepped)]  # fmt: skip
+
+
+def _of_step(p: StepPlace) -> Change:
+    low, high = both_signs(*p.bounds, p.size)
+    bounds = (max(low, rounded(p.bounds[0])), min(high, rounded(p.bounds[1])))
+    return Change(p.name, p.kind, p.signal, p.parameter, bounds, rounded(p.size), moment=(*p.between, p.at))
 
 
 def _of_place(p: Place) -> Change:
@@ -138,6 +149,7 @@ def addition_lines(changes: Sequence[Change]) -> list[str]:
         lines += [f"[parameters.{c.parameter}]", f"start = {c.start:g}"]
         lines += ["per_recording = true"] if c.per_recording else []
         lines += [f'smooth = "{SMOOTH}"'] if c.nodes else []
+        lines += [f"[parameters.{moment_of(c.parameter)}]", f"start = {c.moment[2]:.6g}"] if c.moment else []
         for name, (low, high, start) in c.ranges:
             lines += [f"[parameters.{name}]", f"bounds = [{low:g}, {high:g}]", f"start = {start:g}"]
     for name, value in values.items():
@@ -149,6 +161,8 @@ def _bounds(c: Change) -> str:
     pair = f"[{c.bounds[0]:g}, {c.bounds[1]:g}]"
     if c.period is not None:
         return f"{{ bounds = {pair}, period = {c.period[0]:g}, count = {c.period[1]} }}"
+    if c.moment is not None:
+        return f"{{ bounds = {pair}, at = [{c.moment[0]:.6g}, {c.moment[1]:.6g}] }}"
     if c.nodes is None:
         return pair
     begin, end, count = c.nodes

@@ -60,7 +60,8 @@ def diagnosed(findings: Findings) -> dict[str, bool]:
     causes."""
     made = findings.get("diagnosis") or {}
     rounds = made.get("rounds", [])
-    return {"tried": bool(rounds), "named": any(r["found"] for r in rounds) or bool(made.get("repeating"))}
+    named = any(r["found"] for r in rounds) or bool(made.get("repeating") or made.get("stepping"))
+    return {"tried": bool(rounds), "named": named}
 
 
 def disagree(findings: Findings) -> bool:

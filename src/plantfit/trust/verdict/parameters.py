@@ -22,9 +22,8 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """Which parameters the data determine, and which not."""
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
-    repeats = ((findings.get("diagnosis") or {}).get("repeating") or {}).get("period") or 0.0
     yield from _determined(
-        single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings), repeats
+        single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings), _found(findings)
     )
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
@@ -61,6 +60,16 @@ def _denied(findings: Mapping[str, Any]) -> str:
     return some(list(found)) if found else ""
 
 
+def _found(findings: Mapping[str, Any]) -> str:
+    """What a diagnosis found that the values do not allow for."""
+    made = findings.get("diagnosis") or {}
+    if made.get("repeating"):
+        return f"A pattern that repeats every {made['repeating']['period'] / 3600:g} h is left"
+    if made.get("stepping"):
+        return f"A step at t = {number(made['stepping']['steps'][0]['at'], 4)} s is left"
+    return ""
+
+
 def _determined(
     single: Sequence[Row],
     free: Sequence[Row],
@@ -68,7 +77,7 @@ def _determined(
     fails: Sequence[str],
     lacks: Sequence[str],
     forgets: Sequence[str] = (),
-    repeats: float = 0.0,
+    found: str = "",
 ) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
@@ -92,11 +101,8 @@ def _determined(
             f" The model does not hold for unseen samples of {some(list(fails))}: "
             "these are its values, and the plant's may be others."
         )
-    if repeats:
-        text += (
-            f" A pattern that repeats every {repeats / 3600:g} h is left, and these are values without it: the plant's "
-            "may be others, by more than ± tells."
-        )
+    if found:
+        text += f" {found}, and these are values without it: the plant's may be others, by more than ± tells."
     elif lacks and not denied and not forgets and not fails:
         text += (
             f" The residuals of {some(list(lacks))} are not white: if the "
@@ -104,7 +110,7 @@ def _determined(
         )
         text += "by more than ± tells."
     yield say(
-        "warning" if denied or fails or forgets or repeats else "good" if len(good) == total and not lacks else "info",
+        "warning" if denied or fails or forgets or found else "good" if len(good) == total and not lacks else "info",
         text,
         determined=len(good),
     )

@@ -150,7 +150,7 @@ def repeating(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray)
     roots = Unseen(float(np.sqrt(later.base)) * unit, float(np.sqrt(later.extended)) * unit, later.blocks)
     return Repeating(
         tuple(place for _, place, _, _ in alike), 1.0 - cost / before, roots, rmse, tuple(pattern), _driven(given),
-        _together([_values(o, f, use, given.space.names) for _, _, o, f in alike]), fit.residuals,
+        together([_values(o, f, use, given.space.names) for _, _, o, f in alike]), fit.residuals,
         times_noise(own, fit, ~kept),
     )  # fmt: skip
 
@@ -272,7 +272,7 @@ def _by_days(carrier: Carrier, fit: Fitted, use: np.ndarray, a: np.ndarray) -> n
     return widened * np.sqrt((known - 1) / known * np.sum(np.square(moved), axis=0))
 
 
-def _together(every: Sequence[dict[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
+def together(every: Sequence[dict[str, tuple[float, float]]]) -> dict[str, tuple[float, float]]:
     """Values of the first, with errors that reach those of the others."""
     best, *others = every
     if not all(every):
@@ -284,4 +284,4 @@ def _together(every: Sequence[dict[str, tuple[float, float]]]) -> dict[str, tupl
     }
 
 
-__all__ = ["DAY", "Place", "Repeating", "beside", "places_of", "repeating", "shows", "work"]
+__all__ = ["DAY", "Place", "Repeating", "beside", "places_of", "repeating", "shows", "together", "work"]

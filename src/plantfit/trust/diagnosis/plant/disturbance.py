@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, limits, whole
@@ -73,7 +74,7 @@ def disturbed(carrier: Carrier, one: Fitted, use: np.ndarray) -> Disturbed | Non
     if walk is None:
         return None
     values = {} if pressed else values_beside(carrier, one.additions, point, free, best.standard_errors)
-    return Disturbed(carrier.given.outputs[0], one.additions, walk, float(np.median(_steps(carrier))), values)
+    return Disturbed(carrier.given.outputs[0], one.additions, walk, float(np.median(_steps(carrier.given))), values)
 
 
 def evidence_beside_a_walk(carrier: Carrier, base: Fitted, one: Fitted, use: np.ndarray) -> float:
@@ -93,19 +94,21 @@ def evidence_beside_a_walk(carrier: Carrier, base: Fitted, one: Fitted, use: np.
     return len(found[0].innovations) * float(np.log(found[0].square / found[1].square)) if found[1].square > 0 else 0.0
 
 
-def _steps(carrier: Carrier) -> np.ndarray:
+def even(problem: Problem) -> bool:
+    """Whether all recordings are sampled evenly, with one period."""
+    steps = _steps(problem)
+    return bool(np.ptp(steps) <= EVEN * np.median(steps))
+
+
+def _steps(problem: Problem) -> np.ndarray:
     """Of time between samples, s."""
-    return np.concatenate([np.diff(e.recording.t) for e in carrier.given.experiments.values()])
+    return np.concatenate([np.diff(e.recording.t) for e in problem.experiments.values()])
 
 
 def _applies(carrier: Carrier) -> bool:
     """Whether there is one simulated output, evenly sampled."""
-    steps = _steps(carrier)
-    return (
-        len(carrier.given.outputs) == 1
-        and carrier.given.predictor.has_steps
-        and np.ptp(steps) <= EVEN * np.median(steps)
-    )
+    given = carrier.given
+    return len(given.outputs) == 1 and given.predictor.has_steps and even(given)
 
 
 def _sound(left: list[Left]) -> bool:

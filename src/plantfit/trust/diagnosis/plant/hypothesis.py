@@ -184,10 +184,11 @@ def limits(carrier: Carrier, additions: Sequence[Extension]) -> tuple[np.ndarray
 def fitted(
     carrier: Carrier, additions: Sequence[Extension], x: np.ndarray, theta: np.ndarray, use: np.ndarray,
     steps: int = 30,
-    beside: np.ndarray | None = None,
+    beside: np.ndarray | None = None, held: Sequence[int] = (),
 ) -> Fitted:  # fmt: skip
     """The best fit near (x, theta) over the rows `use` (m,) bool, by at most so many steps; `beside` is an orthonormal
-    base (n, k) over these n rows of what is fitted beside it and is not in the residuals.
+    base (n, k) over these n rows of what is fitted beside it and is not in the residuals. Coordinates that are `held`
+    stay where they are.
 
     Damped Gauss-Newton steps; where these gain little of what they promise, they are turned along the bend of the
     valley by the second derivative along the step (geodesic acceleration; Transtrum, Machta and Sethna, Phys. Rev. E 83
@@ -195,6 +196,7 @@ def fitted(
     """
     additions, theta, x = tuple(additions), np.array(theta, dtype=float), np.array(x, dtype=float)
     free, n = columns(carrier, additions), len(carrier.names)
+    free = free[~np.isin(free, list(held))]
     low, high = limits(carrier, additions)
     point, damping, slow, settled = np.r_[x, theta], DAMPING, False, False
 

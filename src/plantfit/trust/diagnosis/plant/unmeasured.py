@@ -1,13 +1,14 @@
 """What acts on an output and nobody measured, where more than noise is left in the end: a disturbance that wanders,
-a slow drift, or a pattern that repeats every day."""
+a slow drift, a pattern that repeats every day, or a step at a moment."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from plantfit.trust.diagnosis.course import Course, Diagnosis
-from plantfit.trust.diagnosis.judge import by_output, needed, times_noise
+from plantfit.trust.diagnosis.course import CLEAR, Course, Diagnosis
+from plantfit.trust.diagnosis.judge import by_output, independent_share, needed, times_noise
+from plantfit.trust.diagnosis.plant import steps
 from plantfit.trust.diagnosis.plant.curves import curve_of
 from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating, shows, work
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
@@ -18,6 +19,7 @@ from plantfit.trust.diagnosis.rounds import ALIKE
 SOME = 1.3  # times the sample-to-sample noise: a disturbance or a linear model is looked at
 WORK = 10  # simulations with derivatives that one takes at most, about
 BETTER = 0.8  # of what additions leave that a daily pattern may leave in their place, as it has more numbers
+NUMBERS = 2  # of a step: its size and its moment
 NODES = 2  # of straight lines for a cubic spline
 Told = Disturbed | Drifting
 
@@ -44,9 +46,31 @@ def repeats(course: Course) -> Repeating | None:
     return repeating(carrier, base, course.use, course.kept)
 
 
-def with_unmeasured(course: Course, found: Diagnosis, cycle: Repeating | None = None) -> Diagnosis:
+def steps_of(course: Course, found: Diagnosis) -> steps.Stepping | None:
+    """A step at a moment in what the model as it is leaves, where that is more than noise and not what one addition
+    alone explains to the noise; the course is not whole where the work that may be done does not suffice for it."""
+    if times_noise(course.carrier, course.bare, course.apart) <= SOME:
+        return None
+    if len(found.end.additions) < NUMBERS and times_noise(course.carrier, found.end, course.apart) <= CLEAR:
+        return None
+    carrier, bare = course.carrier, course.bare
+    places = steps.worth_a_fit(carrier, bare, course.use)
+    if not places:
+        return None
+    if not carrier.meter.holds(steps.work(carrier, places)):
+        course.whole = False
+        return None
+    course.say("fitting with a step at a moment")
+    return steps.stepping(carrier, bare, places, course.use, course.kept)
+
+
+def with_unmeasured(
+    course: Course, found: Diagnosis, cycle: Repeating | None = None, step: steps.Stepping | None = None
+) -> Diagnosis:
     """The diagnosis with what nobody measured, where that is what the model, or what was found, leaves; `cycle` is a
-    pattern that may be it."""
+    pattern that may be it, `step` one at a moment."""
+    if step is not None and _prefers(course, found, step, cycle):
+        return replace(found, stepping=step, stepped=(step.steps[0].place,))
     left = float(np.sum(cycle.left[course.use] ** 2)) if cycle is not None else np.inf
     if times_noise(course.carrier, found.end, course.apart) > SOME and left < BETTER * found.end.cost(course.use):
         return replace(found, repeating=cycle, places=cycle.places[:1] if cycle is not None else ())
@@ -69,6 +93,18 @@ def with_unmeasured(course: Course, found: Diagnosis, cycle: Repeating | None = 
         if hidden is not None:
             return hidden
     return found
+
+
+def _prefers(course: Course, found: Diagnosis, step: steps.Stepping, cycle: Repeating | None) -> bool:
+    """Whether the record prefers a step to all that was found in its place, by the Bayesian information criterion over
+    independent residuals, and to a pattern that repeats."""
+    use, carrier = course.use, course.carrier
+    n, left = int(use.sum()), float(np.sum(step.left[use] ** 2))
+    if cycle is not None and float(np.sum(cycle.left[use] ** 2)) < BETTER * left:
+        return False
+    worth = n / independent_share(step.left, carrier.rows, use)
+    gained = worth * float(np.log(max(found.end.cost(use), 1e-300) / max(left, 1e-300)))
+    return gained > float(np.log(n)) * (NUMBERS - len(found.end.additions))
 
 
 def curves_for(course: Course, outputs: Sequence[str], found: Diagnosis) -> Diagnosis:
@@ -146,4 +182,4 @@ def _hidden(course: Course, found: Diagnosis, kind: Kind) -> Diagnosis | None:
     return _said(course, replace(found, rounds=rounds), told)
 
 
-__all__ = ["SOME", "curves_for", "repeats", "with_unmeasured"]
+__all__ = ["SOME", "curves_for", "repeats", "steps_of", "with_unmeasured"]

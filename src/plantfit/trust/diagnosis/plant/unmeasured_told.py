@@ -1,4 +1,5 @@
-"""What a diagnosis says of what nobody measured: a disturbance that wanders, slow drifts, a pattern that repeats."""
+"""What a diagnosis says of what nobody measured: a disturbance that wanders, slow drifts, a pattern that repeats, a
+step at a moment."""
 
 from typing import Any
 
@@ -10,7 +11,8 @@ from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
 from plantfit.trust.diagnosis.plant.cycles import Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting
-from plantfit.trust.verdict.words import Sentence, estimate, number, percent, plain_unit, say, some, with_unit
+from plantfit.trust.diagnosis.plant.steps import StepAt, Stepping
+from plantfit.trust.verdict.words import Sentence, estimate, interval, number, percent, plain_unit, say, some, with_unit
 from plantfit.units import difference_of
 
 MORE = 1.5  # times the sample-to-sample noise: what was found is not all, or stands for something else
@@ -95,6 +97,42 @@ def repeats(d: Diagnosis, found: Repeating) -> Sentence:
     return say("warning", text, explained=found.explains)
 
 
+def steps(d: Diagnosis, found: Stepping) -> Sentence:
+    """A step at a moment, or several of which it is one, and the parameters with it."""
+    unit, scaled = output_unit(d), "scaled " if len(d.carrier.given.outputs) > 1 else ""
+    later = "blocks left out" if found.unseen.blocks else "unseen data"
+    told = [_step(s) for s in found.steps]
+    text = (
+        f"{told[0][0].upper() if found.steps[0].place.kind != 'step' else told[0][0]}{told[0][1:]}. That explains "
+        f"{percent(found.explains)} of what is left ({scaled}RMSE {number(found.rmse[0])} to "
+        f"{with_unit(found.rmse[1], unit)}; {later} {number(found.unseen.base)} to {number(found.unseen.extended)})"
+    )
+    if len(told) > 1:
+        text += f", and this record cannot tell it from another one: {'; or '.join(told[1:])}"
+    text += ". Something happened to the plant or to its sensors there; look it up."
+    if found.times > MORE:
+        text += f" {number(found.times)} times the sample-to-sample noise is left with it: more is missing."
+    return say("warning", text + _allowed_for(d, found), explained=found.explains)
+
+
+def _step(s: StepAt) -> str:
+    """What changes, when, and by how much."""
+    at = f"t = {interval(*s.within, 's')}" if s.within[1] > s.within[0] else f"t = {number(s.at, 5)} s"
+    row = {"name": "x", "value": s.size[0], "standard_error": s.size[1], "unit": plain_unit(s.place.unit)}
+    if s.before is not None and s.behind is not None:
+        ends = [
+            estimate({"name": "x", "value": v, "standard_error": e, "unit": plain_unit(s.unit)}).removeprefix("x = ")
+            for v, e in (s.before, s.behind)
+        ]
+        return f"{s.place.signal} changes at {at} from {ends[0]} to {ends[1]}"
+    size = estimate({**row, "value": abs(s.size[0])}).removeprefix("x = ")
+    more = "more" if s.size[0] > 0 else "less"
+    what = (
+        f"the sensor of {s.place.signal} shows" if s.place.kind == "sensor_step" else f"the rate of {s.place.signal} is"
+    )
+    return f"{what} {size} {more} from {at} on"
+
+
 def wandering_record(d: Diagnosis) -> dict[str, Any] | None:
     found = d.disturbed
     if found is None:
@@ -137,7 +175,28 @@ def repeating_record(d: Diagnosis) -> dict[str, Any] | None:
     ).plain()  # fmt: skip
 
 
-def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating) -> str:
+def stepping_record(d: Diagnosis) -> dict[str, Any] | None:
+    found = d.stepping
+    if found is None:
+        return None
+    steps = []
+    for s in found.steps:
+        (before, before_error), (behind, behind_error) = s.before or (None, None), s.behind or (None, None)
+        steps.append(
+            records.StepFound(
+                name=s.place.name, kind=s.place.kind, signal=s.place.signal, parameter=s.place.parameter,
+                unit=s.place.unit, size=s.size[0], standard_error=s.size[1], at=s.at, at_low=s.within[0],
+                at_high=s.within[1], before=before, before_error=before_error, behind=behind, behind_error=behind_error,
+            )
+        )  # fmt: skip
+    return records.Stepping(
+        steps=steps, explained=found.explains, rmse=found.rmse[0], rmse_with=found.rmse[1],
+        unseen_rmse=found.unseen.base, unseen_rmse_with=found.unseen.extended,
+        values=[records.ValueBeside(**v) for v in _values_beside(d, found)],
+    ).plain()  # fmt: skip
+
+
+def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating | Stepping) -> str:
     """The parameters beside it."""
     shown = [r for r in _values_beside(d, found) if r["name"] in d.carrier.given.space.names][:MOST_VALUES]
     if not shown:
@@ -146,7 +205,7 @@ def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating) -> str:
     return f" With that allowed for {', '.join(each[:-1])}{' and ' if len(each) > 1 else ''}{each[-1]}."
 
 
-def _values_beside(d: Diagnosis, found: Disturbed | Drifting | Repeating) -> list[dict[str, Any]]:
+def _values_beside(d: Diagnosis, found: Disturbed | Drifting | Repeating | Stepping) -> list[dict[str, Any]]:
     units = dict(zip(d.carrier.given.space.names, (c.unit for c in d.carrier.given.space.coordinates), strict=True))
     units |= {a.parameter: a.unit for a in found.additions}
     return [{"name": n, "value": v, "standard_error": e, "unit": units.get(n)} for n, (v, e) in found.values.items()]
