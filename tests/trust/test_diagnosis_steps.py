@@ -106,6 +106,15 @@ def test_a_parameter_that_changes_is_told_with_its_moment_and_both_values(tmp_pa
     assert low < at < high
 
 
+def test_where_inputs_jump_the_fit_beside_a_moment_is_not_stuck(tmp_path):
+    d = diagnosed(tmp_path, "motor", "J", 0.5, 2)[1]
+    assert d.stepping is not None
+    (one,) = d.stepping.steps
+    for found, truth in ((one.before, 2e-4), (one.behind, 3e-4), (d.stepping.values["k"], 0.05)):
+        assert found is not None
+        assert abs(found[0] - truth) < 2.0 * found[1] < 0.5 * truth
+
+
 @pytest.mark.parametrize("limit", [100.0, 1e9])
 def test_work_that_does_not_suffice_for_a_step_is_not_silent(tmp_path, limit):
     course = course_of(load(study_of("first", "K", -0.15, 3, tmp_path)[0]).problem)
@@ -131,7 +140,7 @@ def test_loads_that_no_record_tells_apart_are_told_together(tmp_path):
     ("plant", "what"),
     [
         ("first", "drift"),
-        ("first", "ramp of a parameter"),
+        pytest.param("first", "ramp of a parameter", marks=pytest.mark.slow),
         ("first", "dead_time"),
         ("first", "AR noise"),
         pytest.param("first", "offset", marks=pytest.mark.slow),

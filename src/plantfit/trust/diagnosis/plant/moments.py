@@ -27,7 +27,7 @@ OFF_BOUNDS, NEAR_BOUND, ELSEWHERE = 0.1, 0.02, 3
 ROUND = 0.05  # of the fitted part to each side of a moment: where a study file looks for it
 NUDGE = 1e-5  # of the cube, by which states are differenced
 NOTHING = 1e-9  # of a column, projected: what no sample tells
-LESS, MORE = -0.95, 9.0  # of a parameter: what it may be less and more
+LESS, MORE = -0.95, 99.0  # of a parameter: what it may be less and more
 WIDE = 50.0  # bounds of other steps, in sizes that would be seen at once
 
 

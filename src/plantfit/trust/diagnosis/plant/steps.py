@@ -28,6 +28,7 @@ from plantfit.trust.diagnosis.plant.moments import MOMENTS, StepPlace, inner, lo
 SEEN = 0.6  # of the residual that a step accounts for along derivatives, from which on it is fitted
 WITHIN, ROOM, MOST = 3.0, 0.1, 4  # times what the best one leaves, and more of the residual: what is fitted as well
 STEPS, AGAIN = 40, 2  # of a fit, and of each behind a moment that is held
+TURNS, GAIN = 6, 1e-4  # of fits and moments, and the part of the square below which they end
 ASIDE, TRIED = 2.0, 17  # hundredths of the fitted part to each side of the moment, and how many are looked at there
 # of what the model leaves that a step accounts for, and times the sample-to-sample noise that it may leave then: nearly
 # all, or what there is beyond noise
@@ -160,9 +161,9 @@ class _Made:
         """What is not fitted by its derivatives: between two samples the moment of a sensor does nothing."""
         return (self._at,) if self.place.kind == "sensor_step" else ()
 
-    def better(self, x: np.ndarray, use: np.ndarray, steps: int = STEPS) -> "_Made":
+    def better(self, x: np.ndarray, use: np.ndarray, held: tuple[int, ...] = ()) -> "_Made":
         """Fitted from coordinates (d,), where that is better."""
-        one = fitted(self.carrier, (), x, np.zeros(0), use, steps, held=self.held)
+        one = fitted(self.carrier, (), x, np.zeros(0), use, STEPS, held=held or self.held)
         return replace(self, fit=one) if one.cost(use) < self.cost(use) else self
 
     def values(self, use: np.ndarray) -> dict[str, tuple[float, float]]:
@@ -263,13 +264,19 @@ class _Made:
         return least, best
 
     def settled(self, use: np.ndarray) -> "_Made":
-        """From the best of other moments near it: where inputs jump the square has kinks."""
-        at = float(self.fit.x[self._at])
-        every = [self._beside(at + d, use) for d in _around()]
-        square, x = min(every, key=lambda one: one[0])
-        if square >= self.cost(use):
-            return self
-        return self.better(x, use)
+        """Fitted with its moment held, then from the best of other moments near it, in turns until that gains nothing:
+        where inputs jump the square has kinks, at which a step in all coordinates is stuck."""
+        made = self
+        for _ in range(TURNS):
+            before = made.cost(use)
+            made = made.better(made.fit.x, use, held=(made._at,))
+            at = float(made.fit.x[made._at])
+            square, x = min((made._beside(at + d, use) for d in _around()), key=lambda one: one[0])
+            if square < made.cost(use):
+                made = made.better(x, use)
+            if made.cost(use) >= (1.0 - GAIN) * before:
+                break
+        return made
 
 
 def _around() -> np.ndarray:
