@@ -110,6 +110,22 @@ def test_bars_and_residuals_are_those_of_the_record():
     assert after["y"][0] is None
 
 
+def test_a_step_or_a_pattern_stands_above_the_additions():
+    record = read_findings(findings()).diagnosis
+    assert record is not None
+    told = {"step of K": 0.9985, "load step of x": 0.9984}
+    steps = [{"name": name} for name in told]
+    found = read_findings(
+        {**findings(), "diagnosis": {**record.plain(), "stepping": {"steps": steps, "explained": 0.9985}}}
+    )
+    page = render_html(found)
+    assert '"load step of x"' in page
+    (bars,) = share_figure(record.rounds[0], told)["data"]
+    assert bars["y"][-3:] == ["dead time of u", "load step of x", "step of K"]
+    assert bars["x"][-2:] == [99.84, 99.85]
+    assert len(set(bars["marker"]["color"][-2:])) == 1
+
+
 T = np.arange(400) * 0.1
 Y = np.sin(T)
 

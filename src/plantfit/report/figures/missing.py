@@ -1,6 +1,6 @@
 """What additions to a model explain, and what they leave of the residual."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -14,17 +14,18 @@ MOST_BARS = 15
 PANEL, GAP, TOP, BOTTOM = 150, 40, 58, 46  # pixels
 
 
-def share_figure(first: Round) -> Figure:
+def share_figure(first: Round, unmeasured: Mapping[str, float] | None = None) -> Figure:
     """A bar for each addition of a round: its share of the mean square, the largest on top; those that were named
-    stand out."""
-    shown = first.tried[:MOST_BARS][::-1]
-    shares = np.array([100.0 * (t.explained or 0.0) for t in shown])
+    stand out, and above them stands what was `unmeasured`, by name its share."""
+    above = unmeasured or {}
+    every = [*above.items(), *((t.name, t.explained or 0.0) for t in first.tried[:MOST_BARS])][::-1]
+    names, shares = [name for name, _ in every], np.array([100.0 * share for _, share in every])
     bars = {
         "type": "bar",
         "orientation": "h",
         "x": style.numbers(shares, 4),
-        "y": [style.plain(t.name) for t in shown],
-        "marker": {"color": [style.WARNING if t.name in first.found else style.SIMULATED for t in shown]},
+        "y": [style.plain(name) for name in names],
+        "marker": {"color": [style.WARNING if n in above or n in first.found else style.SIMULATED for n in names]},
         "width": 0.62,
         "text": [percent(v / 100.0) if v >= 1 else "< 1 %" for v in shares],
         "textposition": "outside",
@@ -32,7 +33,7 @@ def share_figure(first: Round) -> Figure:
         "cliponaxis": False,
         "hovertemplate": "%{y}: %{x:.1f} %<extra></extra>",
     }
-    layout = style.layout(24 * len(shown) + 86, margin={"l": 40, "r": 46, "t": 26, "b": 44})
+    layout = style.layout(24 * len(names) + 86, margin={"l": 40, "r": 46, "t": 26, "b": 44})
     layout["xaxis"] = style.axis("share of the mean square that is left [%]", range=[0, 100], nticks=6)
     layout["yaxis"] = style.axis(type="category", showgrid=False, tickfont={"size": 13, "color": style.INK})
     return {"data": [bars], "layout": layout}

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from plantfit.findings import Findings, Round, Tried
+from plantfit.findings import Diagnosis, Findings, Round, Tried
 from plantfit.recording.looks.look import IN_VERDICT, Look
 from plantfit.report import figures
 from plantfit.report.drawings import Drawings
@@ -25,7 +25,8 @@ def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
     bars = change = None
     if rounds:
         bars = drawings.add(
-            figures.share_figure(rounds[0]), "Share of the mean square left that each addition to the model explains."
+            figures.share_figure(rounds[0], _unmeasured(found)),
+            "Share of the mean square left that each addition to the model explains.",
         )
     if found.residuals:
         label = f"Residuals over time with the model as it is and with {listed(found.with_)}."
@@ -44,6 +45,13 @@ def of_findings(record: Findings, drawings: Drawings) -> dict[str, Any] | None:
         "write": "\n".join(found.write),
         "next": found.next,
     }
+
+
+def _unmeasured(found: Diagnosis) -> dict[str, float]:
+    """By name the share that a pattern or a step explains."""
+    told = {p.name: found.repeating.explained for p in found.repeating.places} if found.repeating else {}
+    told |= {s.name: found.stepping.explained for s in found.stepping.steps} if found.stepping else {}
+    return {name: share for name, share in told.items() if share is not None}
 
 
 def looks(record: Findings, drawings: Drawings) -> list[dict[str, Any]]:
