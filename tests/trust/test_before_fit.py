@@ -92,6 +92,48 @@ def test_a_parameter_without_effect_and_an_input_at_rest():
     assert found.unseen == ("K",)
 
 
+LIMITED = "i = sat((u - kt*w)/R, -Imax, Imax); w' = (kt*i - b*w - {})/J; y = w"
+DRIVE = {
+    "R": (0.1, 10), "kt": pf.Parameter((0.005, 0.5), scale="log"), "J": pf.Parameter((1e-5, 1e-2), scale="log"),
+    "b": (0, 1e-2), "Fc": (0, 0.2), "Imax": (0.3, 20),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("friction", ["Fc*tanh(w/0.5)", "friction(w, Fc)"])
+@pytest.mark.parametrize("key", [0, 1, 2])
+def test_a_limit_that_random_points_seldom_reach_is_looked_at(friction, key):
+    found = before_fit(problem(LIMITED.format(friction), DRIVE, states=("w",), u=8.0 * U), key)
+    assert found is not None
+    assert (found.rank, found.alone, found.unseen) == (5, ("kt",), ())
+    assert set(found.together) == {"R*J", "R*b", "R*Fc", "R*Imax"}
+    assert set(found.fix) == {("R",), ("J",), ("b",), ("Fc",), ("Imax",)}
+    if found.varies:
+        assert told(found)[0].startswith(
+            "Where they tell most of 8 random points of the bounds, the records can determine 5"
+        )
+
+
+@pytest.mark.parametrize("key", range(4))
+def test_no_formula_rests_on_one_point(key):
+    """Only with much torque and little friction it moves: the exponents of one such point are no law."""
+    text, bounds = "w' = (kt*(u - kt*w)/R - b*w - friction(w, Fc))/J; y = w", {**DRIVE, "Fc": (0.05, 8)}
+    del bounds["Imax"]
+    found = before_fit(problem(text, bounds, states=("w",), u=8.0 * U), key)
+    assert found is not None
+    assert found.rank == 3
+    assert set(found.together) == {"R*J/kt", "J/Fc"}
+    assert "and 1 function of R, kt, J and 2 more that is neither a product of powers nor a sum" in told(found)[0]
+
+
+def test_a_plant_that_never_moves_is_told():
+    text = "w' = (kt*u - friction(w, Fc))/J; y = w"
+    bounds = {"kt": (0.1, 1), "Fc": (50, 60), "J": (1, 2)}
+    found = before_fit(problem(text, bounds, states=("w",)))
+    assert found is not None
+    assert found.unseen == ("kt", "Fc", "J")
+    assert told(found)[0].startswith("kt, Fc and J have no effect on the fitted samples")
+
+
 def tabled(text, over, nodes, y=None, u=U):
     """A plant with a table k over `over`, and the outputs y (N,) that were recorded."""
     tables = {"k": {"over": [over], "nodes": [list(map(float, nodes))]}}

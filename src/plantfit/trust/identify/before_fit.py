@@ -17,6 +17,10 @@ from plantfit.trust.finish.unknown_noise import LEAST_FREE, few_samples
 from plantfit.trust.verdict.words import some
 
 POINTS = 8  # of the box
+AGREE, DRAWN = 3, 4  # points that a formula rests on at least, and times the points that are drawn for that at most
+NEAR = 0.3  # of the way to a random point: those about one that tells most
+# of its bounds, where a parameter without effect at the points is looked at, at so many of them
+ELSEWHERE, LOOKED = (0.02, 0.1, 0.25, 0.5, 0.75, 0.9, 0.98), 4
 MOST = 40  # coordinates
 RANK = 1e-8  # of the largest singular value of the sensitivities, each normed
 SAME = 1e-6  # by which directions of points may differ that are the same
@@ -36,6 +40,9 @@ class BeforeFit:
     parameters of which only combinations are determined, and each of `fix` is a set of them that makes the others
     determined. `rough` maps parameters that noise of 1 % would leave roughly known to their median relative standard
     error. `points` were tried, `lost` of them could not be simulated.
+
+    `varies` where the rank is not the same at all points, as where a limit, friction or an event acts at some of them:
+    other values may then determine more. Formulas are `agreed` where enough points have that rank; else none is named.
 
     `silent` maps outputs whose fitted samples are no more than the parameters that follow them, and whose scale nobody
     gave, to the number of these samples: nothing shows how large their errors are, and a fit gives no interval that
@@ -58,6 +65,8 @@ class BeforeFit:
     heard_alone: tuple[str, ...] = ()
     few: int = 0
     entries: dict[str, bool | None] = field(default_factory=dict)
+    varies: bool = False
+    agreed: bool = True
 
     @property
     def sentences(self) -> list[tuple[str, str]]:
@@ -73,7 +82,7 @@ class BeforeFit:
             "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points,
             "lost": self.lost,
             "silent": self.silent, "heard": self.heard, "heard_alone": list(self.heard_alone), "few": self.few,
-            "entries": self.entries,
+            "entries": self.entries, "varies": self.varies, "agreed": self.agreed,
             "sentences": [{"level": level, "sentence": sentence} for level, sentence in self.sentences],
         }  # fmt: skip
 
@@ -83,31 +92,40 @@ def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFi
     can be simulated.
 
     The rank is that of the exact sensitivities by the logarithms of the parameters, the largest over `points` random
-    points of the box (numpy's generator of `key`): what cannot be told apart anywhere cannot be told apart. A
-    combination is named where its formula holds at all points: a product of powers where the open directions are the
-    same in logarithms, a weighted sum where they are the same in the parameters themselves (Bellman and Astrom 1970,
-    Mathematical Biosciences 7, for the notion; Stigter and Molenaar 2015, Automatica 58, for the rank of
-    sensitivities).
+    points of the box (numpy's generator of `key`): what cannot be told apart anywhere cannot be told apart. Where a
+    parameter has no effect at any of them it alone is moved over its bounds as well, as a limit may act elsewhere. A
+    combination is named where its formula holds at all points of that rank, three at least: a product of powers where
+    the open directions are the same in logarithms, a weighted sum where they are the same in the parameters themselves
+    (Bellman and Astrom 1970, Mathematical Biosciences 7, for the notion; Stigter and Molenaar 2015, Automatica 58, for
+    the rank of sensitivities).
     """
     space = problem.space
     d = space.dimension
     if not 1 <= d <= MOST or len({*space.names}) < d:
         return None
     own = problem.with_scales({o: NOISE * _spread(problem, o) for o in problem.outputs})
+    drawn = np.random.default_rng(key).uniform(0.02, 0.98, (DRAWN * points, d))
     try:
-        found = [_at(own, z) for z in np.random.default_rng(key).uniform(0.02, 0.98, (points, d))]
+        good = [f for f in (_at(own, z) for z in drawn[:points]) if f is not None]
+        if len(good) < max(3, points // 2):
+            return None
+        lost, first = points - len(good), [p for p, _ in good]
+        good += _moved_alone(own, drawn[: min(points, LOOKED)], good)
+        for z in drawn[points:]:
+            telling = _most_telling(good)
+            if len(telling) >= AGREE:
+                break
+            near = space.cube(good[telling[0]][0])
+            good += [f for f in (_at(own, near + NEAR * (z - near)),) if f is not None]
     except PlantfitError:
         return None
-    good = [f for f in found if f is not None]
-    if len(good) < max(3, points // 2):
-        return None
-    effect = np.max([np.linalg.norm(j, axis=0) for _, j in good], axis=0) > 0
-    seen = np.flatnonzero(effect)
-    open_ = [_open(j[:, seen]) for _, j in good]
-    rank = max(len(seen) - n.shape[1] for n in open_)
-    used = [(p[seen], n, j[:, seen]) for (p, j), n in zip(good, open_, strict=True) if len(seen) - n.shape[1] == rank]
+    telling, effect = _most_telling(good), _effect(good)
+    seen, varies = np.flatnonzero(effect), len(telling) < len(good)
+    used = [(p[seen], _open(j[:, seen]), j[:, seen]) for p, j in (good[i] for i in telling)]
+    rank = len(seen) - used[0][1].shape[1]
     names = [space.names[i] for i in seen]
-    alone, together = _named(names, used, rank)
+    agreed = len(used) >= AGREE
+    alone, together = _named(names, used, rank) if agreed else ([], [])
     weights = np.max([np.max(np.abs(n), axis=1, initial=0.0) for _, n, _ in used], axis=0)
     loose = [k for k in range(len(names)) if weights[k] > SAME]
     fix = _fixes(names, [n for _, n, _ in used], loose)
@@ -115,10 +133,42 @@ def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFi
     return BeforeFit(
         tuple(space.names), rank, tuple(alone), tuple(together), tuple(names[k] for k in loose),
         tuple(space.names[i] for i in np.flatnonzero(~effect)), tuple(fix), _rough(names, used, held), points,
-        points - len(good),
+        lost,
         *_heard(own, problem, key, points), _too_few(problem),
-        _entries(problem, np.flatnonzero(~effect), [p for p, _ in good]),
+        _entries(problem, np.flatnonzero(~effect), first), varies, agreed,
     )  # fmt: skip
+
+
+def _effect(good: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """Which coordinates (d,) bool have an effect at any of the points (values (d,), sensitivities (k, d))."""
+    return np.max([np.linalg.norm(j, axis=0) for _, j in good], axis=0) > 0
+
+
+def _most_telling(good: Sequence[tuple[np.ndarray, np.ndarray]]) -> list[int]:
+    """The places of the points with the largest rank."""
+    seen = np.flatnonzero(_effect(good))
+    open_ = [_open(j[:, seen]).shape[1] for _, j in good]
+    return [i for i, count in enumerate(open_) if count == min(open_)]
+
+
+def _moved_alone(
+    problem: Problem, points: np.ndarray, good: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """More points, at which a parameter that has no effect at the `good` ones has one: of each `points` (k, d) it alone
+    is moved over its bounds. Entries of tables are not looked at, as no value of theirs is where simulations come."""
+    tables = {problem.space.root(t.name) for t in getattr(problem.model, "tables", ())}
+    found: list[tuple[np.ndarray, np.ndarray]] = []
+    for k in np.flatnonzero(~_effect(good)):
+        if problem.space.coordinates[k].parameter in tables:
+            continue
+        own = []
+        for z in points:
+            for to in ELSEWHERE:
+                one = _at(problem, np.where(np.arange(len(z)) == k, to, z))
+                if one is not None and np.linalg.norm(one[1][:, k]) > 0:
+                    own.append(one)
+        found += own
+    return found
 
 
 def _heard(own: Problem, problem: Problem, key: int, points: int) -> tuple[dict[str, int], int, tuple[str, ...]]:
@@ -216,6 +266,8 @@ def _sensitivities(problem: Problem, z: np.ndarray) -> np.ndarray | None:
 def _open(jacobian: np.ndarray, size: np.ndarray | None = None) -> np.ndarray:
     """An orthonormal basis (d, d - rank) of the directions that change nothing; sensitivities (k, d) are small
     beside their `size` (d,)."""
+    if not jacobian.shape[1]:
+        return np.zeros((0, 0))
     norms = np.linalg.norm(jacobian, axis=0) if size is None else size
     by = np.where(norms > 0, norms, 1.0)
     _, singular, right = np.linalg.svd(jacobian / by, full_matrices=True)
@@ -249,7 +301,18 @@ def _named(
     in_values = _same_everywhere(by_value)
     if in_values is not None:
         return alone, [_sum(w, names) for w in _circuits(in_values, loose, rank - len(alone))]
+    for spans, formula in ((bases, _product), (by_value, _sum)):  # some of them may hold everywhere
+        every = _span(spans)
+        wanted = len(names) - every.shape[1] - len(alone)
+        if some_ := [formula(w, names) for w in _circuits(every, loose, wanted)]:
+            return alone, some_
     return alone, []
+
+
+def _span(bases: Sequence[np.ndarray]) -> np.ndarray:
+    """An orthonormal basis (d, k) of what any of the bases spans."""
+    left, singular, _ = np.linalg.svd(np.hstack(bases), full_matrices=False)
+    return left[:, singular > SAME * max(singular[0], 1e-300)]
 
 
 def _circuits(null: np.ndarray, loose: Sequence[int], wanted: int) -> Iterator[dict[int, float]]:
@@ -338,7 +401,8 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
         yield (
             "warning",
             f"{some(plain)} {does} no effect on the fitted samples "
-            f"at any of {tried}: hold a value, or record what it acts on.",
+            f"at any of {tried}, whatever {'value it has' if len(plain) == 1 else 'values they have'}: hold a value, "
+            "or record what it acts on.",
         )
     yield from _of_tables(found, tried)
     yield from _unheard(found)
@@ -352,13 +416,23 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
     elif found.rank + len(found.unseen) < d:
         told = [*found.alone, *found.together]
         can = f"These records can determine {found.rank} of {d} at best"
+        if found.varies:
+            can = f"Where they tell most of {tried}, the records can determine {found.rank} of {d - len(found.unseen)}"
         if any(seen is not False for seen in found.entries.values()):
             can = f"Of what these points reach, the records can determine {found.rank} of {d - len(found.unseen)}"
         if len(told) == found.rank:
             what = f"{can}: {', '.join(told)}."
+        elif not found.agreed:
+            what = f"{can}. Too few of these points tell so much that it can be said which."
         else:
-            own = f"; {some(found.alone)} by themselves" if found.alone else ""
-            what = f"{can}{own}; of {some(found.open)} only functions that are neither products of powers nor sums."
+            left = found.rank - len(told)
+            own = f": {', '.join(told)}, and {left} function{'s' if left > 1 else ''}" if told else "; only functions"
+            which = (
+                "that are neither products of powers nor sums"
+                if left > 1 or not told
+                else ("that is neither a product of powers nor a sum")
+            )
+            what = f"{can}{own} of {some(found.open)} {which}."
         yield "warning", f"{what} {_advice(found)}".strip()
     if found.rough:
         worst = sorted(found.rough, key=lambda n: -found.rough[n])
