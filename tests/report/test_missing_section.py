@@ -115,10 +115,8 @@ def test_a_step_or_a_pattern_stands_above_the_additions():
     assert record is not None
     told = {"step of K": 0.9985, "load step of x": 0.9984}
     steps = [{"name": name} for name in told]
-    found = read_findings(
-        {**findings(), "diagnosis": {**record.plain(), "stepping": {"steps": steps, "explained": 0.9985}}}
-    )
-    page = render_html(found)
+    found = {**record.plain(), "stepping": {"steps": steps, "explained": 0.9985}}
+    page = render_html({**findings(), "diagnosis": found})
     assert '"load step of x"' in page
     (bars,) = share_figure(record.rounds[0], told)["data"]
     assert bars["y"][-3:] == ["dead time of u", "load step of x", "step of K"]

@@ -53,7 +53,7 @@ def test_residuals_do_not_follow_inputs_where_they_could_be_seen_to(memory, slow
     u = np.linspace(0.0, 4.0, 400) if slow_input else rng.choice([-1.0, 1.0], 400)
     (told,) = residual_sentences(findings(noise(400, memory), np.zeros(400), u))
     assert "are not white" in told["sentence"]
-    assert ("it does not follow the inputs" in told["sentence"]) is said
+    assert ("it is no linear response to the inputs" in told["sentence"]) is said
 
 
 @pytest.mark.parametrize(("omega", "damping"), [(1.2, 0.17), (3.0, 0.4)])

@@ -56,3 +56,18 @@ def test_many_that_are_open_share_a_sentence_and_its_condition():
         "only if m is known: "
         "with m = 2 kg, k = 1.00 ± 0.10 V. The same holds for 1 more."
     )
+
+
+@pytest.mark.parametrize(
+    ("product", "low", "high", "words"),
+    [
+        (True, 0.0196, 0.0199, "a is hardly known: the data allow 0 to 2 V. It is not zero, as R*a is not."),
+        (True, -0.1, 0.2, "a cannot be told from zero: the data allow 0 to 2 V."),
+        (False, 0.0196, 0.0199, "a cannot be told from zero: the data allow 0 to 2 V."),
+    ],
+)
+def test_what_is_part_of_a_known_product_is_not_zero(product, low, high, words):
+    own = {"formula": "R*a" if product else "R + a", "weights": {"R": 1.0, "a": 1.0}, "product": product,
+           "value": 0.0198, "low": low, "high": high, "standard_error": 7e-5}  # fmt: skip
+    found = said([row("a", "weak", 0.0, 2.0)], combinations=[own], count=1, of=2, only_if={}, sound=True)
+    assert found[-1] == words

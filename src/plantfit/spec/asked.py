@@ -31,7 +31,9 @@ def _wanted(error: Mapping[str, Any]) -> str:
     kind, context, value = str(error["type"]), error.get("ctx") or {}, error.get("input")
     if kind in _LIMITS:
         key, word = _LIMITS[kind]
-        return f"a number {word} {context[key]:g}"
+        limit = context[key]
+        percent = limit == 1 and kind.startswith("less") and isinstance(value, int | float) and 1 < value <= 100
+        return f"a number {word} {limit:g}" + (f", as {value / 100:g} for {value:g} %" if percent else "")
     if kind == "literal_error":
         expected = str(context["expected"])
         return {"True": "true", "False": "false"}.get(expected, expected)

@@ -16,6 +16,7 @@ from pydantic import (
     StrictInt,
     StrictStr,
     ValidationError,
+    model_validator,
 )
 
 from plantfit.control.tune.forms.names import CONTROLLERS, REGULATOR
@@ -152,6 +153,17 @@ class ParameterTable(_Table):
     limits: Pair | None = None
     typical: Annotated[float, Field(gt=0)] | None = None
     sentence: str = ""
+
+    @model_validator(mode="after")
+    def _within(self) -> "ParameterTable":
+        low, high = self.bounds or (None, None)
+        numbers = [v for v in (low, self.value, high) if isinstance(v, int | float)]
+        if len(numbers) == 3 and sorted(numbers)[1] != self.value:
+            raise ValueError(
+                f"its value {self.value:g} lies beyond its bounds {low:g} to {high:g}; correct one of them "
+                "(a parameter with a value is not searched)"
+            )
+        return self
 
 
 class SimulationTable(_Table):

@@ -37,6 +37,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield from table_sentences(entries, findings.get("tables", ()))
     yield from smoothing_sentences(findings.get("smoothing", ()))
     needs = (findings.get("determined") or {}).get("only_if", {})
+    single = [{**p, "part_of": part} if (part := _part_of(p, findings)) else p for p in single]
     for status, one, many, all_of in (
         ("weak", _weak, _weaks, _all_weak), ("flat", _flat, _flats, _all_flat), ("at bound", _bound, _bounds, None),
     ):  # fmt: skip
@@ -50,6 +51,15 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
                 yield many(name, own)
         few = [p for own in by_name.values() if len(own) <= FEW for p in own]
         yield from all_of(few, needs) if all_of and len(few) > APART else (one(p, needs) for p in few)
+
+
+def _part_of(p: Row, findings: Mapping[str, Any]) -> str:
+    """The determined product that a parameter is part of and that is not zero, so that it is not zero either."""
+    for c in (findings.get("determined") or {}).get("combinations", ()):
+        low, high = c.get("low"), c.get("high")
+        if c["product"] and c["weights"].get(p["name"]) and low is not None and high is not None and low * high > 0:
+            return c["formula"]
+    return ""
 
 
 def _denied(findings: Mapping[str, Any]) -> str:
@@ -229,7 +239,8 @@ def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
     if kind == "zero":
         text = f"{p['name']} cannot be told from zero: {_roughly(p)}.{_condition(p, needs)}"
     elif kind == "hardly":
-        text = f"{p['name']} is hardly known: {_roughly(p)}.{_condition(p, needs)}"
+        beside = f" It is not zero, as {p['part_of']} is not." if _holds_zero(p) else ""
+        text = f"{p['name']} is hardly known: {_roughly(p)}.{beside}{_condition(p, needs)}"
     else:
         text = f"{p['name']} is only roughly known: {_roughly(p)}.{_condition(p, needs)}"
     return say("warning", text, value=p["value"], standard_error=p["standard_error"])
@@ -239,10 +250,14 @@ def _kind(p: Row) -> str:
     """How little is known: the range holds zero, spans powers of ten, or is wide beside the value."""
     if not _between(p) or _point(p):
         return "roughly"
-    if p["low"] <= 0.0 <= p["high"]:
-        return "zero"
+    if _holds_zero(p):
+        return "hardly" if p.get("part_of") else "zero"
     low, high = sorted((abs(p["low"]), abs(p["high"])))
     return "hardly" if high > HARDLY * low else "roughly"
+
+
+def _holds_zero(p: Row) -> bool:
+    return p["low"] is not None and p["high"] is not None and p["low"] <= 0.0 <= p["high"]
 
 
 def _point(p: Row) -> bool:

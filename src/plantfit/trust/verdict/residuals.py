@@ -217,7 +217,8 @@ def _residual(findings: Findings, row: Row) -> Sentence:
         if left and (findings.get("determined") or {}).get("sound", True)
         else f"; whether it depends on {some(left)} or moves by itself, so few independent samples do not tell."
         if left
-        else "; it does not follow the inputs: look for disturbances, drift or sensor effects."
+        else "; it is no linear response to the inputs: look for disturbances, drift, sensor effects, or what is not "
+        "linear in the inputs, as a limit."
         if row["cross"] and all(_unmoved(c) for c in row["cross"].values()) and not disagree(findings)
         else "."
     )
