@@ -110,8 +110,8 @@ def test_controllers_of_the_study_file_are_those_of_the_list_and_load_no_jax():
             "parameters.L cannot be used: its value 30 lies beyond its bounds 0 to 20; correct one of them",
         ),
         (
-            "[model]\n[recording.a]\nfile = 'a.csv'\nsplit = 70",
-            "recording.a.split = 70 cannot be used: write a number below 1, as 0.7 for 70 %.",
+            "[model]\n[recording.b]\nfile = 'b.csv'\nsplit = 70",
+            "recording.b.split = 70 cannot be used: write a number below 1, as 0.7 for 70 %.",
         ),
         ("[model]\n[control]\nms = 0.5", "control.ms = 0.5 cannot be used: write a number above 1."),
     ],
