@@ -53,6 +53,7 @@ from plantfit.models.model import Model
 from plantfit.spec.tables import ControlTable
 from plantfit.spec.wished import table_in, wished
 from plantfit.trust.intervals.plausible import Plausible
+from plantfit.trust.verdict.for_control import doubts
 
 if TYPE_CHECKING:
     from plantfit.control.c_export import CFiles
@@ -114,6 +115,7 @@ class Controller:
         told = verdict(self.design, {k: v for k, v in free.items() if len(v) == n}, self.how)
         if self.schedule is not None:
             told[1:1] = schedule_told(self.schedule, self.design, self.output)
+        told[:0] = self._doubts
         if self.drawn.open:
             more = (
                 f"{', '.join(self.drawn.open)} "
@@ -131,6 +133,11 @@ class Controller:
             )
             told.append(Sentence(level="info", sentence=more))
         return told
+
+    @cached_property
+    def _doubts(self) -> list[Sentence]:
+        """Why the plant may be another one than all that it was tuned on: these promises rest on the model."""
+        return [Sentence(level=s["level"], sentence=s["sentence"]) for s in doubts(self.answer.findings)]
 
     @property
     def record(self) -> dict[str, Any]:
@@ -251,7 +258,7 @@ class Controller:
 
         w, model, best = self.design.wishes, self.design.family.model, self.design.best
         told = {"measurement": model.outputs[self.output], "command": model.inputs[self.input]}
-        first = self.verdict[0]["sentence"]
+        first = "\n".join(s["sentence"] for s in self.verdict[: len(self._doubts) + 1])
         shared: dict[str, Any] = {
             "period": w.period, "number": number or self.number,
             "name": name or c_name(self.answer.problem.name, best.form.name),

@@ -7,7 +7,7 @@ import numpy as np
 
 from plantfit.problem.measure.sample_noise import white_part
 from plantfit.trust.validate.residuals.residual_tests import measured_rows
-from plantfit.trust.verdict.words import FEW, Sentence, some
+from plantfit.trust.verdict.words import FEW, Sentence, number, some
 
 Findings = Mapping[str, Any]
 Row = Mapping[str, Any]
@@ -62,6 +62,16 @@ def diagnosed(findings: Findings) -> dict[str, bool]:
     rounds = made.get("rounds", [])
     named = any(r["found"] for r in rounds) or bool(made.get("repeating") or made.get("stepping"))
     return {"tried": bool(rounds), "named": named}
+
+
+def found_beside(findings: Findings) -> str:
+    """What a diagnosis found that the values do not allow for."""
+    made = findings.get("diagnosis") or {}
+    if made.get("repeating"):
+        return f"A pattern that repeats every {made['repeating']['period'] / 3600:g} h is left"
+    if made.get("stepping"):
+        return f"A step at t = {number(made['stepping']['steps'][0]['at'], 4)} s is left"
+    return ""
 
 
 def disagree(findings: Findings) -> bool:

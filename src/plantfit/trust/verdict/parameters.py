@@ -5,7 +5,7 @@ from typing import Any
 
 from plantfit import units
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
-from plantfit.trust.verdict.outputs import forgotten
+from plantfit.trust.verdict.outputs import forgotten, found_beside
 from plantfit.trust.verdict.residuals import lacking
 from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
 from plantfit.trust.verdict.unseen import failing
@@ -23,7 +23,13 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     free = [p for p in findings["parameters"] if p["status"] != "fixed"]
     single, entries = [p for p in free if not p.get("index")], [p for p in free if p.get("index")]
     yield from _determined(
-        single, free, _denied(findings), failing(findings), lacking(findings), forgotten(findings), _found(findings)
+        single,
+        free,
+        _denied(findings),
+        failing(findings),
+        lacking(findings),
+        forgotten(findings),
+        found_beside(findings),
     )
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
@@ -68,16 +74,6 @@ def _denied(findings: Mapping[str, Any]) -> str:
         return ""
     found = dict.fromkeys(r["output"] for r in findings.get("residual_tests", ()) if not r["white"])
     return some(list(found)) if found else ""
-
-
-def _found(findings: Mapping[str, Any]) -> str:
-    """What a diagnosis found that the values do not allow for."""
-    made = findings.get("diagnosis") or {}
-    if made.get("repeating"):
-        return f"A pattern that repeats every {made['repeating']['period'] / 3600:g} h is left"
-    if made.get("stepping"):
-        return f"A step at t = {number(made['stepping']['steps'][0]['at'], 4)} s is left"
-    return ""
 
 
 def _determined(
