@@ -237,3 +237,23 @@ def test_beside_an_output_that_is_read_seldom_no_addition_is_proposed(every):
             assert d["next"] == ""
             assert said[0].endswith("keep the fresh samples alone, as the look at y says, and run again.")
     assert told == (0 if every == 1 else 2)
+
+
+@pytest.mark.parametrize("slowest", [12.0, 500.0])
+@pytest.mark.parametrize("seed", range(2))
+def test_beside_a_parameter_that_is_pressed_on_its_bound_no_addition_is_proposed(seed, slowest):
+    """The truth has T = 40 s, and a dead time of 3 s that nothing of the model stands for."""
+    rng, n = np.random.default_rng(seed), 900
+    t, u = 0.5 * np.arange(n), np.repeat(rng.uniform(1.0, 6.0, 15), 60)
+    y = lagging(np.r_[np.full(6, u[0]), u[:-6]], 0.8, 40.0, 0.5) + 0.01 * rng.normal(size=n)
+    found, d = diagnosed_as_a_lag(t, u, y, slowest)
+    assert d is not None
+    assert any(r["found"] for r in d["rounds"])
+    said = [v["sentence"] for v in found.findings["verdict"] if "a bound of the search" in v["sentence"]]
+    if slowest < 40.0:
+        assert d["next"] == ""
+        assert said[0].startswith("T ended on a bound of the search, and what is said of what may be missing may stand")
+        assert "else run `plantfit run tank.toml --try " in said[0]
+    else:
+        assert said == []
+        assert "--try" in d["next"]

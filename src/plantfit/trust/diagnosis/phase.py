@@ -200,8 +200,8 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
 
 
 def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, may stand for that; nothing
-    where it finds none."""
+    """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, or beside a parameter on a bound
+    of the search, may stand for that; nothing where it finds none."""
     if not (found.found or found.disturbed or found.drifting or found.repeating or found.stepping):
         return
     seldom = some(
@@ -213,6 +213,13 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
             "is said of what may be missing may stand for that: keep the "
         )
         yield say("warning", f"{text}fresh samples alone, as the look at {seldom} says, and run again.")
+    if pressed := _pressed(findings):
+        one, command = len(pressed) == 1, _next(found, findings)
+        text = (
+            f"{some(pressed)} ended on {'a bound' if one else 'bounds'} of the search, and what is said of what may be "
+            f"missing may stand for that: widen {'it' if one else 'them'} first if physics allows, and run again"
+        )
+        yield say("warning", f"{text}{f'; else run `{command}`' if command else ''}.")
     outputs = some(
         list(dict.fromkeys(look["signal"] for look in findings.get("data", ()) if look["kind"] == "stuck")) or [""]
     )
@@ -222,6 +229,19 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
             "be missing may stand for that: take those samples out first, "
         )
         yield say("warning", f"{text}as the look at {outputs} says, and run again.")
+
+
+def _pressed(findings: Mapping[str, Any]) -> list[str]:
+    """Parameters that the data pull beyond a bound which is no physical limit; those that end at 0 may be none."""
+    found = []
+    for p in findings.get("parameters", ()):
+        if p["status"] != "at bound" or not p.get("at_bound"):
+            continue
+        lower = p["at_bound"] == "lower"
+        bound, limit = p[f"{p['at_bound']}_bound"], (p.get("limits") or (None, None))[0 if lower else 1]
+        if bound != limit and not (lower and bound == 0.0):
+            found.append(p["name"])
+    return found
 
 
 def _after(found: Diagnosis) -> dict[str, Any]:
