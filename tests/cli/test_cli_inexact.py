@@ -38,7 +38,7 @@ def study(tmp_path):
     return tmp_path / "pole.toml"
 
 
-@pytest.mark.parametrize(("k", "said"), [("0.3", True), ("0.1", False)])
+@pytest.mark.parametrize(("k", "said"), [("0.3", True), pytest.param("0.1", False, marks=pytest.mark.slow)])
 def test_check_and_predict(study, k, said, capsys, monkeypatch):
     place = str(study.with_name("o.csv"))
     found = call(capsys, monkeypatch, "check", str(study), "--at", f"k={k}")

@@ -263,6 +263,7 @@ def test_restarts_end_a_flat_search():
     assert r.evaluations < 2000
 
 
+@pytest.mark.slow
 def test_decoding_beats_the_full_matrix_on_many_scales():
     n = 60
     scale = 10.0 ** (4 * np.arange(n) / (n - 1))

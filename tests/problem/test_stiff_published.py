@@ -64,7 +64,7 @@ def made(name):
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n in ("hires", "oregonator") else n for n in CASES]
+    "name", [pytest.param(n, marks=pytest.mark.slow) if n in ("hires", "oregonator", "robertson") else n for n in CASES]
 )
 def test_simulated_at_given_values(name):
     problem, z, exact = made(name)

@@ -160,7 +160,7 @@ def phi_of(z, k):
     return scipy.linalg.expm(large)[:n, k * n :]
 
 
-@pytest.mark.parametrize("n", [1, 2])
+@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_functions_of_the_linear_part_are_exponential_or_say_their_error(n):
     rng, exact = np.random.default_rng(0), 0
     zero = [0.0] * n

@@ -18,7 +18,7 @@ PLANTS = {
 
 
 @pytest.mark.parametrize("name", PLANTS)
-@pytest.mark.parametrize("lanes", [1, 3, 11])
+@pytest.mark.parametrize("lanes", [1, pytest.param(3, marks=pytest.mark.slow), 11])
 def test_same_values_and_derivatives(name, lanes):
     """Of one candidate and of several side by side, by parameters, dead time and first states."""
     text, states = PLANTS[name]

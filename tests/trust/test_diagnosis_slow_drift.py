@@ -72,7 +72,7 @@ def test_what_is_no_curve_is_refused_in_words(given, said):
     assert said in str(refused.value)
 
 
-@pytest.mark.parametrize("plant", ["first", "second", "tanks"])
+@pytest.mark.parametrize("plant", ["first", *(pytest.param(p, marks=pytest.mark.slow) for p in ("second", "tanks"))])
 def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
     truth, told, level, errors, least_squares, held = PLANTS[plant].truth, 0, 0, [], [], []
     for seed in (1, 2, 3):

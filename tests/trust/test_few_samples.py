@@ -91,6 +91,7 @@ def test_a_search_that_meets_numbers_without_a_square_ends():
     assert np.all(block.jacobian == 1.0)  # refused
 
 
+@pytest.mark.slow
 def test_beside_a_wander_of_a_right_model_no_response_is_called_incomplete():
     """Residuals that are worth few samples follow a slow input by chance."""
     told = 0

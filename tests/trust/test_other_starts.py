@@ -36,7 +36,7 @@ def said(answer):
     return [s["sentence"] for s in answer.findings["verdict"] if s["sentence"].startswith("States begin at")]
 
 
-@pytest.mark.parametrize("first", [0.0, -0.04])
+@pytest.mark.parametrize("first", [0.0, pytest.param(-0.04, marks=pytest.mark.slow)])
 def test_a_first_value_that_nothing_can_begin_at_is_named_with_the_lines_that_free_it(first):
     answer = fit(epidemic(1, first))
     [sentence] = said(answer)

@@ -189,6 +189,7 @@ def test_starts_that_are_not_measured_or_have_a_parameter_stay(initial):
     assert with_start_corrections(problem, end)[0] is problem
 
 
+@pytest.mark.slow
 def test_residuals_that_are_not_white_are_told_all_the_same():
     """A second lag, a first value that no noise explains, a start that nobody measured."""
     for seed in range(3):
@@ -252,6 +253,7 @@ def test_intervals_hold_the_truth_and_are_no_wider_than_needed():
     assert np.mean(np.abs(np.array(taus) - 2.0) <= 1.97 * np.array(errors)) >= 0.88
 
 
+@pytest.mark.slow
 def test_starts_are_free_in_intervals_of_all_kinds():
     """A profile, the bootstrap and a posterior are those of the model whose start is a parameter: with the start held
     at its estimate they were two thirds as wide."""
