@@ -2,7 +2,7 @@
 regressions."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,6 +14,7 @@ from plantfit import units
 from plantfit.answer import Answer
 from plantfit.control.holding.design import HoldDesign
 from plantfit.control.holding.design import hold as designed
+from plantfit.control.holding.one_input import driven_by
 from plantfit.control.holding.point import held_point, slow_time
 from plantfit.control.holding.told import curves, regulator, verdict
 from plantfit.control.linear.linear_plant import linearised
@@ -21,7 +22,7 @@ from plantfit.control.tune.proposals import noise_of, quantum_of, rounded
 from plantfit.errors import ModelError, SpecError
 from plantfit.findings.results.held_plant import HeldPlant, HoldWishes
 from plantfit.findings.verdict import Sentence
-from plantfit.loop_of_study import check_limits
+from plantfit.loop_of_study import check_limits, other_inputs, signal_of
 from plantfit.models.library.pendubot import pendubot
 from plantfit.models.model import Model
 from plantfit.recording.clean.sampling import usual_period
@@ -182,6 +183,7 @@ def hold(
     count = TRAIN + (chosen.plants or JUDGES)
     known = _answered(source, count, seed) if isinstance(source, Answer) else _regressed(source, count, seed)
     proposed: dict[str, str] = {}
+    known = _one_input(known, chosen, proposed)
     asked = _wishes(known, chosen, proposed)
     train = {n: v[: TRAIN + 1] for n, v in known.values.items()}
     family = {n: np.concatenate([v[:1], v[TRAIN + 1 :]]) for n, v in known.values.items()}
@@ -269,6 +271,19 @@ def _twin(study: Study) -> tuple[Model, dict[str, float]]:
     return model, values
 
 
+def _one_input(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> _Plants:
+    """The plants with one input, the others held; `proposed` learns where, if it was not asked for."""
+    model = known.model
+    input_ = signal_of("input", chosen.input, tuple(model.inputs))
+    others = other_inputs(known.recording, model, input_, chosen)
+    for name, value in others.items():
+        if name not in chosen.inputs:
+            unit = model.inputs[name]
+            shown = f"{value:.5g}{f' {unit}' if unit and unit != '1' else ''}"
+            proposed[f"inputs.{name}"] = f"{shown}, its median in the recording"
+    return replace(known, model=driven_by(model, input_, others))
+
+
 def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> HoldWishes:
     """All wishes in the study's units; `proposed` learns what was not asked for."""
     model, recording = known.model, known.recording
@@ -280,10 +295,6 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     unknown = [n for n in chosen.hold if n not in model.states]
     if unknown:
         raise SpecError(f"[control] hold names {unknown[0]!r}; the states are {', '.join(model.states)}.")
-    if len(model.inputs) != 1:
-        raise SpecError(
-            f"{model.name} has the inputs {', '.join(model.inputs) or 'none'}; a regulator here drives one."
-        )
     ((input_, unit_u),) = model.inputs.items()
     at = {n: units.in_unit(f"[control] hold.{n}", v, model.states[n]) for n, v in chosen.hold.items()}
     along = next(iter(at))
@@ -354,8 +365,6 @@ def _seconds(
 
 def _leaning(design: HoldDesign, known: _Plants) -> tuple[HoldDesign, str]:
     """The lean that is asked for where none was: half of what the best fit is caught from."""
-    from dataclasses import replace
-
     far = float(np.min(design.best.caught[0]))
     lean = rounded(LEAN * far, far) if far > 0 else float(design.distances[0])
     unit = known.model.states[design.wishes.along]

@@ -183,7 +183,7 @@ def recording_of(answer: Answer, chosen: str | None) -> str:
     return chosen or (fitted or known)[0]
 
 
-def other_inputs(answer: Answer, model: Model, input_: str, chosen: ControlTable, recording: str) -> dict[str, float]:
+def other_inputs(recording: Recording, model: Model, input_: str, chosen: ControlTable) -> dict[str, float]:
     """The inputs that the loop does not drive, held as asked for, else at the median of the recording."""
     unknown = [n for n in chosen.inputs if n not in model.inputs or n == input_]
     if unknown:
@@ -195,10 +195,14 @@ def other_inputs(answer: Answer, model: Model, input_: str, chosen: ControlTable
         if name == input_:
             continue
         given = chosen.inputs.get(name)
-        values = answer.problem.experiments[recording].recording[name]
-        found[name] = (
-            float(np.nanmedian(values)) if given is None else units.in_unit(f"[control] inputs.{name}", given, unit)
-        )
+        if given is not None:
+            found[name] = units.in_unit(f"[control] inputs.{name}", given, unit)
+        elif name in recording.signals:
+            found[name] = float(np.nanmedian(recording[name]))
+        else:
+            raise SpecError(
+                f"The recording has no {name}; say where it is held ([control] inputs = {{ {name} = ... }})."
+            )
     return found
 
 

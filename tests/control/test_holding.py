@@ -19,10 +19,12 @@ from plantfit.control.holding.told import regulator, verdict
 from plantfit.control.linear.kalman import kalman_observer
 from plantfit.control.linear.linear_plant import linearised
 from plantfit.control.linear.lqr import lqr
-from plantfit.errors import SimulationError
+from plantfit.errors import SimulationError, SpecError
 from plantfit.findings.results.held_plant import HoldWishes
-from plantfit.holding import _of_the_fit, _seconds
+from plantfit.holding import _of_the_fit, _one_input, _Plants, _seconds
 from plantfit.models.text.equations import equations
+from plantfit.recording import from_arrays
+from plantfit.spec.tables import ControlTable
 
 import jax
 import jax.numpy as jnp
@@ -265,6 +267,55 @@ def test_a_point_beyond_a_current_limit_is_found_from_inputs_all_over_the_range(
     assert u["u"] == pytest.approx(1.1 * 1.2e-4 * 300 / 0.045 + 0.045 * 300, abs=1e-6)
     with pytest.raises(SimulationError, match=r"has no equilibrium near x0"):
         held_point(motor, {"m": 0.4}, {"w": 300.0}, "u", -24.0, 24.0)
+
+
+def two_inputs():
+    model = equations(
+        "z' = v\nv' = k*(u*b)^2 - 9.81\ny = z", inputs={"u": None, "b": "V"}, states=["z", "v"], outputs=["y"],
+        parameters=["k"], name="copter",
+    )  # fmt: skip
+    seen = from_arrays(
+        np.arange(3.0), signals={"u": (np.array([0.5, 0.6, 0.7]), None), "b": (np.array([14.0, 15.0, 17.0]), "V")}
+    )
+    return _Plants(model, {"k": np.array([0.1])}, seen, "copter")
+
+
+def test_inputs_beside_the_one_that_is_driven_are_held():
+    """At their median, or as asked for: the throttle that hovers is that of the battery's voltage."""
+    for inputs, b, told in (
+        ({}, 15.0, {"inputs.b": "15 V, its median in the recording"}),
+        ({"b": "12000 mV"}, 12.0, {}),
+    ):
+        proposed: dict[str, str] = {}
+        known = _one_input(two_inputs(), ControlTable(input="u", inputs=inputs), proposed)
+        assert list(known.model.inputs) == ["u"]
+        assert proposed == told
+        at, u0 = held_point(known.model, {"k": 0.1}, {"z": 2.0}, "u", 0.1, 1.0)
+        assert at["v"] == pytest.approx(0.0, abs=1e-9)
+        assert u0["u"] == pytest.approx(np.sqrt(98.1) / b)
+        plant = linearised(known.model, {"k": 0.1}, at, u0)
+        np.testing.assert_allclose(plant.B[:, 0], [0.0, 0.2 * u0["u"] * b**2])
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({}, 'The model has the inputs u, b, and one loop has one; name it in the study file ([control] input = "u")'),
+        ({"input": "u", "inputs": {"c": 1.0}}, "[control] inputs names 'c'; the other inputs are ['b']."),
+        ({"input": "x"}, "There is no input 'x'; the model has u, b."),
+    ],
+)
+def test_an_input_that_is_not_known_or_not_chosen_is_said(asked, said):
+    with pytest.raises(SpecError) as e:
+        _one_input(two_inputs(), ControlTable(**asked), {})
+    assert said in str(e.value)
+
+
+def test_an_input_that_was_not_recorded_has_to_be_given():
+    known = two_inputs()
+    bare = replace(known, recording=from_arrays(np.arange(3.0), signals={"u": (np.ones(3), None)}))
+    with pytest.raises(SpecError, match=r"The recording has no b; say where it is held \(\[control\] inputs = \{ b = "):
+        _one_input(bare, ControlTable(input="u"), {})
 
 
 def test_a_fit_that_determines_nothing_is_said_to_say_nothing():
