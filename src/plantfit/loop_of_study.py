@@ -10,7 +10,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit import units
 from plantfit.answer import Answer
-from plantfit.control.tune.loop_design import MOST_SAMPLES, course_seconds
+from plantfit.control.tune.loop_design import MOST_SAMPLES, course_seconds, reduced_for
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.proposals import levels_of, noise_of, quantum_of, rounded
 from plantfit.control.tune.reduction import reduced, slowest
@@ -389,7 +389,9 @@ class _Asked:
         dt = usual_period(self.own)
         rest = best.at_rest(level, starts)
         finite = bool(np.all(np.isfinite(rest.A)))
-        total = self.given("horizon", "s") or (course_seconds(reduced(rest, 0.5 * dt)) if finite else dt)
+        total = self.given("horizon", "s")
+        if total is None:
+            total = course_seconds(reduced_for(best, rest, self.chosen.controller, 0.5 * dt)) if finite else dt
         times, why = max(1, int(total / dt / MOST_SAMPLES)), ""
         if self.chosen.controller == "mpc" and finite:
             times, why = max(times, int(_plan_period(rest, dt) / dt)), MPC_PERIOD
