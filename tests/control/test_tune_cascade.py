@@ -2,6 +2,8 @@
 search, what is refused."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,6 +22,7 @@ from plantfit.control.tune.told import table, verdict
 from plantfit.errors import SimulationError
 from plantfit.findings.results.tuned_controller import CascadeLoop, PidLoop
 from plantfit.models.text.equations import equations
+from plantfit.report.pages.controller import reduction
 
 import jax
 import jax.numpy as jnp
@@ -318,3 +321,13 @@ def test_what_the_outer_loop_sees_is_the_loop_closed_by_hand():
         truth = 6.0 * (s + 2.0) / (s * (s**2 + 6.0 * s + 12.0))
         assert seen.C[0] @ np.linalg.solve(s * np.eye(3) - seen.A[0], seen.B[0, 0]) == pytest.approx(truth)
     assert gain_of(rest) == pytest.approx(2.0)  # of the second derivative
+
+
+def test_the_page_names_rules_only_where_they_are_beside_it():
+    plant = SimpleNamespace(how="half rule", gain=2.0, lag=np.inf, dead_time=0.1, integrating=True)
+    for sources, begins in (
+        (["this search", "the same search on one plant"], "The outer loop sees the plant as an integrator"),
+        (["this search", "the same search on one plant", "Skogestad"], "The rules saw the plant as an integrator"),
+    ):
+        record: Any = SimpleNamespace(reduced=plant, controllers=[SimpleNamespace(source=s) for s in sources])
+        assert reduction(record).startswith(begins)
