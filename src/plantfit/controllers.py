@@ -341,7 +341,8 @@ def tune(
     begins(progress, "drawing plants")
     drawn, plants, how = family(answer, chosen, recording, draws, seed)
     count = len(drawn.values) - 1 - TRAIN
-    others, inner = other_inputs(answer, model, input_, chosen, recording), inner_output(chosen, model, output)
+    own = answer.problem.experiments[recording].recording
+    others, inner = other_inputs(own, model, input_, chosen), inner_output(chosen, model, output)
     loop = OneLoop(model, output, input_, others, plants, inner)
     proposed: dict[str, str] = {}
     final = wishes_of(answer, loop, chosen, recording, proposed)

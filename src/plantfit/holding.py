@@ -2,7 +2,7 @@
 regressions."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,12 +14,15 @@ from plantfit import units
 from plantfit.answer import Answer
 from plantfit.control.holding.design import HoldDesign
 from plantfit.control.holding.design import hold as designed
+from plantfit.control.holding.one_input import driven_by
+from plantfit.control.holding.point import held_point, slow_time
 from plantfit.control.holding.told import curves, regulator, verdict
+from plantfit.control.linear.linear_plant import linearised
 from plantfit.control.tune.proposals import noise_of, quantum_of, rounded
 from plantfit.errors import ModelError, SpecError
 from plantfit.findings.results.held_plant import HeldPlant, HoldWishes
 from plantfit.findings.verdict import Sentence
-from plantfit.loop_of_study import check_limits
+from plantfit.loop_of_study import check_limits, other_inputs, signal_of
 from plantfit.models.library.pendubot import pendubot
 from plantfit.models.model import Model
 from plantfit.recording.clean.sampling import usual_period
@@ -38,6 +41,7 @@ TRAIN, JUDGES = 40, 100  # plants that regulators are searched on, and that judg
 ALLOWED = "that the data allow"
 LEAN = 0.5  # of what the best fit is caught from: the lean that is asked for
 ROUNDING = 1e-9
+SAMPLES = 200  # that a loop may take to return where no time of the plant is known
 TIMES = 10.0  # the slowest time of the plant at the point: how long a loop may take to return
 ANGLES = ("rad", "deg", "degree")
 TWINS = (
@@ -179,6 +183,7 @@ def hold(
     count = TRAIN + (chosen.plants or JUDGES)
     known = _answered(source, count, seed) if isinstance(source, Answer) else _regressed(source, count, seed)
     proposed: dict[str, str] = {}
+    known = _one_input(known, chosen, proposed)
     asked = _wishes(known, chosen, proposed)
     train = {n: v[: TRAIN + 1] for n, v in known.values.items()}
     family = {n: np.concatenate([v[:1], v[TRAIN + 1 :]]) for n, v in known.values.items()}
@@ -266,6 +271,19 @@ def _twin(study: Study) -> tuple[Model, dict[str, float]]:
     return model, values
 
 
+def _one_input(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> _Plants:
+    """The plants with one input, the others held; `proposed` learns where, if it was not asked for."""
+    model = known.model
+    input_ = signal_of("input", chosen.input, tuple(model.inputs))
+    others = other_inputs(known.recording, model, input_, chosen)
+    for name, value in others.items():
+        if name not in chosen.inputs:
+            unit = model.inputs[name]
+            shown = f"{value:.5g}{f' {unit}' if unit and unit != '1' else ''}"
+            proposed[f"inputs.{name}"] = f"{shown}, its median in the recording"
+    return replace(known, model=driven_by(model, input_, others))
+
+
 def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> HoldWishes:
     """All wishes in the study's units; `proposed` learns what was not asked for."""
     model, recording = known.model, known.recording
@@ -277,10 +295,6 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     unknown = [n for n in chosen.hold if n not in model.states]
     if unknown:
         raise SpecError(f"[control] hold names {unknown[0]!r}; the states are {', '.join(model.states)}.")
-    if len(model.inputs) != 1:
-        raise SpecError(
-            f"{model.name} has the inputs {', '.join(model.inputs) or 'none'}; a regulator here drives one."
-        )
     ((input_, unit_u),) = model.inputs.items()
     at = {n: units.in_unit(f"[control] hold.{n}", v, model.states[n]) for n, v in chosen.hold.items()}
     along = next(iter(at))
@@ -317,9 +331,8 @@ def _wishes(known: _Plants, chosen: ControlTable, proposed: dict[str, str]) -> H
     largest = 2.0 * lean if lean is not None else _largest(unit_x, sizes.get(along, widest))
     seconds = None if chosen.horizon is None else units.in_unit("[control] horizon", chosen.horizon, "s")
     if seconds is None:
-        middle = 0.5 * (float(given["lower"]) + float(given["upper"]))  # pyrefly: ignore[bad-argument-type]
-        seconds = _seconds(known, at, {input_: middle})
-        proposed["horizon"] = f"{seconds:.3g} s, {TIMES:g} times the slowest time of the plant there"
+        seconds, why = _seconds(known, at, input_, (lower, upper), largest, period)
+        proposed["horizon"] = f"{seconds:.3g} s, {why}"
     return HoldWishes(
         at, input_, period, float(given["lower"]), float(given["upper"]), along,  # pyrefly: ignore[bad-argument-type]
         lean if lean is not None else 0.0, largest, seconds, 0.1 * largest, sizes, quantum, noise,
@@ -332,21 +345,26 @@ def _largest(unit: str | None, size: float) -> float:
     return units.in_unit("largest", "0.5 rad", unit, True) if unit in ANGLES else 2.0 * size
 
 
-def _seconds(known: _Plants, at: Mapping[str, float], begin: Mapping[str, float]) -> float:
-    """The equilibrium is looked for from the inputs `begin`, as `hold_design` does: one may act by its square."""
-    from plantfit.control.linear.linear_plant import equilibrium, linearised
-
+def _seconds(
+    known: _Plants, at: Mapping[str, float], input_: str, limits: tuple[float, float], largest: float, period: float
+) -> tuple[float, str]:
+    """How long a loop may take to return from `largest` away, and why; the equilibrium is that of `hold_design`."""
     best = {n: float(v[0]) for n, v in known.values.items()}
-    x0, u0 = equilibrium(known.model, best, at, begin, [*at])
-    speeds = np.abs(np.linalg.eigvals(linearised(known.model, best, x0, u0).A))
-    slow = 1.0 / max(float(np.min(speeds[speeds > 1e-6 * np.max(speeds)])), 1e-9)
-    return float(rounded(TIMES * slow, TIMES * slow))
+    x0, u0 = held_point(known.model, best, at, input_, *limits)
+    plant, along = linearised(known.model, best, x0, u0), next(iter(at))
+    room = min(u0[input_] - limits[0], limits[1] - u0[input_])  # below 0 the limits do not hold the point, said later
+    slow, integrates = slow_time(plant, along, largest, room if room > 0 else 0.5 * (limits[1] - limits[0]))
+    if slow is None:
+        return SAMPLES * period, f"{SAMPLES:g} periods"
+    unit = known.model.states[along]
+    far = f"{largest:.3g}{f' {unit}' if unit and unit != '1' else ''}"
+    moved = f"the time in which {input_} within its limits moves {along} by {far}"
+    why = moved if integrates else "the slowest time of the plant there"
+    return float(rounded(TIMES * slow, TIMES * slow)), f"{TIMES:g} times {why}"
 
 
 def _leaning(design: HoldDesign, known: _Plants) -> tuple[HoldDesign, str]:
     """The lean that is asked for where none was: half of what the best fit is caught from."""
-    from dataclasses import replace
-
     far = float(np.min(design.best.caught[0]))
     lean = rounded(LEAN * far, far) if far > 0 else float(design.distances[0])
     unit = known.model.states[design.wishes.along]

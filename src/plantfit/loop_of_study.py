@@ -10,7 +10,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit import units
 from plantfit.answer import Answer
-from plantfit.control.tune.loop_design import MOST_SAMPLES, course_seconds
+from plantfit.control.tune.loop_design import MOST_SAMPLES, course_seconds, reduced_for
 from plantfit.control.tune.one_loop import OneLoop
 from plantfit.control.tune.proposals import levels_of, noise_of, quantum_of, rounded
 from plantfit.control.tune.reduction import reduced, slowest
@@ -183,7 +183,7 @@ def recording_of(answer: Answer, chosen: str | None) -> str:
     return chosen or (fitted or known)[0]
 
 
-def other_inputs(answer: Answer, model: Model, input_: str, chosen: ControlTable, recording: str) -> dict[str, float]:
+def other_inputs(recording: Recording, model: Model, input_: str, chosen: ControlTable) -> dict[str, float]:
     """The inputs that the loop does not drive, held as asked for, else at the median of the recording."""
     unknown = [n for n in chosen.inputs if n not in model.inputs or n == input_]
     if unknown:
@@ -195,10 +195,14 @@ def other_inputs(answer: Answer, model: Model, input_: str, chosen: ControlTable
         if name == input_:
             continue
         given = chosen.inputs.get(name)
-        values = answer.problem.experiments[recording].recording[name]
-        found[name] = (
-            float(np.nanmedian(values)) if given is None else units.in_unit(f"[control] inputs.{name}", given, unit)
-        )
+        if given is not None:
+            found[name] = units.in_unit(f"[control] inputs.{name}", given, unit)
+        elif name in recording.signals:
+            found[name] = float(np.nanmedian(recording[name]))
+        else:
+            raise SpecError(
+                f"The recording has no {name}; say where it is held ([control] inputs = {{ {name} = ... }})."
+            )
     return found
 
 
@@ -385,7 +389,9 @@ class _Asked:
         dt = usual_period(self.own)
         rest = best.at_rest(level, starts)
         finite = bool(np.all(np.isfinite(rest.A)))
-        total = self.given("horizon", "s") or (course_seconds(reduced(rest, 0.5 * dt)) if finite else dt)
+        total = self.given("horizon", "s")
+        if total is None:
+            total = course_seconds(reduced_for(best, rest, self.chosen.controller, 0.5 * dt)) if finite else dt
         times, why = max(1, int(total / dt / MOST_SAMPLES)), ""
         if self.chosen.controller == "mpc" and finite:
             times, why = max(times, int(_plan_period(rest, dt) / dt)), MPC_PERIOD

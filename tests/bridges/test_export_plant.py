@@ -11,6 +11,8 @@ import subprocess
 import xml.etree.ElementTree as ET
 import zipfile
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +20,7 @@ from exported_plants import UNDEFINED, answered, same, series
 
 import plantfit as pf
 from plantfit.bridges import TARGETS, export_plant
+from plantfit.bridges.matrices import matrices
 from plantfit.errors import ModelError, SimulationError, StoreError
 from plantfit.models.model import Declared
 from plantfit.simulate.steps.vector import vectorise
@@ -239,6 +242,15 @@ def test_what_cannot_be_carried_is_said(heater, arm, tmp_path):
         SimulationError, match="1 inputs and 2 outputs; matrices can be exported only for one input and one output"
     ):
         export_plant(arm, "control", tmp_path)
+
+
+def test_matrices_of_a_plant_that_rests_nowhere_near_its_recording_are_refused():
+    model = pf.equations("y' = k*u - y\nz = y", inputs=["u"], states=["y"], outputs=["z"], parameters=["k"], name="m")
+    seen = SimpleNamespace(recording={"z": np.array([1.0, 2.0])})
+    answer = SimpleNamespace(problem=SimpleNamespace(experiments={"a": seen}))
+    plant: Any = SimpleNamespace(model=model, p={"k": 0.0}, answer=answer, recording="a", inputs={"u": np.arange(3.0)})
+    with pytest.raises(SimulationError, match=r"No rest of model 'm' was found at z = 1\.5, where it would be linear"):
+        matrices(plant)
 
 
 def test_a_file_of_the_user_is_not_replaced(heater, tmp_path):

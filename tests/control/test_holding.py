@@ -1,6 +1,7 @@
 """Regulators that hold an equilibrium: poles and sensitivity by identities, starts against what no input could
 catch, fresh plants."""
 
+import math
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
@@ -8,18 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 from plants import stick, straight
+from scipy.integrate import solve_ivp
 
 import plantfit.runtime  # noqa: F401
 from plantfit.control.holding.design import designed, hold
 from plantfit.control.holding.linear_loop import controller_of, largest_sensitivity, near, poles
+from plantfit.control.holding.point import held_point, moving_poles, reach_seconds, slow_time
 from plantfit.control.holding.told import regulator, verdict
 from plantfit.control.linear.kalman import kalman_observer
 from plantfit.control.linear.linear_plant import linearised
 from plantfit.control.linear.lqr import lqr
-from plantfit.errors import SimulationError
+from plantfit.errors import SimulationError, SpecError
 from plantfit.findings.results.held_plant import HoldWishes
-from plantfit.holding import _of_the_fit, _seconds
+from plantfit.holding import _of_the_fit, _one_input, _Plants, _seconds
 from plantfit.models.text.equations import equations
+from plantfit.recording import from_arrays
+from plantfit.spec.tables import ControlTable
 
 import jax
 import jax.numpy as jnp
@@ -163,7 +168,154 @@ def test_the_horizon_is_found_where_an_input_acts_by_its_square():
         name="magnet",
     )  # fmt: skip
     known: Any = SimpleNamespace(model=model, values={"q": np.array([9.56e-4])})
-    assert _seconds(known, {"x": 0.009}, {"i": 1.5}) == pytest.approx(10 / np.sqrt(2 * 9.81 / 0.009), rel=0.1)
+    seconds, why = _seconds(known, {"x": 0.009}, "i", (0.0, 3.0), 0.001, 0.001)
+    assert seconds == pytest.approx(10 / np.sqrt(2 * 9.81 / 0.009), rel=0.1)
+    assert why == "10 times the slowest time of the plant there"
+
+
+CHAINS = {
+    "hover": ("z' = v\nv' = k*u^2 - 0.09*abs(v)*v - 9.81\ny = z", ["z", "v"], 0.1, (4.0, 15.0), 2.0),
+    "tank": ("z' = k*u - 0.3\ny = z", ["z"], 0.1, (0.0, 10.0), 2.0),
+    "three": ("z' = v\nv' = a\na' = k*u\ny = z", ["z", "v", "a"], 3.0, (-2.0, 2.0), 0.5),
+    "servo": ("z' = v\nv' = k*u - 5*v\ny = z", ["z", "v"], 20.0, (-3.0, 3.0), 1.0),
+    # the same double integrator with its states mixed: no entry of its matrix is 0
+    "mixed": ("z' = z - w\nw' = z - w + k*u\ny = z\nx = w", ["z", "w"], 2.0, (-3.0, 3.0), 0.0),
+}
+
+
+@pytest.mark.parametrize(
+    "name", ["hover", "tank", "three", *(pytest.param(n, marks=pytest.mark.slow) for n in ("servo", "mixed"))]
+)
+def test_plants_of_integrators_are_held_within_the_time_that_is_proposed(name):
+    """Their poles at 0 tell no time; the regulator is replayed on the equations, integrated by scipy."""
+    text, states, k, limits, point = CHAINS[name]
+    outputs = ["y", "x"] if name == "mixed" else ["y"]
+    model = equations(text, inputs=["u"], states=states, outputs=outputs, parameters=["k"], name=name)
+    plants = {"k": k * np.array([1.0, 1.001, 0.999])}
+    known: Any = SimpleNamespace(model=model, values=plants)
+    seconds, why = _seconds(known, {"z": point}, "u", limits, 1.0, 0.05)
+    assert why == "10 times the time in which u within its limits moves z by 1"
+    asked = HoldWishes(
+        {"z": point}, "u", 0.05, *limits, "z", 0.5, 1.0, seconds, 0.1, dict.fromkeys(outputs, 1.0),
+        dict.fromkeys(outputs, 0.0), dict.fromkeys(outputs, 1e-3), share=0.9,
+    )  # fmt: skip
+    design = hold(model, plants, plants, asked)
+    assert design.best.share(asked) == 1.0
+    for lean in (-0.5, 0.5):
+        y = replayed(design, k, lean, seconds)
+        assert np.max(np.abs(y[-len(y) // 10 :] - point)) < 0.1
+
+
+def replayed(design, k, lean, seconds):
+    """The first output (N,) of the plant `k`, begun `lean` off the point, by scipy between samples."""
+    law, w = design.best.design, design.wishes
+    rate = {
+        "hover": lambda x, u: [x[1], k * u**2 - 0.09 * abs(x[1]) * x[1] - 9.81],
+        "tank": lambda x, u: [k * u - 0.3],
+        "three": lambda x, u: [x[1], x[2], k * u],
+        "servo": lambda x, u: [x[1], k * u - 5 * x[1]],
+        "mixed": lambda x, u: [x[0] - x[1], x[0] - x[1] + k * u],
+    }[design.model.name]
+    update = jax.jit(law.controller.update)
+    x, seen = design.plant.x0 + lean * np.eye(len(design.plant.x0))[0], []
+    state = None
+    for _ in range(round(seconds / w.period)):
+        measured = dict(zip(design.plant.outputs, map(jnp.asarray, x), strict=False))
+        state = law.controller.init(measured, law.parameters) if state is None else state
+        state, u = update(state, measured, {}, law.parameters)
+        seen.append(x[0])
+        u = float(np.clip(u["u"], w.lower, w.upper))
+        x = solve_ivp(lambda _, x, u=u: rate(x, u), (0, w.period), x, rtol=1e-8, atol=1e-10).y[:, -1]
+    return np.array(seen)
+
+
+def test_poles_at_zero_are_told_from_slow_ones_in_any_coordinates():
+    """A chain of three among others, mixed by random matrices: its poles are known to the third root of rounding."""
+    rng = np.random.default_rng(5)
+    for scale in (1e-3, 1.0, 1e3):
+        a = np.diag([0.0, 0.0, 0.0, -2.0, 0.5]) + np.diag([1.0, 1.0, 0.0, 0.0], 1)
+        turn = np.linalg.qr(rng.normal(size=(5, 5)))[0]
+        found = np.sort(np.real(moving_poles(scale * turn @ a @ turn.T)))
+        np.testing.assert_allclose(found, scale * np.array([-2.0, 0.5]), rtol=1e-6)
+    assert len(moving_poles(np.zeros((3, 3)))) == 0
+    np.testing.assert_allclose(moving_poles(np.diag([-1e-4, -1.0])), [-1e-4, -1.0])
+
+
+def test_the_time_that_an_input_takes_is_the_closed_form():
+    for n in (1, 2, 3):
+        states = [f"x{i}" for i in range(n)]
+        text = "".join(f"x{i}' = x{i + 1}\n" for i in range(n - 1)) + f"x{n - 1}' = 2*u + k\ny = x0"
+        model = equations(text, inputs=["u"], states=states, outputs=["y"], parameters=["k"], name="chain")
+        plant = linearised(model, {"k": 0.0}, {})
+        closed = (0.3 * math.factorial(n) / (2.0 * 0.7)) ** (1 / n)
+        assert reach_seconds(plant, "x0", 0.3, 0.7) == pytest.approx(closed, rel=1e-3)
+    away = equations("x' = u\nz' = -2*z + k\ny = z", inputs=["u"], states=["x", "z"], outputs=["y"],
+                     parameters=["k"], name="away")  # fmt: skip
+    apart = linearised(away, {"k": 0.0}, {})
+    assert reach_seconds(apart, "z", 0.3, 0.7) == np.inf
+    assert slow_time(apart, "z", 0.3, 0.7) == (0.5, False)
+
+
+def test_a_point_beyond_a_current_limit_is_found_from_inputs_all_over_the_range():
+    """At 0 V the back EMF of a turning motor is beyond its limit, so that no slope shows what the voltage does."""
+    motor = equations(
+        "i = sat((u - 0.045*w)/1.1, -m, m)\nw' = (0.045*i - 1.2e-4*w)/3e-4\ny = w", inputs=["u"],
+        states=["w"], outputs=["y"], parameters=["m"], name="motor",
+    )  # fmt: skip
+    at, u = held_point(motor, {"m": 4.0}, {"w": 300.0}, "u", -24.0, 24.0)
+    assert at == {"w": 300.0}
+    assert u["u"] == pytest.approx(1.1 * 1.2e-4 * 300 / 0.045 + 0.045 * 300, abs=1e-6)
+    with pytest.raises(SimulationError, match=r"has no equilibrium near x0"):
+        held_point(motor, {"m": 0.4}, {"w": 300.0}, "u", -24.0, 24.0)
+
+
+def two_inputs():
+    model = equations(
+        "z' = v\nv' = k*(u*b)^2 - 9.81\ny = z", inputs={"u": None, "b": "V"}, states=["z", "v"], outputs=["y"],
+        parameters=["k"], name="copter",
+    )  # fmt: skip
+    seen = from_arrays(
+        np.arange(3.0), signals={"u": (np.array([0.5, 0.6, 0.7]), None), "b": (np.array([14.0, 15.0, 17.0]), "V")}
+    )
+    return _Plants(model, {"k": np.array([0.1])}, seen, "copter")
+
+
+def test_inputs_beside_the_one_that_is_driven_are_held():
+    """At their median, or as asked for: the throttle that hovers is that of the battery's voltage."""
+    for inputs, b, told in (
+        ({}, 15.0, {"inputs.b": "15 V, its median in the recording"}),
+        ({"b": "12000 mV"}, 12.0, {}),
+    ):
+        proposed: dict[str, str] = {}
+        known = _one_input(two_inputs(), ControlTable(input="u", inputs=inputs), proposed)
+        assert list(known.model.inputs) == ["u"]
+        assert proposed == told
+        at, u0 = held_point(known.model, {"k": 0.1}, {"z": 2.0}, "u", 0.1, 1.0)
+        assert at["v"] == pytest.approx(0.0, abs=1e-9)
+        assert u0["u"] == pytest.approx(np.sqrt(98.1) / b)
+        plant = linearised(known.model, {"k": 0.1}, at, u0)
+        np.testing.assert_allclose(plant.B[:, 0], [0.0, 0.2 * u0["u"] * b**2])
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({}, 'The model has the inputs u, b, and one loop has one; name it in the study file ([control] input = "u")'),
+        ({"input": "u", "inputs": {"c": 1.0}}, "[control] inputs names 'c'; the other inputs are ['b']."),
+        ({"input": "x"}, "There is no input 'x'; the model has u, b."),
+    ],
+)
+def test_an_input_that_is_not_known_or_not_chosen_is_said(asked, said):
+    with pytest.raises(SpecError) as e:
+        _one_input(two_inputs(), ControlTable(**asked), {})
+    assert said in str(e.value)
+
+
+def test_an_input_that_was_not_recorded_has_to_be_given():
+    known = two_inputs()
+    bare = replace(known, recording=from_arrays(np.arange(3.0), signals={"u": (np.ones(3), None)}))
+    with pytest.raises(SpecError, match=r"The recording has no b; say where it is held \(\[control\] inputs = \{ b = "):
+        _one_input(bare, ControlTable(input="u"), {})
 
 
 def test_a_fit_that_determines_nothing_is_said_to_say_nothing():

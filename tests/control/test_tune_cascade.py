@@ -2,6 +2,8 @@
 search, what is refused."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,11 +17,12 @@ from plantfit.control.tune import OneLoop, Wishes, tuned_loop
 from plantfit.control.tune.forms.cascade_form import cascade_form
 from plantfit.control.tune.frequency import frequencies, input_matrices, loop_margins, pid_response, sampled_response
 from plantfit.control.tune.loop_scores import Limits
-from plantfit.control.tune.reduction import reduced
+from plantfit.control.tune.reduction import behind, gain_of, reduced
 from plantfit.control.tune.told import table, verdict
 from plantfit.errors import SimulationError
 from plantfit.findings.results.tuned_controller import CascadeLoop, PidLoop
 from plantfit.models.text.equations import equations
+from plantfit.report.pages.controller import reduction
 
 import jax
 import jax.numpy as jnp
@@ -261,3 +264,70 @@ def test_its_loops_are_those_of_a_plain_simulation(design):
         state, command = update(state, {"z": x[2], "m": x[0]}, w.set_point, given)
         u = float(command) + rest + (w.load if k >= design.course.begin else 0.0)
         x = big[:3, :3] @ x + big[:3, 3] * u
+
+
+CART = equations(
+    "v' = K*u - c\ny' = v\nz = y\nm = v", inputs={"u": "V"}, states={"v": "m/s", "y": "m"},
+    outputs={"z": "m", "m": "m/s"}, parameters=["K", "c"], name="cart",
+)  # fmt: skip
+
+
+def cart(*gains):
+    return OneLoop(CART, "z", "u", {}, {"K": np.array(gains), "c": np.full(len(gains), 9.81)}, "m")
+
+
+@pytest.mark.slow
+def test_a_plant_of_two_integrators_of_which_the_inner_loop_closes_one_is_tuned():
+    """As a copter's height by its climb; the loop is replayed on the closed form of the plant between samples."""
+    wishes = Wishes(2.0, 0.5, 0.2, 0.02, 4.0, 15.0, controller="cascade", noise=0.002, inner_noise=0.002)
+    found = tuned_loop(cart(1.0, 0.97, 1.03), cart(1.0, 0.98, 1.02), wishes, budget=100)
+    assert [r.name for r in found.rows] == ["all plants", "best fit alone"]
+    assert found.best.margins.stable
+    assert found.best.scores.left < 0.05
+    assert found.sign == 1
+    law, h = cascade(0.02, "clamping", "z", "m"), 0.02
+    given = (found.best.parameters, 9.81, Limits(4.0, 15.0, 0.0), Ends(-np.inf, np.inf))
+    y, v, state, update = 1.5, 0.0, None, jax.jit(law.update)
+    for _ in range(500):
+        seen = {"z": jnp.asarray(y), "m": jnp.asarray(v)}
+        state = law.init(seen, given) if state is None else state
+        state, u = update(state, seen, 2.0, given)
+        pull = float(np.clip(u, 4.0 - 9.81, 15.0 - 9.81))  # the command is counted from the input at rest
+        y, v = y + h * v + 0.5 * h * h * pull, v + h * pull
+    assert y == pytest.approx(2.0, abs=0.02)
+    assert v == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_chain_that_no_inner_loop_closes_is_refused():
+    """Three integrators, of which the inner output sees two; and a PID of two says what else there is."""
+    three = equations(
+        "a' = K*u\nv' = a\ny' = v\nz = y\nm = v", inputs=["u"], states=["a", "v", "y"], outputs=["z", "m"],
+        parameters=["K"], name="three",
+    )  # fmt: skip
+    one = OneLoop(three, "z", "u", {}, {"K": np.ones(1)}, "m")
+    wishes = Wishes(2.0, 0.5, 0.2, 0.02, -5.0, 5.0, controller="cascade")
+    with pytest.raises(SimulationError, match="The plant has 2 integrators between input and output"):
+        tuned_loop(one, one, wishes)
+    with pytest.raises(SimulationError, match=r"--controller cascade --inner NAME\), or hold its states \(--hold\)"):
+        tuned_loop(cart(1.0), cart(1.0), Wishes(2.0, 0.5, 0.2, 0.02, 4.0, 15.0))
+
+
+def test_what_the_outer_loop_sees_is_the_loop_closed_by_hand():
+    """From the set point of v to y under u = k (e + int e / ti): k K (s + 1/ti) / (s (s^2 + k K s + k K / ti))."""
+    loop = cart(2.0)
+    rest = loop.at_rest(2.0, (-10.0, 0.0, 10.0))
+    seen = behind(rest, loop.of_inner(rest), (3.0, 0.5), loop.inner_row(rest)[0])
+    for s in (0.3, 2.0 + 1.0j):
+        truth = 6.0 * (s + 2.0) / (s * (s**2 + 6.0 * s + 12.0))
+        assert seen.C[0] @ np.linalg.solve(s * np.eye(3) - seen.A[0], seen.B[0, 0]) == pytest.approx(truth)
+    assert gain_of(rest) == pytest.approx(2.0)  # of the second derivative
+
+
+def test_the_page_names_rules_only_where_they_are_beside_it():
+    plant = SimpleNamespace(how="half rule", gain=2.0, lag=np.inf, dead_time=0.1, integrating=True)
+    for sources, begins in (
+        (["this search", "the same search on one plant"], "The outer loop sees the plant as an integrator"),
+        (["this search", "the same search on one plant", "Skogestad"], "The rules saw the plant as an integrator"),
+    ):
+        record: Any = SimpleNamespace(reduced=plant, controllers=[SimpleNamespace(source=s) for s in sources])
+        assert reduction(record).startswith(begins)

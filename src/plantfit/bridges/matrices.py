@@ -43,6 +43,7 @@ def _linear(plant: Plant) -> tuple[Any, np.ndarray, float, tuple[str, ...]]:
     rest = loop.at_rest(level, (float(u.min()), float(np.median(u)), float(u.max())))
     if not np.isfinite(rest.u[0]):
         raise SimulationError(
-            f"Model {model.name!r} has no rest at {output} = {level:.4g}, where it would be linearised."
+            f"No rest of model {model.name!r} was found at {output} = {level:.4g}, where it would be linearised; "
+            "export --to python, c or casadi, which hold the whole model."
         )
     return rest, loop.through(rest)[0], level, loop.followed

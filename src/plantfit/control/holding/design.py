@@ -11,9 +11,10 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.catching import _farthest
 from plantfit.control.holding.linear_loop import controller_of, largest_sensitivity, near, poles
+from plantfit.control.holding.point import held_point
 from plantfit.control.linear.design import Design
 from plantfit.control.linear.kalman import kalman_observer
-from plantfit.control.linear.linear_plant import LinearPlant, equilibrium, linearised
+from plantfit.control.linear.linear_plant import LinearPlant, linearised
 from plantfit.control.linear.lqr import lqr
 from plantfit.errors import SimulationError
 from plantfit.findings.results.held_plant import HoldWishes
@@ -104,13 +105,8 @@ def hold(
     no regulator or no filter, and where none holds the best fit.
     """
     best = {n: float(v[0]) for n, v in train.items()}
-    at, u0 = equilibrium(
-        model,
-        best,
-        wishes.at,
-        {wishes.input: 0.5 * (wishes.lower + wishes.upper)} if model.inputs else None,
-        [*wishes.at],
-    )
+    input_ = wishes.input if model.inputs else None
+    at, u0 = held_point(model, best, wishes.at, input_, wishes.lower, wishes.upper)
     held = u0[wishes.input]
     if not wishes.lower < held < wishes.upper:
         known = model.inputs[wishes.input]

@@ -141,7 +141,8 @@ def _longest(family: OneLoop, wishes: Wishes, levels: np.ndarray) -> float:
             found.append(course_seconds(reduced(rest, 0.5 * wishes.period)))
     if not found:
         raise SimulationError(
-            f"The model rests at none of the levels {', '.join(f'{v:.4g}' for v in levels)}; give others."
+            f"No constant {family.input} was found that holds {family.output} at any of the levels "
+            f"{', '.join(f'{v:.4g}' for v in levels)}; give others ([control] levels)."
         )
     return max(found)
 

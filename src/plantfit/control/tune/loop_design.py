@@ -1,8 +1,9 @@
 """A controller searched on all plants that the data allow, beside classical rules and beside the same search on the
 best fit alone."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,7 +16,7 @@ from plantfit.control.tune.forms.pid_form import pid_form
 from plantfit.control.tune.forms.servo_forms import lqi_form, mpc_form
 from plantfit.control.tune.forms.smith_form import smith_form
 from plantfit.control.tune.frequency import frequencies, sampled_response
-from plantfit.control.tune.loop_scores import Judge, StepAndLoad
+from plantfit.control.tune.loop_scores import Judge, LoopScores, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
 from plantfit.control.tune.plant_checks import (
     check_dead_time,
@@ -26,8 +27,8 @@ from plantfit.control.tune.plant_checks import (
     sign_of,
     with_rest,
 )
-from plantfit.control.tune.reduction import Reduced, open_poles, reduced, slowest
-from plantfit.control.tune.rules import RULES, rule_gains
+from plantfit.control.tune.reduction import Reduced, behind, gain_of, integrators, open_poles, reduced, slowest
+from plantfit.control.tune.rules import RULES, Isa, rule_gains
 from plantfit.control.tune.searching.figures import figure, known_figures, sizes_of, weights_of
 from plantfit.control.tune.searching.front import Front, check_front, directions, front_of
 from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
@@ -41,6 +42,7 @@ import jax
 
 COARSE, FINE = 200, 1200  # frequencies in the search and in the figures
 MOST_SAMPLES = 4000
+MOVES = 6.0  # times that of several integrators under a full input, in which a loop settles
 STARTED = 8  # starts of a form that a front is begun at too
 ROBUST, BEST_FIT = "all plants", "best fit alone"  # names of the two that are searched
 BESIDE = ", all plants"  # after the names of other forms that are searched on the same plants
@@ -132,18 +134,14 @@ def tuned_loop(
     begins(progress, "bringing the plants to rest")
     plants = _plants(train, family, wishes)
     small = plants.small
-    rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
-    pid = pid_form(small, plants.sign, wishes, rules, plants.tracking)
-    forms = [*_ahead_of_pid(plants.family, plants.rest, small, plants.sign, wishes, plants.tracking), pid]
+    rules, forms = _forms(plants, wishes)
     judges = {form.name: plants.judge(form, wishes) for form in forms}
     swing = [rest.A for rest in plants.rests]
     w, fine = (frequencies(wishes.period, slowest(small), number, *swing) for number in (COARSE, FINE))
-    alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
     begins(progress, "judging a classical rule")
-    simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
-    sizes = sizes_of(simc, wishes, 0.5 * plants.course.seconds)
+    sizes = sizes_of(_by_rule(judges, forms, rules), wishes, 0.5 * plants.course.seconds)
     named, line = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, _Asked(front, points, pick))
-    named += [_Named(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
+    named += [_Named(n, forms[-1], isa.gains(), RULES[n]) for n, isa in rules.items()]
     begins(progress, "judging the controllers on fresh plants")
     rows, found = _rows(plants, wishes, forms, judges, named, fine)
     drawn = None if line is None else _judged_front(
@@ -156,6 +154,29 @@ def tuned_loop(
         plants.right_sign,
         plants.used, plants.tracking, drawn,
     )  # fmt: skip
+
+
+def _forms(plants: "_Plants", wishes: Wishes) -> tuple[dict[str, Isa], list[Form]]:
+    """The form that was asked for, simpler ones and a PID last, with the rules for it. A plant that only an inner loop
+    leaves one integrator of has no rules, and no PID beside its cascade."""
+    small = plants.small
+    ahead = _ahead_of_pid(plants.family, plants.rest, small, plants.sign, wishes, plants.tracking)
+    if integrators(plants.rest) > 1:
+        return {}, ahead
+    rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
+    return rules, [*ahead, pid_form(small, plants.sign, wishes, rules, plants.tracking)]
+
+
+def _by_rule(judges: Mapping[str, Judge], forms: Sequence[Form], rules: Mapping[str, Isa]) -> LoopScores:
+    """What SIMC makes of the plants, whose figures others are counted in; without rules, the first start that keeps
+    the best fit from swinging up."""
+    last = forms[-1]
+    if rules:
+        alike = len(rules) + (2 if last is forms[0] else 1)  # as many as are judged at the end, by the same program
+        return judges[last.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
+    scores = judges[last.name].scores(stacked_controllers([last.made(z) for z in last.starts[:STARTED]]))
+    first = int(np.nanargmin(np.where(np.isfinite(scores.iae[:, 0]), scores.iae[:, 0], np.inf)))
+    return LoopScores._make(np.asarray(v)[first : first + 1] for v in scores)
 
 
 class _Asked(NamedTuple):
@@ -229,13 +250,32 @@ def _plants(train: OneLoop, family: OneLoop, wishes: Wishes) -> _Plants:
     sign, wrong = sign_of(both[1][1])
     whole = [with_rest(pair) for pair in both]
     starts, rests = ((_part(both[0][k], whole[0]), _part(both[1][k], whole[1])) for k in (0, 1))
-    small = reduced(rests[1], 0.5 * wishes.period)
+    small = reduced_for(family, rests[1], wishes.controller, 0.5 * wishes.period)
     check_dead_time(small, wishes)
     return _Plants(
         (train.part(whole[0]), family.part(whole[1])), starts, rests, np.flatnonzero(whole[1]),
         float(np.mean(held_by_limits(both[1], wishes))), float(1.0 - np.mean(wrong)), sign, small,
-        _course(small, wishes),
+        _course(small, wishes, _moving(rests, wishes)),
         _tracking(small, wishes),
+    )  # fmt: skip
+
+
+def reduced_for(family: OneLoop, rest: Rest, controller: str, half: float) -> Reduced:
+    """The best fit reduced, with `half` a sample (s) added to its dead time. With several integrators, of which the
+    inner loop of a cascade closes all but one, what the outer loop sees, in output per input: the set point of the
+    inner one counts as the input that makes it."""
+    if controller != "cascade" or family.inner is None or integrators(rest) < 2:
+        return reduced(rest, half)
+    own = family.of_inner(rest)
+    check_inner(family, own)
+    inner = reduced(own, half)
+    fast = rule_gains("SIMC", inner, derivative=False)
+    assert fast is not None
+    seen = reduced(behind(rest, own, (fast.K, fast.Ti), family.inner_row(rest)[0]), half)
+    k = inner.first_order[0]
+    return replace(
+        seen, first_order=(k * seen.first_order[0], *seen.first_order[1:]),
+        second_order=(k * seen.second_order[0], *seen.second_order[1:]),
     )  # fmt: skip
 
 
@@ -385,8 +425,20 @@ def course_seconds(small: Reduced) -> float:
     return 2.0 * (40.0 * dead if small.integrating else max(6.0 * (lag + dead), 12.0 * dead))
 
 
-def _course(small: Reduced, wishes: Wishes) -> StepAndLoad:
-    seconds = wishes.horizon if wishes.horizon is not None else course_seconds(small)
+def _moving(rests: Sequence[Rest], wishes: Wishes) -> float:
+    """Seconds in which the limits of the input let several integrators make the step, from standing and on; 0 for
+    plants with one at most, whose own time is known."""
+    n = integrators(rests[1])
+    if n < 2:
+        return 0.0
+    held = [float(rests[0].u[0]), float(rests[1].u[0]), float(rests[1].u[0]) - wishes.load]
+    room = min(min(u - wishes.lower, wishes.upper - u) for u in held)
+    pull = max(abs(gain_of(rests[1], 0)) * room, 1e-300)
+    return float((math.factorial(n) * abs(wishes.step) / pull) ** (1.0 / n))
+
+
+def _course(small: Reduced, wishes: Wishes, moving: float = 0.0) -> StepAndLoad:
+    seconds = wishes.horizon if wishes.horizon is not None else max(course_seconds(small), 2.0 * MOVES * moving)
     if seconds / wishes.period > 20 * MOST_SAMPLES:
         raise SimulationError(
             f"The loop takes {seconds:.4g} s to settle twice, {seconds / wishes.period:.0f} "

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
+from plantfit.control.rests.equations import Equations
+from plantfit.control.rests.search import at_level, settled_range
 from plantfit.errors import SimulationError
 from plantfit.models.model import Declared, Model, Named
 from plantfit.simulate.loop.closed_loop import ClosedLoop, Controller, closed_loop
@@ -22,7 +24,6 @@ import jax.numpy as jnp
 LOAD, REST, LEVEL = "load at the input", "input at rest", "level"
 SUBSTEPS = 4  # of a period, where the model is not linear
 POINTS = 3  # at which derivatives tell what a state reaches
-ROUNDS, FACTORS = 60, (1.0, 0.5, 0.2, 0.05)
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,63 +41,6 @@ class Rest:
     C: np.ndarray
     D: np.ndarray
     late: np.ndarray
-
-
-@dataclass(frozen=True)
-class Equations:
-    """A model's rates and one output, of states and of the value that each way of the input has; `held` are all
-    other channels. States other than the `kept` reach no output that is measured; they stay where they are in a
-    search for a rest."""
-
-    vector: VectorModel
-    ways: tuple[int, ...]
-    held: tuple[float, ...]
-    output: int
-    kept: tuple[int, ...] = ()
-
-    def _channels(self, ways: Any) -> tuple[Any, ...]:
-        values: list[Any] = list(self.held)
-        for k, place in enumerate(self.ways):
-            values[place] = ways[k]
-        return tuple(values)
-
-    def rate(self, x: Any, ways: Any, p: Any) -> Any:
-        return jnp.stack(self.vector.rate(tuple(x), self._channels(ways), p))
-
-    def out(self, x: Any, ways: Any, p: Any) -> Any:
-        return self.vector.output(tuple(x), self._channels(ways), p)[self.output]
-
-
-@partial(jax.jit, static_argnums=0)
-def _solved(key: Equations, begin: Any, level: Any, rows: Any) -> Any:
-    """States and input (starts, n, s + 1) at rest where the output is `level`, and what is left of the equations
-    (starts, n)."""
-    ways, n = len(key.ways), len(key.vector.states)
-
-    kept = np.isin(np.arange(n), key.kept)
-
-    def solved(z, p):
-        first = z[:n]
-
-        def equations(z, p):
-            x, u = z[:n], jnp.full(ways, z[n])
-            rate = key.rate(x, u, p)
-            return jnp.append(rate if np.all(kept) else jnp.where(kept, rate, x - first), key.out(x, u, p) - level)
-
-        size = jnp.maximum(jnp.linalg.norm(jax.jacfwd(equations)(z, p), axis=1), 1e-300)
-
-        def left(z):
-            return jnp.linalg.norm(equations(z, p) / size)
-
-        def step(z, _):
-            move = jnp.linalg.lstsq(jax.jacfwd(equations)(z, p) / size[:, None], equations(z, p) / size)[0]
-            tried = jnp.stack([z - f * move for f in FACTORS] + [z])
-            return tried[jnp.nanargmin(jax.vmap(left)(tried))], None
-
-        z = jax.lax.scan(step, z, None, length=ROUNDS)[0]
-        return z, left(z) / (1.0 + jnp.linalg.norm(z))
-
-    return jax.vmap(jax.vmap(solved, (None, 0)), (0, None))(begin, rows)
 
 
 @partial(jax.jit, static_argnums=0)
@@ -208,16 +152,18 @@ class OneLoop:
         return tuple(jnp.asarray(plants[n], dtype=float) for n in self.vector.parameters)
 
     def at_rest(self, level: float, inputs: tuple[float, ...]) -> Rest:
-        """Every plant at rest where its output is `level`, by Newton's method begun at each of the `inputs`; of
-        several the one nearest to the middle of them."""
+        """Every plant at rest where its output is `level`, by Newton's method begun at each of the `inputs`, and all
+        over their range where that fails; of several the one nearest to the middle of them."""
         n = len(self.vector.states)
         begin = np.stack([np.append(self._start(level, u), u) for u in inputs])
-        found, error = _solved(self.key, begin, float(level), self._p(self.plants))
-        found, error = np.asarray(found), np.asarray(error)  # (starts, plants, n + 1), (starts, plants)
-        far = np.where(error < 1e-8, np.abs(found[..., n] - np.median(inputs)), np.inf)
-        best, every = np.argmin(far, axis=0), np.arange(self.count)
-        z = np.where(np.isfinite(far[best, every])[:, None], found[best, every], np.nan)
+        z = at_level(self.key, begin, level, self._p(self.plants))
         return self._matrices(z[:, :n], z[:, n])
+
+    def settled_range(self, level: float, lower: float, upper: float) -> tuple[float, float] | None:
+        """The lowest and highest output at which the first plant settles under constant inputs within limits, begun
+        near the level; None where it does not settle under all of them, as an integrating one."""
+        start, row = self._start(level, 0.5 * (lower + upper)), tuple(v[:1] for v in self._p(self.plants))
+        return settled_range(self.key, start, lower, upper, row)
 
     def _start(self, level: float, u: float) -> np.ndarray:
         """States to begin the search of a rest from: those that the model begins with where it measures the level."""

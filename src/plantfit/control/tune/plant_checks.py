@@ -55,8 +55,8 @@ def check_holds(plant: OneLoop, start: Rest, rest: Rest, wishes: Wishes) -> None
         u = float(where.u[0])
         if not np.isfinite(u):
             raise SimulationError(
-                f"No constant {plant.input} holds {plant.output} at {level:.4g} {unit_y}: "
-                "the model has no rest there. Choose another set point or step."
+                f"No constant {plant.input} was found that holds {plant.output} at {level:.4g}{_with(unit_y)}. "
+                f"{_settles(plant, level, wishes)}Choose another set point or step."
             )
         if not wishes.lower <= u <= wishes.upper:
             raise SimulationError(
@@ -113,17 +113,40 @@ def check_inner(plant: OneLoop, inner: Rest) -> None:
         )
 
 
+def _settles(plant: OneLoop, level: float, wishes: Wishes) -> str:
+    """Where the best fit rests within the input's limits, where that explains why it does not at a level."""
+    found = plant.settled_range(level, wishes.lower, wishes.upper)
+    if found is None or found[0] <= level <= found[1]:
+        return ""
+    unit_y, unit_u = _with(plant.model.outputs[plant.output]), _with(plant.model.inputs[plant.input])
+    inputs = f"constant {plant.input} from {wishes.lower:.4g} to {wishes.upper:.4g}{unit_u}"
+    low, high = (f"{v:.4g}" for v in found)
+    if low == high:
+        return f"With any {inputs} {plant.output} rests at {low}{unit_y}. "
+    return f"With a {inputs} {plant.output} rests at {low} to {high}{unit_y}. "
+
+
 def _reach(plant: OneLoop, wishes: Wishes) -> str:
-    """The levels that the limits hold, where the model is near to linear in between; empty where that is not known."""
+    """The levels that the limits hold: where the plant settles within them, else where the model is near to linear in
+    between; empty where that is not known."""
+    unit = plant.model.outputs[plant.output] or ""
+    found = plant.settled_range(wishes.set_point - wishes.step, wishes.lower, wishes.upper)
+    if found is not None:
+        return f"They hold about {found[0]:.4g} to {found[1]:.4g} {unit}. "
     lines = []
     for share in (0.35, 0.65):
         level = wishes.set_point - wishes.step + share * wishes.step
         lines.append((level, float(plant.part(slice(0, 1)).at_rest(level, (wishes.lower, wishes.upper)).u[0])))
     (y1, u1), (y2, u2) = lines
-    if not np.isfinite(u1 + u2) or u1 == u2:
+    if not np.isfinite(u1 + u2) or u1 == u2 or y1 == y2:
         return ""
     ends = sorted(y1 + (u - u1) * (y2 - y1) / (u2 - u1) for u in (wishes.lower, wishes.upper))
-    return f"They hold about {ends[0]:.4g} to {ends[1]:.4g} {plant.model.outputs[plant.output] or ''}. "
+    return f"They hold about {ends[0]:.4g} to {ends[1]:.4g} {unit}. "
+
+
+def _with(unit: str | None) -> str:
+    """A unit behind a number."""
+    return f" {unit}" if unit and unit != "1" else ""
 
 
 def check_dead_time(small: Reduced, wishes: Wishes) -> None:

@@ -10,6 +10,7 @@ from plantfit.errors import SimulationError
 
 STILL = 1e-8  # of the fastest pole: a slower one is an integrator
 UNSTABLE = 1e-6  # of a pole's size: a smaller real part is that of an oscillation without damping
+SLOW = 1e-4  # of the slowest pole that moves: there integrators alone count
 LONGEST = 1e9  # s: no time constant is longer
 
 
@@ -62,8 +63,8 @@ def reduced(rest: Rest, extra: float = 0.0, at: int = 0) -> Reduced:
     count, own = integrators(rest, at), poles(rest, at)
     if count > 1:
         raise SimulationError(
-            f"The plant has {count} integrators between input and output; the rules of a "
-            "PID know one at most. Close an inner loop first, or use lqr (docs/control.md)."
+            f"The plant has {count} integrators between input and output; the rules of a PID know one at most. Close "
+            "an inner loop of another output (--controller cascade --inner NAME), or hold its states (--hold)."
         )
     used = np.flatnonzero(
         np.max(np.abs(rest.B[at]), axis=1) + (np.arange(rest.B.shape[1]) == 0) * np.abs(rest.D[at]) > 0
@@ -76,10 +77,28 @@ def reduced(rest: Rest, extra: float = 0.0, at: int = 0) -> Reduced:
     return _fitted(rest, at, count, extra, moving)
 
 
+def behind(outer: Rest, inner: Rest, gains: tuple[float, float], row: np.ndarray, at: int = 0) -> Rest:
+    """Plant number `at` from the set point of an inner loop to the outer output: the inner output `row` (s,) of the
+    states under a PI of `gains` K and Ti (s), continuous, the dead time outside of the loop."""
+    k, ti = gains
+    n, b = outer.A.shape[-1], outer.B[at].sum(axis=0)
+    a = np.zeros((n + 1, n + 1))
+    a[:n, :n], a[:n, n], a[n, :n] = outer.A[at] - k * np.outer(b, row), k / ti * b, -row
+    late = np.array([[float(np.max(inner.late[at]))]])
+    return Rest(
+        outer.x[at : at + 1], outer.u[at : at + 1], a[None], np.append(k * b, 1.0)[None, None],
+        np.append(outer.C[at], 0.0)[None], np.zeros(1), late,
+    )  # fmt: skip
+
+
 def gain_of(rest: Rest, at: int = 0) -> float:
-    """The gain at rest, or of the slope where there is an integrator."""
+    """The gain at rest, or of the slope where there is an integrator, of the n-th derivative where there are n."""
     count = integrators(rest, at)
     b = rest.B[at].sum(axis=0)
+    if count > 1:  # their eigenvectors are one and the same
+        own = np.sort(np.abs(poles(rest, at)))
+        s = SLOW * float(own[count]) if count < len(own) else 1.0
+        return float(s**count * (rest.C[at] @ np.linalg.solve(s * np.eye(len(own)) - rest.A[at], b) + rest.D[at]))
     if not count:
         return float(rest.C[at] @ np.linalg.solve(-rest.A[at], b) + rest.D[at])
     values, left, right = scipy.linalg.eig(rest.A[at], left=True)

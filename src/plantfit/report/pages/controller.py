@@ -164,16 +164,16 @@ def asked(record: TunedController) -> list[str]:
 
 
 def reduction(record: TunedController) -> str:
-    """What the rules saw."""
-    r = record.reduced
+    """What the rules saw, or the outer loop of a cascade that has no rules beside it."""
+    r, searched = record.reduced, {c.source for c in record.controllers}
+    sees = "The rules saw" if len(searched) > 2 else "The outer loop sees"  # this search, and the same on one plant
     what = "first order with dead time" if r.how == "as it is" else f"reduced to first order with dead time by {r.how}"
     if r.integrating:
         return (
-            f"The rules saw the plant as an integrator ({r.gain:.4g} "
-            f"per second) with dead time {r.dead_time:.4g} s ({r.how})."
+            f"{sees} the plant as an integrator ({r.gain:.4g} per second) with dead time {r.dead_time:.4g} s ({r.how})."
         )
     return (
-        f"The rules saw the plant as {what}: gain {r.gain:.4g}, lag "
+        f"{sees} the plant as {what}: gain {r.gain:.4g}, lag "
         f"{r.lag:.4g} s, dead time {r.dead_time:.4g} s, half a sample in it."
     )
 
