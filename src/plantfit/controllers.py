@@ -53,7 +53,7 @@ from plantfit.models.model import Model
 from plantfit.spec.tables import ControlTable
 from plantfit.spec.wished import table_in, wished
 from plantfit.trust.intervals.plausible import Plausible
-from plantfit.trust.verdict.for_control import doubts
+from plantfit.trust.validate.doubts import doubts
 
 if TYPE_CHECKING:
     from plantfit.control.c_export import CFiles

@@ -182,7 +182,7 @@ def test_a_step_is_tried_where_it_is_asked_for(tmp_path):
 
 def test_nothing_is_looked_at_where_samples_are_uneven_or_recordings_are_several():
     made, _ = record(PLANTS["first"], "K", -0.15, 3)
-    from plantfit.trust.diagnosis.plant.moments import step_places
+    from plantfit.trust.diagnosis.plant.stepping.moments import step_places
 
     def places(*times):
         model = first_order(dead_time=False)

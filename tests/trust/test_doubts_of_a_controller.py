@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import plantfit as pf
-from plantfit.trust.verdict.for_control import doubts
+from plantfit.trust.validate.doubts import doubts
 
 T = 0.05 * np.arange(800)
 U = np.repeat(np.random.default_rng(3).uniform(-2.0, 2.0, 40), 20)

@@ -15,10 +15,10 @@ from plantfit.trust.diagnosis.plant.curves import Curve
 from plantfit.trust.diagnosis.plant.cycles import Place, Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
-from plantfit.trust.diagnosis.plant.moments import StepPlace
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
 from plantfit.trust.diagnosis.plant.starts import begun_anew
-from plantfit.trust.diagnosis.plant.steps import Stepping
+from plantfit.trust.diagnosis.plant.stepping.moments import StepPlace
+from plantfit.trust.diagnosis.plant.stepping.steps import Stepping
 from plantfit.trust.diagnosis.rounds import (
     ALIKE,
     FINALISTS,

@@ -18,8 +18,8 @@ from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.plant.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.plant.curves import driftable
 from plantfit.trust.diagnosis.plant.cycles import Place, places_of
-from plantfit.trust.diagnosis.plant.moments import StepPlace, looked_at, step_places
 from plantfit.trust.diagnosis.plant.regression import Regression, carrier_of_regression
+from plantfit.trust.diagnosis.plant.stepping.moments import StepPlace, looked_at, step_places
 from plantfit.trust.diagnosis.plant.terms import extensions_of, terms_of
 from plantfit.trust.diagnosis.plant.unmeasured import curves_for, repeats, steps_of, with_unmeasured
 

@@ -15,7 +15,7 @@ from plantfit.trust.diagnosis.plant.carrier import FASTEST, SLOWEST
 from plantfit.trust.diagnosis.plant.curves import KIND, Curve
 from plantfit.trust.diagnosis.plant.cycles import COUNT, DAY, Place
 from plantfit.trust.diagnosis.plant.hypothesis import speed_places
-from plantfit.trust.diagnosis.plant.moments import StepPlace
+from plantfit.trust.diagnosis.plant.stepping.moments import StepPlace
 from plantfit.trust.diagnosis.ranges import both_signs, rounded
 from plantfit.trust.diagnosis.rounds import Trial
 

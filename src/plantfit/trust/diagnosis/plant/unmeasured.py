@@ -8,12 +8,12 @@ import numpy as np
 
 from plantfit.trust.diagnosis.course import CLEAR, Course, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output, independent_share, needed, times_noise
-from plantfit.trust.diagnosis.plant import steps
 from plantfit.trust.diagnosis.plant.curves import curve_of
 from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating, shows, work
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival, drifting, evidence_beside_a_drift, rival
+from plantfit.trust.diagnosis.plant.stepping import steps
 from plantfit.trust.diagnosis.rounds import ALIKE
 
 SOME = 1.3  # times the sample-to-sample noise: a disturbance or a linear model is looked at

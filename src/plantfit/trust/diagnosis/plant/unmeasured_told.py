@@ -11,7 +11,7 @@ from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
 from plantfit.trust.diagnosis.plant.cycles import Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting
-from plantfit.trust.diagnosis.plant.steps import StepAt, Stepping
+from plantfit.trust.diagnosis.plant.stepping.steps import StepAt, Stepping
 from plantfit.trust.verdict.words import Sentence, estimate, interval, number, percent, plain_unit, say, some, with_unit
 from plantfit.units import difference_of
 

@@ -23,7 +23,7 @@ from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.cycles import together
 from plantfit.trust.diagnosis.plant.disturbance import PRESSED, values_beside
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted, lengths, whole
-from plantfit.trust.diagnosis.plant.moments import MOMENTS, StepPlace, inner, looked_at
+from plantfit.trust.diagnosis.plant.stepping.moments import MOMENTS, StepPlace, inner, looked_at
 
 SEEN = 0.6  # of the residual that a step accounts for along derivatives, from which on it is fitted
 WITHIN, ROOM, MOST = 3.0, 0.1, 4  # times what the best one leaves, and more of the residual: what is fitted as well
