@@ -33,6 +33,7 @@ from plantfit.spec.study import Study
 from plantfit.spec.tables import ControlTable
 from plantfit.spec.wished import table_in, wished
 from plantfit.trust.intervals.plausible import plausible
+from plantfit.trust.validate.doubts import doubts
 
 if TYPE_CHECKING:
     from plantfit.control.c_export import CFiles
@@ -61,7 +62,8 @@ TWINS = (
 @dataclass(frozen=True, eq=False)
 class _Plants:
     """What a study knows: its model, plants (parameters (n,) by name, the first the best fit), a recording, its
-    name; parameters that the data leave open, and whether they determine no parameter at all."""
+    name; parameters that the data leave open, whether they determine no parameter at all, and what the verdict of the
+    study says against the model."""
 
     model: Model
     values: Mapping[str, np.ndarray]
@@ -69,6 +71,7 @@ class _Plants:
     name: str
     open: tuple[str, ...] = ()
     nothing: bool = False
+    doubts: tuple[Sentence, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +79,8 @@ class Held:
     """A regulator with its filter: `design` with all that it was judged by, `proposed` what was not asked for.
 
     `typed` has all figures as attributes, `record` the same as JSON types; `parameters` is its `StateFeedback`,
-    `verdict` its sentences. `open` are parameters that the data leave open, `nothing` says that they determine none.
+    `verdict` its sentences. `open` are parameters that the data leave open, `nothing` says that they determine none,
+    `doubts` what the verdict of the study says against the model.
     """
 
     name: str
@@ -84,6 +88,7 @@ class Held:
     proposed: Mapping[str, str]
     open: tuple[str, ...] = ()
     nothing: bool = False
+    doubts: tuple[Sentence, ...] = ()
 
     @property
     def parameters(self) -> Any:
@@ -96,7 +101,12 @@ class Held:
 
     @cached_property
     def _sentences(self) -> list[Sentence]:
-        return [*_of_the_fit(self.open, self.nothing), *verdict(self.design, ALLOWED)]
+        return [*self._first, *verdict(self.design, ALLOWED)]
+
+    @property
+    def _first(self) -> list[Sentence]:
+        """What the study says of the plant, on which all that follows rests."""
+        return [*self.doubts, *_of_the_fit(self.open, self.nothing)]
 
     @property
     def record(self) -> dict[str, Any]:
@@ -128,7 +138,8 @@ class Held:
         from plantfit.controllers import c_name
 
         chosen = name or c_name(self.name, "LQR")
-        note = f"Made by plantfit for {self.name}.\n{self._sentences[0].sentence}"
+        told = "\n".join(s.sentence for s in self._sentences[: len(self._first) + 1])
+        note = f"Made by plantfit for {self.name}.\n{told}"
         return design_to_c(self.design.best.design, folder, name=chosen, number=number, note=note)
 
     def __repr__(self) -> str:
@@ -190,7 +201,7 @@ def hold(
     design = designed(known.model, train, family, asked, progress)
     if chosen.lean is None:
         design, proposed["lean"] = _leaning(design, known)
-    return Held(known.name, design, proposed, known.open, known.nothing)
+    return Held(known.name, design, proposed, known.open, known.nothing, known.doubts)
 
 
 def _answered(answer: Answer, count: int, seed: int) -> _Plants:
@@ -207,6 +218,7 @@ def _answered(answer: Answer, count: int, seed: int) -> _Plants:
     return _Plants(
         model, plants_of(answer, drawn, name), answer.problem.experiments[name].recording, answer.problem.name,
         tuple(drawn.open), all(p["status"] not in ("determined", "fixed") for p in answer.findings["parameters"]),
+        tuple(Sentence(level=s["level"], sentence=s["sentence"]) for s in doubts(answer.findings)),
     )  # fmt: skip
 
 

@@ -21,7 +21,8 @@ from plantfit.control.linear.linear_plant import linearised
 from plantfit.control.linear.lqr import lqr
 from plantfit.errors import SimulationError, SpecError
 from plantfit.findings.results.held_plant import HoldWishes
-from plantfit.holding import _of_the_fit, _one_input, _Plants, _seconds
+from plantfit.findings.verdict import Sentence
+from plantfit.holding import Held, _of_the_fit, _one_input, _Plants, _seconds
 from plantfit.models.text.equations import equations
 from plantfit.recording import from_arrays
 from plantfit.spec.tables import ControlTable
@@ -316,6 +317,16 @@ def test_an_input_that_was_not_recorded_has_to_be_given():
     bare = replace(known, recording=from_arrays(np.arange(3.0), signals={"u": (np.ones(3), None)}))
     with pytest.raises(SpecError, match=r"The recording has no b; say where it is held \(\[control\] inputs = \{ b = "):
         _one_input(bare, ControlTable(input="u"), {})
+
+
+def test_what_the_study_says_against_its_model_stands_first(found, tmp_path):
+    doubt = Sentence(level="warning", sentence="The model lacks something: what is promised below may not hold.")
+    held = Held("cart", found, {}, doubts=(doubt,))
+    assert held.verdict[0]["sentence"] == doubt.sentence
+    assert held.verdict[1:] == Held("cart", found, {}).verdict
+    head = held.to_c(tmp_path).header.read_text("utf-8")
+    assert doubt.sentence in head
+    assert held.verdict[1]["sentence"] in head
 
 
 def test_a_fit_that_determines_nothing_is_said_to_say_nothing():
