@@ -41,6 +41,10 @@ import jax
 
 COARSE, FINE = 200, 1200  # frequencies in the search and in the figures
 MOST_SAMPLES = 4000
+PAIR = 2  # candidates for each that a budget names: a generation is twice as large as usual in the same time
+# evaluations on the best fit alone, at least and for each that a budget names: they take a hundredth of the time
+ALONE_LEAST, ALONE_TIMES = 1600, 6
+NEAR = 0.06  # first step of the search on all plants, from what is best on the best fit: their best is not far from it
 STARTED = 8  # starts of a form that a front is begun at too
 ROBUST, BEST_FIT = "all plants", "best fit alone"  # names of the two that are searched
 BESIDE = ", all plants"  # after the names of other forms that are searched on the same plants
@@ -119,7 +123,8 @@ def tuned_loop(
     pick: int | None = None,
 ) -> LoopDesign:
     """Search the controller of `wishes` on the `train` plants; judge it on those of `family`. Both begin with the best
-    fit.
+    fit. `budget` counts pairs of controllers that are tried on all plants; on the best fit alone, where they take
+    little time, more are.
 
     The cost on a plant is the mean of the IAE of set-point step and load, each over that of SIMC on the best fit (C.
     Grimholt, S. Skogestad, IFAC PID 2012, eq. 3), times 1 + 10 times every excess over a limit as a share of it; over
@@ -257,16 +262,18 @@ def _searched(
         own = open_poles(plants.rests[0], w[0])
         search = Search(plants.judge(form, wishes, 0), h, w, wishes, form, sizes, weights_of(wishes.minimise), own)
         starts = form.starts if form.plan is None or at_last is None else at_last
-        nominal = search.on_best_fit().found(
-            starts, max(200, budget // 2), seed, searches.next(f"{form.name}, {BEST_FIT}")
-        )
-        robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, searches.next(f"{form.name}, {ROBUST}"))
+        single = search.on_best_fit()
+        nominal = single.found(starts, _alone(form, budget), seed, searches.next(f"{form.name}, {BEST_FIT}"))
+        tell = searches.next(f"{form.name}, {ROBUST}")
+        robust = search.found(np.r_[starts, nominal[None]], PAIR * budget, seed + 1, tell, NEAR)
+        # what was found for all plants is a controller for the best fit too, and may be the better one
+        nominal = single.best_of(np.stack([nominal, robust]))
         at_last = np.stack([robust, nominal])
         source = "this search"
         if asked.figures and form is forms[0]:
             begins(progress, "judging where the front begins")
             known = np.concatenate([at_last, starts[:STARTED]])
-            line = front_of(search, asked.figures, known, asked.points, max(300, budget), seed + 2, searches)
+            line = front_of(search, asked.figures, known, asked.points, PAIR * max(300, budget), seed + 2, searches)
             robust, source = _picked(line, asked.pick, robust)
         best, alone = (_numbers(form.made(z)) for z in (robust, nominal))
         if form is forms[0]:
@@ -281,6 +288,11 @@ def _searched(
                 *named,
             ]
     return named, line
+
+
+def _alone(form: Form, budget: int) -> int:
+    """Evaluations of a search on the best fit; fewer of an MPC, whose plans take the time and not the plants."""
+    return PAIR * max(200, budget // 2) if form.plan is not None else max(ALONE_LEAST, ALONE_TIMES * budget)
 
 
 def _rows(

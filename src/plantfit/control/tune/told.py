@@ -91,14 +91,19 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     rules = [r for r in design.rows if r.name in RULES and r.share >= wishes.share]
     if rules and design.promised and not isinstance(best.parameters, Schedule):  # their shares are those of one level
         first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
-        ratio = first.scores.iae / best.scores.iae
-        larger = (
-            f"; the IAE of its step is {ratio:.2f} times as large ({first.scores.iae:.4g} s)"
-            if np.isfinite(ratio)
-            else ""
-        )
-        say("info", f"The rule {first.name} keeps these limits too{larger}.")
+        say("info", f"The rule {first.name} keeps these limits too{_larger(first, best)}.")
     return told
+
+
+def _larger(rule: Row, best: Row) -> str:
+    """How much larger than the tuned controller's the errors of a rule are on the best fit; a search that makes both
+    small may give up some of one for more of the other."""
+    pairs = ((rule.scores.iae, best.scores.iae), (rule.scores.load_iae, best.scores.load_iae))
+    step, load = (other / own if own > 0 else np.inf for other, own in pairs)
+    if not np.isfinite(step):
+        return ""
+    told = f"; the IAE of its step is {step:.2f} times as large ({rule.scores.iae:.4g} s)"
+    return f"{told}, that of its load {load:.2f} times" if np.isfinite(load) else told
 
 
 def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[Level, str]:

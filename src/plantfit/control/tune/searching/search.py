@@ -58,20 +58,31 @@ class Search:
         poles = None if self.poles is None else (self.poles[0][first], self.poles[1][first])
         return replace(self, judge=self.judge.part(first), h=self.h[:1], poles=poles)
 
-    def found(self, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None) -> np.ndarray:
-        """The point (d,) of the cube of least cost; `starts` (k, d) are tried too. Raises SearchError where none
-        keeps all loops finite.
+    def found(
+        self,
+        starts: np.ndarray,
+        budget: int,
+        seed: int,
+        progress: Callable[[Any], None] | None,
+        sigma: float | None = None,
+    ) -> np.ndarray:
+        """The point (d,) of the cube of least cost; `starts` (k, d) are tried too, and `sigma` is the first step of
+        the search from the best of them, as a share of the cube. Raises SearchError where none keeps all loops finite.
 
         A penalty can be the price of a faster loop, and the search ends there. Where too many plants miss what is asked
         for, it therefore begins again with a penalty that no speed pays for, and the point that fewer miss is taken.
         """
-        found = self._least(self._costs(False), starts, budget, seed, progress)
+        found = self._least(self._costs(False), starts, budget, seed, progress, sigma)
         missed = self._missed(found)
         if missed <= 1.0 - self.wishes.share:
             return found
         strict = self._costs(False, steepness=STEEPER * STEEPNESS)
-        again = self._least(strict, np.r_[starts, found[None]], budget, seed, progress)
+        again = self._least(strict, np.r_[starts, found[None]], budget, seed, progress, sigma)
         return again if self._missed(again) < missed else found
+
+    def best_of(self, points: np.ndarray) -> np.ndarray:
+        """The one (d,) of points (k, d) of the cube that costs least, the first of several that cost the same."""
+        return points[np.argmin(_in_rows(self._costs(False), points))]
 
     def _missed(self, point: np.ndarray) -> float:
         """The share of the plants that miss what is asked for, at a point (d,) of the cube."""
@@ -90,14 +101,20 @@ class Search:
         return np.stack([_in_rows(costs, points) for costs in found], axis=1)
 
     def _least(
-        self, costs: CostOfData, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None
+        self,
+        costs: CostOfData,
+        starts: np.ndarray,
+        budget: int,
+        seed: int,
+        progress: Callable[[Any], None] | None,
+        sigma: float | None = None,
     ) -> np.ndarray:
         form = self.form
         first = _in_rows(costs, starts)
         best = starts[np.argsort(first)[:1]]
         runs = minimise(
             Objective(form.space.dimension, costs, start=best),
-            _Cmaes(),
+            _Cmaes(sigma),
             budget=budget,
             runs=1,
             seed=seed,
@@ -203,13 +220,18 @@ class Search:
 @dataclass(frozen=True)
 class _Cmaes:
     """`cmaes` driven from outside of the compiled program: a loop over plants takes seconds to compile, and so it is
-    compiled once for the search and for points on their own, and the method once for all loops."""
+    compiled once for the search and for points on their own, and the method once for all loops.
+
+    Its generations are as large as what is judged at a time: the usual ones for few parameters are half of that, take
+    as long, and end in a corner of the limits far more often.
+    """
 
     needs: ClassVar[Needs] = CmaEs.needs
+    sigma: float | None = None
 
     def run(self, key: Any, objective: Objective, budget: int, counter: Counter) -> Status:
         facts = Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start)
-        population = Nested(CmaEs(), facts, key)
+        population = Nested(CmaEs(population=LANES, sigma=self.sigma), facts, key)
         while not population.stopped:
             population.generation(counter)
         return Status.converged
