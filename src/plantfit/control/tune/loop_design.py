@@ -14,7 +14,7 @@ from plantfit.control.tune.forms.form import Form
 from plantfit.control.tune.forms.pid_form import pid_form
 from plantfit.control.tune.forms.servo_forms import lqi_form, mpc_form
 from plantfit.control.tune.forms.smith_form import smith_form
-from plantfit.control.tune.frequency import frequencies, sampled_response
+from plantfit.control.tune.frequency import frequencies, noise_in_moves, open_loop, sampled_response
 from plantfit.control.tune.loop_scores import Judge, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
 from plantfit.control.tune.plant_checks import (
@@ -32,7 +32,7 @@ from plantfit.control.tune.searching.figures import figure, known_figures, sizes
 from plantfit.control.tune.searching.front import Front, check_front, directions, front_of
 from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
 from plantfit.control.tune.searching.parts import Searches, begins
-from plantfit.control.tune.searching.search import Search
+from plantfit.control.tune.searching.search import Search, noises
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import Wishes, check_wishes
 from plantfit.errors import SimulationError, SpecError
@@ -145,8 +145,9 @@ def tuned_loop(
     w, fine = (frequencies(wishes.period, slowest(small), number, *swing) for number in (COARSE, FINE))
     alike = len(rules) + (2 if pid is forms[0] else 1)  # as many as are judged at the end, by the same program
     begins(progress, "judging a classical rule")
-    simc = judges[pid.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
-    sizes = sizes_of(simc, wishes, 0.5 * plants.course.seconds)
+    simc = stacked_controllers([rules["SIMC"].gains()] * alike)
+    moves = _moves_of(plants, pid, rules["SIMC"].gains(), wishes, fine)
+    sizes = sizes_of(judges[pid.name].scores(simc, moves), wishes, 0.5 * plants.course.seconds)
     named, line = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, _Asked(front, points, pick))
     named += [_Named(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
     begins(progress, "judging the controllers on fresh plants")
@@ -293,6 +294,16 @@ def _searched(
 def _alone(form: Form, budget: int) -> int:
     """Evaluations of a search on the best fit; fewer of an MPC, whose plans take the time and not the plants."""
     return PAIR * max(200, budget // 2) if form.plan is not None else max(ALONE_LEAST, ALONE_TIMES * budget)
+
+
+def _moves_of(plants: _Plants, form: Form, parameters: Any, wishes: Wishes, w: np.ndarray) -> float:
+    """Standard deviation of what noise adds to every move of the input on the best fit."""
+    alone = plants.family.part(np.array([0])), _part(plants.rest, np.array([0]))
+    c = form.response(parameters, w)
+    s = 1.0 / (1.0 + open_loop(c, responses_of(*alone, form, wishes.period, w)))
+    weights = np.gradient(w) / np.pi * wishes.period
+    share = noise_in_moves(c, s, w, wishes.period, weights, noises(wishes, form.inner))
+    return float((wishes.upper - wishes.lower) * share[0])
 
 
 def _rows(

@@ -37,7 +37,7 @@ CLEAR = 0.3  # share of the variance that a parameter has to explain to be named
 def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "that the data allow") -> list[Sentence]:
     """Sentences with a level; `names` are the free parameters (n,) of the family by name."""
     wishes, best, alone = design.wishes, design.best, design.row(BEST_FIT)
-    n = design.family.count
+    n, also = design.family.count, wishes.also(design.family.model.inputs[design.family.input])
     told: list[Sentence] = []
 
     def say(level: Level, sentence: str) -> None:
@@ -47,7 +47,7 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     say(
         "good" if design.promised else "bad",
         f"Of {n} plants {how}, {percent(best.share)} have an overshoot under {wishes.overshoot:g} % "
-        f"and an Ms under {wishes.ms:g}{''.join(f', {more}' for more in wishes.also)}{beside}.",
+        f"and an Ms under {wishes.ms:g}{''.join(f', {more}' for more in also)}{beside}.",
     )
     unstable = int(np.sum(~design.judged.stable[0]))
     if unstable:

@@ -10,7 +10,14 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.steps.robust import STEEPNESS, Demand, stacked_controllers
 from plantfit.control.tune.forms.form import Form
-from plantfit.control.tune.frequency import margins_in_search, noise_at_input, open_loop, outer_loop, poles_outside
+from plantfit.control.tune.frequency import (
+    margins_in_search,
+    noise_at_input,
+    noise_in_moves,
+    open_loop,
+    outer_loop,
+    poles_outside,
+)
 from plantfit.control.tune.loop_scores import Judge, Program, scores_of
 from plantfit.control.tune.searching.figures import figure
 from plantfit.control.tune.wishes import Wishes
@@ -207,7 +214,7 @@ class Search:
             "loop": self.judge.data(), "form": self.form.data, "h": self.h, "w": self.w, "weights": weights,
             "sizes": {n: self.sizes[n] for n in self.weights}, "shares": shares,
             "half": 0.5 * self.judge.course.seconds,
-            "noise": noises(wishes, self.form.inner),
+            "noise": noises(wishes, self.form.inner), "span": wishes.upper - wishes.lower,
         }  # fmt: skip
         if self.poles is not None:
             at_one = self.form.integrators if self.form.settled else self.form.parted
@@ -285,6 +292,8 @@ def _costs_of(
     is compiled once. `known`: the poles of all plants and controllers are, and unstable loops are told by them; those
     of controllers that are `divided` are in what is below the line."""
 
+    travels = "travel" in figures or "travel" in limited
+
     def excess(value, limit):
         return jnp.maximum(value / limit - 1.0, 0.0)
 
@@ -305,7 +314,6 @@ def _costs_of(
     def costs(zs, data):
         h, w, limits, sizes = data["h"], data["w"], data["limits"], data["sizes"]
         controllers = jax.vmap(lambda z: build(z, data["form"]))(zs)
-        scores = scores_of(program, controllers, data["loop"])
 
         def response(parameters):
             above, below = (respond(parameters, w, jnp), 1.0) if divided is None else divided(parameters, w, jnp)
@@ -316,9 +324,14 @@ def _costs_of(
                 ms = jnp.maximum(ms, jnp.max(jnp.abs(1.0 / (1.0 + outer_loop(c, h))), axis=-1))
             integrators, unstable = data["poles"] if known else (0, 0)
             outside = poles_outside(below / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
-            return s, ms, outside, noise_at_input(c, s, data["weights"], data["noise"], jnp)
+            moved = noise_at_input(c, s, data["weights"], data["noise"], jnp)
+            if not travels:
+                return s, ms, outside, moved, None
+            moves = noise_in_moves(c, s, w, program.loop.period, data["weights"], data["noise"], jnp)
+            return s, ms, outside, moved, data["span"] * moves
 
-        s, ms, outside, moved = jax.vmap(response)(controllers)
+        s, ms, outside, moved, moves = jax.vmap(response)(controllers)
+        scores = scores_of(program, controllers, data["loop"], moves)
         parts = [figure(name, scores, moved, data["half"]) / sizes[name] for name in figures]
 
         def over(value, limit):
