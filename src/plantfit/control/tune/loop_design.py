@@ -70,6 +70,7 @@ class LoopDesign:
     `reduced` is what the rules saw, `sign` that of the plant's gain, `judged` all controllers on the fresh plants of
     `family` (its first is the best fit), `course` what they were judged by, `rest` the plants at the set point;
     `judges` by the name of a form. `held` is the share of plants that the input's limits can hold at both levels.
+    The first row was found by `search` at the `point` (d,) of its cube.
     """
 
     wishes: Wishes
@@ -86,6 +87,8 @@ class LoopDesign:
     rows_used: np.ndarray
     tracking_time: float | None
     front: JudgedFront | None = None
+    search: Search | None = None
+    point: np.ndarray | None = None
 
     @property
     def best(self) -> Row:
@@ -148,7 +151,8 @@ def tuned_loop(
     simc = stacked_controllers([rules["SIMC"].gains()] * alike)
     moves = _moves_of(plants, pid, rules["SIMC"].gains(), wishes, fine)
     sizes = sizes_of(judges[pid.name].scores(simc, moves), wishes, 0.5 * plants.course.seconds)
-    named, line = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, _Asked(front, points, pick))
+    asked = _Asked(front, points, pick)
+    named, line, search, point = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, asked)
     named += [_Named(n, pid, isa.gains(), RULES[n]) for n, isa in rules.items()]
     begins(progress, "judging the controllers on fresh plants")
     rows, found = _rows(plants, wishes, forms, judges, named, fine)
@@ -160,7 +164,7 @@ def tuned_loop(
     return LoopDesign(
         wishes, plants.family, plants.rest, plants.course, small, plants.sign, rows, found, judges, plants.held,
         plants.right_sign,
-        plants.used, plants.tracking, drawn,
+        plants.used, plants.tracking, drawn, search, point,
     )  # fmt: skip
 
 
@@ -248,11 +252,12 @@ def _plants(train: OneLoop, family: OneLoop, wishes: Wishes) -> _Plants:
 def _searched(
     plants: _Plants, wishes: Wishes, forms: Sequence[Form], sizes: Any, w: np.ndarray, budget: int, seed: int,
     progress: Callable[[Any], None] | None, asked: _Asked,
-) -> tuple[list[_Named], Front | None]:  # fmt: skip
-    """Controllers of every form on all plants and on the best fit alone, the form that was asked for first; and the
-    front, if asked for."""
+) -> tuple[list[_Named], Front | None, Search, np.ndarray]:  # fmt: skip
+    """Controllers of every form on all plants and on the best fit alone, the form that was asked for first; the
+    front, if asked for; the search of that form and the point of its cube."""
     named: list[_Named] = []
     line: Front | None = None
+    found: tuple[Search, np.ndarray] | None = None
     at_last: np.ndarray | None = (
         None  # points of the form before, which an MPC begins at: its weights are those of an LQI
     )
@@ -278,6 +283,7 @@ def _searched(
             robust, source = _picked(line, asked.pick, robust)
         best, alone = (_numbers(form.made(z)) for z in (robust, nominal))
         if form is forms[0]:
+            found = search, robust
             named = [
                 _Named(ROBUST, form, best, source),
                 _Named(BEST_FIT, form, alone, "the same search on one plant"),
@@ -288,7 +294,8 @@ def _searched(
                 _Named(form.name + BESIDE, form, best, f"the same search for {article(form.name)} {form.name}"),
                 *named,
             ]
-    return named, line
+    assert found is not None
+    return named, line, *found
 
 
 def _alone(form: Form, budget: int) -> int:

@@ -22,7 +22,7 @@ from plantfit.control.tune.loop_scores import Judge, Program, scores_of
 from plantfit.control.tune.searching.figures import figure
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SearchError, Status
-from plantfit.optimize import Objective, minimise
+from plantfit.optimize import Objective, RunResult, minimise
 from plantfit.optimize.algorithms.cma_es.cmaes import CmaEs
 from plantfit.optimize.contract import CostOfData, Facts, Needs
 from plantfit.optimize.loop.counter import Counter
@@ -80,18 +80,21 @@ class Search:
         for, it therefore begins again with a penalty that no speed pays for, and the point that fewer miss is taken.
         """
         found = self._least(self._costs(False), starts, budget, seed, progress, sigma)
-        missed = self._missed(found)
+        missed = self.missed(found)
         if missed <= 1.0 - self.wishes.share:
             return found
-        strict = self._costs(False, steepness=STEEPER * STEEPNESS)
-        again = self._least(strict, np.r_[starts, found[None]], budget, seed, progress, sigma)
-        return again if self._missed(again) < missed else found
+        again = self._least(self.strict(), np.r_[starts, found[None]], budget, seed, progress, sigma)
+        return again if self.missed(again) < missed else found
 
     def best_of(self, points: np.ndarray) -> np.ndarray:
         """The one (d,) of points (k, d) of the cube that costs least, the first of several that cost the same."""
         return points[np.argmin(_in_rows(self._costs(False), points))]
 
-    def _missed(self, point: np.ndarray) -> float:
+    def strict(self) -> CostOfData:
+        """The cost with a penalty that no speed pays for."""
+        return self._costs(False, steepness=STEEPER * STEEPNESS)
+
+    def missed(self, point: np.ndarray) -> float:
         """The share of the plants that miss what is asked for, at a point (d,) of the cube."""
         return float(_in_rows(self._costs(False, room=1.0, counted=True), point[None])[0])
 
@@ -116,18 +119,9 @@ class Search:
         progress: Callable[[Any], None] | None,
         sigma: float | None = None,
     ) -> np.ndarray:
-        form = self.form
         first = _in_rows(costs, starts)
         best = starts[np.argsort(first)[:1]]
-        runs = minimise(
-            Objective(form.space.dimension, costs, start=best),
-            _Cmaes(sigma),
-            budget=budget,
-            runs=1,
-            seed=seed,
-            progress=progress,
-        )
-        run = min(runs, key=lambda r: r.cost)
+        run = descent(costs, best[0], budget, seed, progress, sigma)
         best_point = np.asarray(run.x if run.cost < np.min(first) else best[0])
         if min(run.cost, np.min(first)) >= 10.0 * GONE:
             raise SearchError(self._why_not_finite(best_point))
@@ -242,6 +236,20 @@ class _Cmaes:
         while not population.stopped:
             population.generation(counter)
         return Status.converged
+
+
+def descent(
+    costs: CostOfData,
+    start: np.ndarray,
+    budget: int,
+    seed: int,
+    progress: Callable[[Any], None] | None,
+    sigma: float | None = None,
+) -> RunResult:
+    """The search that all of these are: from a point (d,) of the cube, with a first step `sigma`."""
+    objective = Objective(len(start), costs, start=start[None])
+    runs = minimise(objective, _Cmaes(sigma), budget=budget, runs=1, seed=seed, progress=progress)
+    return min(runs, key=lambda r: r.cost)
 
 
 @dataclass(frozen=True, eq=False)
