@@ -11,12 +11,15 @@ from test_tune_pid import family as linear_family
 import plantfit.runtime  # noqa: F401
 from plantfit.control.c_export import scheduled_to_c
 from plantfit.control.pid import Gains
-from plantfit.control.scheduling.design import NAME, scheduled_loops
+from plantfit.control.scheduling.design import NAME, _form, scheduled_loops
 from plantfit.control.scheduling.law import Schedule, scheduled_pid
+from plantfit.control.scheduling.together import _schedule, _searches, refined
 from plantfit.control.scheduling.told import schedule_told
-from plantfit.control.tune import OneLoop, Wishes
-from plantfit.control.tune.loop_scores import Limits, pid_of_limits
-from plantfit.control.tune.told import table
+from plantfit.control.tune import OneLoop, Wishes, tuned_loop
+from plantfit.control.tune.frequency import frequencies, sampled_response
+from plantfit.control.tune.loop_scores import Judge, Limits, pid_of_limits
+from plantfit.control.tune.searching.judged import judged_on
+from plantfit.control.tune.told import table, verdict
 from plantfit.errors import SimulationError
 from plantfit.findings.results.tuned_controller import ScheduledLoop
 from plantfit.models.text.equations import equations
@@ -165,6 +168,86 @@ def test_near_a_level_the_loop_is_that_of_the_gains_there(found):
         both[name] = small.responses(design.best.parameters if name == NAME else report.levels[2].gains)["y"]
     half = design.course.begin
     np.testing.assert_allclose(both[NAME][:, :half], both["PID"][:, :half], atol=2e-6)
+
+
+@pytest.fixture(scope="module")
+def levels():
+    """Designs of two levels, as `scheduled_loops` makes them."""
+    plain = replace(ASKED, controller="pid", horizon=200.0)
+    asked = [replace(plain, set_point=level) for level in (2.0, 3.5)]
+    return [tuned_loop(family(6, 1), family(6, 1), there, budget=60, seed=3) for there in asked]
+
+
+def kept(design, schedule):
+    """Whether each plant of a design's level keeps what was asked for with the schedule."""
+    form = _form(design, schedule)
+    w = frequencies(ASKED.period, 20.0, 600)
+    h = sampled_response(design.rest, ASKED.period, w)
+    judge = Judge.of(design.family, design.judge.start, design.course, 0.0, form)
+    return judged_on(judge, form, [schedule], h, w, design.wishes, 1).kept[0]
+
+
+def test_levels_that_keep_their_limits_as_one_schedule_are_left_alone(levels):
+    schedule = refined(levels, 20, 1, None)
+    for k, design in enumerate(levels):
+        assert [float(g[k]) for g in schedule.gains] == pytest.approx(list(design.best.gains), rel=1e-12)
+
+
+def test_levels_that_miss_them_as_one_schedule_are_searched_together(levels):
+    """The gain of the second level is four times what it should be, and a step to the first ends between both."""
+    space = levels[1].best.form.space
+    wild = levels[1].point + (np.array(list(space.names)) == "K") * np.log(4.0) / np.log(1500.0)
+    spoiled = [levels[0], replace(levels[1], point=np.clip(wild, 0.0, 1.0))]
+    before = _schedule(_searches(spoiled), np.concatenate([d.point for d in spoiled]))
+    assert np.mean(kept(levels[1], before)) < 0.5
+    after = refined(spoiled, 60, 1, None)
+    for design in levels:
+        assert np.mean(kept(design, after)) >= 0.95
+
+
+def test_a_schedule_that_the_best_fit_misses_is_not_blamed_on_a_parameter(found):
+    """Measuring again helps where the best fit keeps what is asked for, and not where it misses that too."""
+    design, _ = found
+    n = design.family.count
+    names = {"L": np.asarray(design.family.plants["L"])}
+    kept, meets = np.zeros((len(design.rows), n), bool), design.judged.meets.copy()
+    meets[0, :, 1] = False
+    missed = replace(design, judged=design.judged._replace(kept=kept, meets=meets), rows=(
+        replace(design.rows[0], share=0.0), *design.rows[1:]
+    ))  # fmt: skip
+    told = [s.sentence for s in verdict(missed, names)]
+    assert "tuned on the best fit alone" not in told[0]
+    assert any("the best fit misses it too, at one of the levels, so that measuring again does not" in s for s in told)
+    assert not any("measure this first" in s or "comes from L" in s for s in told)
+    kept = kept.copy()
+    kept[0, : n // 2] = True
+    order = np.argsort(names["L"])
+    over = np.empty((1, n))
+    over[0, order] = np.arange(n)
+    scores = design.judged.scores
+    scores = scores._replace(overshoot=np.concatenate([over, scores.overshoot[1:]]))
+    some = replace(missed, judged=missed.judged._replace(kept=kept, scores=scores))
+    told = " ".join(s.sentence for s in verdict(some, names))
+    assert "measure this first, or ask for less. 100 % of the spread of overshoot comes from L" in told
+
+
+@pytest.mark.slow
+def test_a_tank_keeps_its_limits_as_one_schedule():
+    """Two tanks with roots for outflows. Each level alone kept 10 % of overshoot, the gains between them did not."""
+    tank = equations(
+        "h1' = (kv*delay(u, L) - a1*sqrt(h1))/28\nh2' = (a1*sqrt(h1) - a2*sqrt(h2))/32\nh = h2", inputs=["u"],
+        states={"h1": {"initial": "h"}, "h2": {"initial": "h"}}, outputs=["h"], parameters=["kv", "a1", "a2", "L"],
+    )  # fmt: skip
+    true = {"kv": 1.6, "a1": 12.0, "a2": 10.0, "L": 3.4}
+
+    def tanks(n, seed):
+        rng = np.random.default_rng(seed)
+        return OneLoop(tank, "h", "u", {}, {k: v * np.r_[1, 1 + 2e-3 * rng.normal(size=n)] for k, v in true.items()})
+
+    wishes = Wishes(20.0, 5.0, 6.0, 1.0, 0.0, 60.0, noise=0.144, controller="scheduled")
+    design, report = scheduled_loops(tanks(20, 1), tanks(60, 2), wishes, [8.0, 16.0, 25.0, 33.0], budget=200, seed=1)
+    assert report.every >= 0.95
+    assert design.promised
 
 
 @pytest.mark.slow

@@ -182,7 +182,7 @@ def tune(
         typer.Option("--full-scale", help='Fixed point: the value of the largest number, as in "T=100 degC" (repeat).'),
     ] = None,
     plants: Annotated[int | None, typer.Option("--plants", help="How many plants the controller is judged on.")] = None,
-    budget: Annotated[int, typer.Option("--budget", help="Controllers to try.")] = 400,
+    budget: Annotated[int, typer.Option("--budget", help="Pairs of controllers to try on all plants.")] = 400,
     seed: Annotated[int, typer.Option("--seed", help="Seed of the draws; the same seed gives the same answer.")] = 1,
     study: StudyNumber = None,
     out: Annotated[

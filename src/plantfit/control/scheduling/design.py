@@ -10,6 +10,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.pid import Gains, Settings, checked
 from plantfit.control.scheduling.law import Schedule, scheduled_pid
+from plantfit.control.scheduling.together import refined
 from plantfit.control.tune.forms.form import Form, change
 from plantfit.control.tune.frequency import frequencies, pid_response
 from plantfit.control.tune.loop_design import FINE, ROBUST, LoopDesign, course_seconds, responses_of, tuned_loop
@@ -65,8 +66,8 @@ def scheduled_loops(
     that of the level nearest to the set point, the scheduled controller first in it, its share that of plants which
     keep the wishes at every level.
 
-    Each level's PID is searched on all plants as `tuned_loop` does, with the same horizon. Raises SimulationError as
-    that does.
+    Each level's PID is searched on all plants as `tuned_loop` does, with the same horizon; where they miss as one
+    schedule what was asked for, all levels together. Raises SimulationError as that does.
     """
     chosen = np.unique(np.asarray(levels, dtype=float))
     if len(chosen) < 2:
@@ -81,11 +82,12 @@ def scheduled_loops(
     for k, there in enumerate(asked):
         tell = within(progress, f"level {k + 1} of {len(asked)}")
         designs.append(tuned_loop(train, family, there, budget=budget, seed=seed + 10 * k, progress=tell))
+    schedule = refined(designs, budget, seed + 10 * len(designs), progress)
     begins(progress, "judging the schedule")
-    schedule = Schedule(chosen, Gains._make(np.array(v) for v in zip(*(d.best.gains for d in designs), strict=True)))
     main = int(np.argmin(np.abs(chosen - wishes.set_point)))
-    everywhere, singles, reports, first = (
+    everywhere, every, singles, reports, first = (
         np.ones(family.count, bool),
+        [],
         np.ones((len(chosen), family.count), bool),
         [],
         None,
@@ -105,9 +107,10 @@ def scheduled_loops(
         kept = np.zeros((1 + len(chosen), family.count), bool)
         kept[:, design.rows_used] = np.concatenate([found.kept, alone.kept])
         everywhere &= kept[0]
+        every.append(found)
         singles &= kept[1:]
         share = [float(np.mean(v)) for v in kept]
-        reports.append(LevelReport(float(chosen[k]), design.wishes.step, design.best.gains, share[0],
+        reports.append(LevelReport(float(chosen[k]), design.wishes.step, _gains_at(schedule, k), share[0],
                                    np.array(share[1:]),
                                    float(found.scores.iae[0, 0])))  # fmt: skip
         if k == main:
@@ -121,7 +124,7 @@ def scheduled_loops(
     report = ScheduleReport(
         tuple(reports), float(np.mean(everywhere)), np.mean(singles, axis=1), _across(designs, schedule, wishes)
     )
-    return _with_schedule(designs[main], first, everywhere), report
+    return _with_schedule(designs[main], first, everywhere, _worst(designs, every, main)), report
 
 
 def _check(best: OneLoop, wishes: Wishes) -> None:
@@ -188,11 +191,38 @@ def _across(designs: Sequence[LoopDesign], schedule: Schedule, wishes: Wishes) -
     return LoopScores._make(np.asarray(v)[0] for v in scores)
 
 
-def _with_schedule(design: LoopDesign, first: tuple[Form, Judge, Judged, Row], everywhere: np.ndarray) -> LoopDesign:
-    """A level's design with the scheduled controller as its first row."""
-    _, judge, found, row = first
-    kept = everywhere[design.rows_used][None]
-    found = found._replace(kept=kept)
+def _gains_at(schedule: Schedule, k: int) -> Gains:
+    """Those of level number k."""
+    return Gains(*(float(g[k]) for g in schedule.gains))
+
+
+def _worst(designs: Sequence[LoopDesign], every: Sequence[Judged], main: int) -> Judged:
+    """What the schedule does at its worst level, on the plants that rest at level number `main`: every figure is the
+    largest, what is kept is kept at all levels. A plant that does not rest at a level keeps nothing there."""
+    count = max(int(np.max(d.rows_used)) for d in designs) + 1
+    rows = designs[main].rows_used
+
+    def gathered(values: Sequence[np.ndarray], fill: Any, join: Any) -> np.ndarray:
+        found = np.full((len(values), count, *values[0].shape[2:]), fill, values[0].dtype)
+        for k, design in enumerate(designs):
+            found[k, design.rows_used] = values[k][0]
+        return join.reduce(found, axis=0)[rows][None]
+
+    scores = LoopScores(
+        *(gathered([f.scores[i] for f in every], -np.inf, np.maximum) for i in range(len(every[0].scores)))
+    )
+    ms, noise = (gathered([getattr(f, n) for f in every], -np.inf, np.maximum) for n in ("ms", "input_noise"))
+    stable, kept, meets = (
+        gathered([getattr(f, n) for f in every], False, np.logical_and) for n in ("stable", "kept", "meets")
+    )
+    return Judged(scores, ms, stable, noise, kept, meets)
+
+
+def _with_schedule(
+    design: LoopDesign, first: tuple[Form, Judge, Judged, Row], everywhere: np.ndarray, found: Judged
+) -> LoopDesign:
+    """A level's design with the scheduled controller as its first row, judged as `found` at its worst level."""
+    _, judge, _, row = first
     single, *others = design.rows
     rows = (replace(row, share=float(np.mean(everywhere))), *others[:1], replace(single, name=THERE), *others[1:])
     order = [0, 2, 1, *range(3, len(rows))]

@@ -160,6 +160,12 @@ def noise_at_input(c: Any, s: Any, weights: Any, noise: Any, xp: Any = np) -> An
     return xp.sqrt(xp.sum(xp.sum(xp.abs(c * noise[:, None]) ** 2, axis=0) * xp.abs(s) ** 2 * weights, axis=-1))
 
 
+def noise_in_moves(c: Any, s: Any, w: Any, period: float, weights: Any, noise: Any, xp: Any = np) -> Any:
+    """Standard deviation (n,) that measurement noise gives every move of the input, from one sample of `period` h (s)
+    to the next: that of `noise_at_input` behind 1 - z^-1, at w (F,) in rad/s."""
+    return noise_at_input(c * (1.0 - xp.exp(-1j * w * period)), s, weights, noise, xp)
+
+
 def loop_margins(c: np.ndarray, h: np.ndarray, w: np.ndarray, integrators: Any, unstable: Any = 0) -> Margins:
     """`Margins` of a controller on plants; of a cascade the worse of those at the input and at the outer output."""
     found = margins(open_loop(c, h), w, integrators, unstable)

@@ -15,7 +15,7 @@ from plantfit.control.tune.forms.form import Form
 from plantfit.control.tune.forms.pid_form import pid_form
 from plantfit.control.tune.forms.servo_forms import lqi_form, mpc_form
 from plantfit.control.tune.forms.smith_form import smith_form
-from plantfit.control.tune.frequency import frequencies, sampled_response
+from plantfit.control.tune.frequency import frequencies, noise_in_moves, open_loop, sampled_response
 from plantfit.control.tune.loop_scores import Judge, LoopScores, StepAndLoad
 from plantfit.control.tune.one_loop import OneLoop, Rest
 from plantfit.control.tune.plant_checks import (
@@ -33,7 +33,7 @@ from plantfit.control.tune.searching.figures import figure, known_figures, sizes
 from plantfit.control.tune.searching.front import Front, check_front, directions, front_of
 from plantfit.control.tune.searching.judged import Judged, Row, judged_on, row_of
 from plantfit.control.tune.searching.parts import Searches, begins
-from plantfit.control.tune.searching.search import Search
+from plantfit.control.tune.searching.search import Search, noises
 from plantfit.control.tune.weights.servo_weights import ServoPlant
 from plantfit.control.tune.wishes import Wishes, check_wishes
 from plantfit.errors import SimulationError, SpecError
@@ -43,6 +43,10 @@ import jax
 COARSE, FINE = 200, 1200  # frequencies in the search and in the figures
 MOST_SAMPLES = 4000
 MOVES = 6.0  # times that of several integrators under a full input, in which a loop settles
+PAIR = 2  # candidates for each that a budget names: a generation is twice as large as usual in the same time
+# evaluations on the best fit alone, at least and for each that a budget names: they take a hundredth of the time
+ALONE_LEAST, ALONE_TIMES = 1600, 6
+NEAR = 0.06  # first step of the search on all plants, from what is best on the best fit: their best is not far from it
 STARTED = 8  # starts of a form that a front is begun at too
 ROBUST, BEST_FIT = "all plants", "best fit alone"  # names of the two that are searched
 BESIDE = ", all plants"  # after the names of other forms that are searched on the same plants
@@ -68,6 +72,7 @@ class LoopDesign:
     `reduced` is what the rules saw, `sign` that of the plant's gain, `judged` all controllers on the fresh plants of
     `family` (its first is the best fit), `course` what they were judged by, `rest` the plants at the set point;
     `judges` by the name of a form. `held` is the share of plants that the input's limits can hold at both levels.
+    The first row was found by `search` at the `point` (d,) of its cube.
     """
 
     wishes: Wishes
@@ -84,6 +89,8 @@ class LoopDesign:
     rows_used: np.ndarray
     tracking_time: float | None
     front: JudgedFront | None = None
+    search: Search | None = None
+    point: np.ndarray | None = None
 
     @property
     def best(self) -> Row:
@@ -121,7 +128,8 @@ def tuned_loop(
     pick: int | None = None,
 ) -> LoopDesign:
     """Search the controller of `wishes` on the `train` plants; judge it on those of `family`. Both begin with the best
-    fit.
+    fit. `budget` counts pairs of controllers that are tried on all plants; on the best fit alone, where they take
+    little time, more are.
 
     The cost on a plant is the mean of the IAE of set-point step and load, each over that of SIMC on the best fit (C.
     Grimholt, S. Skogestad, IFAC PID 2012, eq. 3), times 1 + 10 times every excess over a limit as a share of it; over
@@ -139,8 +147,9 @@ def tuned_loop(
     swing = [rest.A for rest in plants.rests]
     w, fine = (frequencies(wishes.period, slowest(small), number, *swing) for number in (COARSE, FINE))
     begins(progress, "judging a classical rule")
-    sizes = sizes_of(_by_rule(judges, forms, rules), wishes, 0.5 * plants.course.seconds)
-    named, line = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, _Asked(front, points, pick))
+    sizes = sizes_of(_by_rule(plants, wishes, judges, forms, rules, fine), wishes, 0.5 * plants.course.seconds)
+    asked = _Asked(front, points, pick)
+    named, line, search, point = _searched(plants, wishes, forms, sizes, w, budget, seed, progress, asked)
     named += [_Named(n, forms[-1], isa.gains(), RULES[n]) for n, isa in rules.items()]
     begins(progress, "judging the controllers on fresh plants")
     rows, found = _rows(plants, wishes, forms, judges, named, fine)
@@ -152,7 +161,7 @@ def tuned_loop(
     return LoopDesign(
         wishes, plants.family, plants.rest, plants.course, small, plants.sign, rows, found, judges, plants.held,
         plants.right_sign,
-        plants.used, plants.tracking, drawn,
+        plants.used, plants.tracking, drawn, search, point,
     )  # fmt: skip
 
 
@@ -167,14 +176,21 @@ def _forms(plants: "_Plants", wishes: Wishes) -> tuple[dict[str, Isa], list[Form
     return rules, [*ahead, pid_form(small, plants.sign, wishes, rules, plants.tracking)]
 
 
-def _by_rule(judges: Mapping[str, Judge], forms: Sequence[Form], rules: Mapping[str, Isa]) -> LoopScores:
+def _by_rule(
+    plants: "_Plants", wishes: Wishes, judges: Mapping[str, Judge], forms: Sequence[Form], rules: Mapping[str, Isa],
+    w: np.ndarray,
+) -> LoopScores:  # fmt: skip
     """What SIMC makes of the plants, whose figures others are counted in; without rules, the first start that keeps
     the best fit from swinging up."""
     last = forms[-1]
     if rules:
         alike = len(rules) + (2 if last is forms[0] else 1)  # as many as are judged at the end, by the same program
-        return judges[last.name].scores(stacked_controllers([rules["SIMC"].gains()] * alike))
-    scores = judges[last.name].scores(stacked_controllers([last.made(z) for z in last.starts[:STARTED]]))
+        simc = rules["SIMC"].gains()
+        moves = _moves_of(plants, last, simc, wishes, w)
+        return judges[last.name].scores(stacked_controllers([simc] * alike), moves)
+    starts = [last.made(z) for z in last.starts[:STARTED]]
+    moved = np.array([[_moves_of(plants, last, one, wishes, w)] for one in starts])
+    scores = judges[last.name].scores(stacked_controllers(starts), moved)
     first = int(np.nanargmin(np.where(np.isfinite(scores.iae[:, 0]), scores.iae[:, 0], np.inf)))
     return LoopScores._make(np.asarray(v)[first : first + 1] for v in scores)
 
@@ -282,11 +298,12 @@ def reduced_for(family: OneLoop, rest: Rest, controller: str, half: float) -> Re
 def _searched(
     plants: _Plants, wishes: Wishes, forms: Sequence[Form], sizes: Any, w: np.ndarray, budget: int, seed: int,
     progress: Callable[[Any], None] | None, asked: _Asked,
-) -> tuple[list[_Named], Front | None]:  # fmt: skip
-    """Controllers of every form on all plants and on the best fit alone, the form that was asked for first; and the
-    front, if asked for."""
+) -> tuple[list[_Named], Front | None, Search, np.ndarray]:  # fmt: skip
+    """Controllers of every form on all plants and on the best fit alone, the form that was asked for first; the
+    front, if asked for; the search of that form and the point of its cube."""
     named: list[_Named] = []
     line: Front | None = None
+    found: tuple[Search, np.ndarray] | None = None
     at_last: np.ndarray | None = (
         None  # points of the form before, which an MPC begins at: its weights are those of an LQI
     )
@@ -297,19 +314,22 @@ def _searched(
         own = open_poles(plants.rests[0], w[0])
         search = Search(plants.judge(form, wishes, 0), h, w, wishes, form, sizes, weights_of(wishes.minimise), own)
         starts = form.starts if form.plan is None or at_last is None else at_last
-        nominal = search.on_best_fit().found(
-            starts, max(200, budget // 2), seed, searches.next(f"{form.name}, {BEST_FIT}")
-        )
-        robust = search.found(np.r_[starts, nominal[None]], budget, seed + 1, searches.next(f"{form.name}, {ROBUST}"))
+        single = search.on_best_fit()
+        nominal = single.found(starts, _alone(form, budget), seed, searches.next(f"{form.name}, {BEST_FIT}"))
+        tell = searches.next(f"{form.name}, {ROBUST}")
+        robust = search.found(np.r_[starts, nominal[None]], PAIR * budget, seed + 1, tell, NEAR)
+        # what was found for all plants is a controller for the best fit too, and may be the better one
+        nominal = single.best_of(np.stack([nominal, robust]))
         at_last = np.stack([robust, nominal])
         source = "this search"
         if asked.figures and form is forms[0]:
             begins(progress, "judging where the front begins")
             known = np.concatenate([at_last, starts[:STARTED]])
-            line = front_of(search, asked.figures, known, asked.points, max(300, budget), seed + 2, searches)
+            line = front_of(search, asked.figures, known, asked.points, PAIR * max(300, budget), seed + 2, searches)
             robust, source = _picked(line, asked.pick, robust)
         best, alone = (_numbers(form.made(z)) for z in (robust, nominal))
         if form is forms[0]:
+            found = search, robust
             named = [
                 _Named(ROBUST, form, best, source),
                 _Named(BEST_FIT, form, alone, "the same search on one plant"),
@@ -320,7 +340,23 @@ def _searched(
                 _Named(form.name + BESIDE, form, best, f"the same search for {article(form.name)} {form.name}"),
                 *named,
             ]
-    return named, line
+    assert found is not None
+    return named, line, *found
+
+
+def _alone(form: Form, budget: int) -> int:
+    """Evaluations of a search on the best fit; fewer of an MPC, whose plans take the time and not the plants."""
+    return PAIR * max(200, budget // 2) if form.plan is not None else max(ALONE_LEAST, ALONE_TIMES * budget)
+
+
+def _moves_of(plants: _Plants, form: Form, parameters: Any, wishes: Wishes, w: np.ndarray) -> float:
+    """Standard deviation of what noise adds to every move of the input on the best fit."""
+    alone = plants.family.part(np.array([0])), _part(plants.rest, np.array([0]))
+    c = form.response(parameters, w)
+    s = 1.0 / (1.0 + open_loop(c, responses_of(*alone, form, wishes.period, w)))
+    weights = np.gradient(w) / np.pi * wishes.period
+    share = noise_in_moves(c, s, w, wishes.period, weights, noises(wishes, form.inner))
+    return float((wishes.upper - wishes.lower) * share[0])
 
 
 def _rows(

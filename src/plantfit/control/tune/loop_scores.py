@@ -14,14 +14,18 @@ from plantfit.simulate.loop.closed_loop import ClosedLoop, Controller, Observer
 
 import jax
 import jax.numpy as jnp
+from jax.scipy.special import erf
+
+MOVES = "moves by noise"
 
 
 class LoopScores(NamedTuple):
     """Of one loop: `iae` integral of |set point - y| over the size of the step (s), `overshoot` beyond it in percent
     of the step, `settling` (s) of the first sample from which y stays within 2 % (inf if never), `left` the largest
     |set point - y| of the last fifth of the step as a share of it, `load_iae` integral of |set point - y| after the
-    load (unit of y, s), `load_peak` its largest, `travel` sum of the moves of the input, `outside` how far y was
-    beyond its limits at most (unit of y), `itae` integral of t |set point - y| of the step over its size (s^2)."""
+    load (unit of y, s), `load_peak` its largest, `travel` sum of the moves of the input, those by noise included,
+    `outside` how far y was beyond its limits at most (unit of y), `itae` integral of t |set point - y| of the step over
+    its size (s^2)."""
 
     iae: Any
     overshoot: Any
@@ -135,10 +139,21 @@ def pid_of_limits(period: float, anti_windup: str) -> Controller:
     return Controller(init, update)
 
 
+def expected_size(move: Any, spread: Any) -> Any:
+    """E |move + n| of a normal n of mean 0 and standard deviation `spread`; |move| where that is 0. jax-traceable."""
+    spread = jnp.maximum(spread, 1e-300)
+    far = jnp.abs(move) / spread
+    return spread * math.sqrt(2.0 / math.pi) * jnp.exp(-0.5 * far**2) + jnp.abs(move) * erf(far / math.sqrt(2.0))
+
+
 @lru_cache(maxsize=32)  # one identity for a choice, so that loops compile once
-def observer(begin: int, period: float, output: str | None = None) -> Observer:
+def observer(begin: int, period: float, output: str | None = None, noisy: bool = False) -> Observer:
     """Folds a loop whose input is counted from rest, with the load from sample `begin` on, into `LoopScores`; its
-    reference is that of `StepAndLoad.reference`. `output` names the one that is judged where several are measured."""
+    reference is that of `StepAndLoad.reference`. `output` names the one that is judged where several are measured.
+
+    The loop is simulated without noise. With `noisy` the reference also holds `MOVES`, the standard deviation of what
+    noise adds to every move of the input, and the travel is the expected one.
+    """
     half = begin * period
     late = 0.8 * half
 
@@ -167,7 +182,8 @@ def observer(begin: int, period: float, output: str | None = None) -> Observer:
             "left": jnp.where(last, jnp.maximum(seen["left"], off), seen["left"]),
             "load_iae": seen["load_iae"] + jnp.where(step, 0.0, period * off),
             "peak": jnp.where(step, 0.0, jnp.maximum(seen["peak"], off)),
-            "travel": seen["travel"] + jnp.abs(u - seen["u"]),
+            "travel": seen["travel"]
+            + (expected_size(u - seen["u"], reference[MOVES]) if noisy else jnp.abs(u - seen["u"])),
             "u": u,
             "outside": jnp.maximum(seen["outside"], jnp.maximum(y - reference["highest"], reference["lowest"] - y)),
             "itae": seen["itae"] + jnp.where(step, period * (t + 0.5 * period) * off, 0.0),
@@ -242,10 +258,13 @@ class Judge:
         p = {n: jnp.asarray(v, dtype=float) for n, v in self.plant.plants.items()}
         return p, jnp.asarray(self.start.x), jnp.asarray(self.start.u)
 
-    def scores(self, controllers: Any) -> LoopScores:
+    def scores(self, controllers: Any, moves: Any = 0.0) -> LoopScores:
         """Every controller (a pytree of parameters with a leading axis) on every plant: arrays (controllers,
-        plants); jax-traceable."""
-        return scores_of(self.program, controllers, self.data())
+        plants); jax-traceable. `moves` is the standard deviation of what noise adds to every move of the input, one or
+        (controllers, plants)."""
+        count = len(jax.tree.leaves(controllers)[0])
+        every = jnp.broadcast_to(jnp.asarray(moves, dtype=float), (count, self.plant.count))
+        return scores_of(self.program, controllers, self.data(), every)
 
     def responses(self, gains: Any) -> dict[str, np.ndarray]:
         """t (N,), outputs y and inputs u (plants, N) of one controller."""
@@ -294,15 +313,18 @@ class Program:
 
 
 @partial(jax.jit, static_argnums=0)
-def scores_of(program: Program, controllers: Any, data: LoopData) -> LoopScores:
-    """`Judge.scores` of a program."""
-    seen = observer(program.begin, program.loop.period, program.output)
+def scores_of(program: Program, controllers: Any, data: LoopData, moves: Any = None) -> LoopScores:
+    """`Judge.scores` of a program; without `moves` (controllers, plants) noise is left out."""
+    noisy = moves is not None
+    seen = observer(program.begin, program.loop.period, program.output, noisy)
 
-    def one(gains, row):
+    def one(gains, row, moved):
         parameters, values, reference, given = program.one(gains, row, data)
+        reference = reference | {MOVES: moved} if noisy else reference
         return program.loop.observe(seen, parameters, values, reference, **given)
 
-    return jax.vmap(lambda g: jax.vmap(lambda r: one(g, r))(data.rows))(controllers)
+    over_plants = jax.vmap(one, in_axes=(None, 0, 0 if noisy else None))
+    return jax.vmap(over_plants, in_axes=(0, None, 0 if noisy else None))(controllers, data.rows, moves)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -37,17 +37,19 @@ CLEAR = 0.3  # share of the variance that a parameter has to explain to be named
 def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "that the data allow") -> list[Sentence]:
     """Sentences with a level; `names` are the free parameters (n,) of the family by name."""
     wishes, best, alone = design.wishes, design.best, design.row(BEST_FIT)
-    n = design.family.count
+    n, also = design.family.count, wishes.also(design.family.model.inputs[design.family.input])
     told: list[Sentence] = []
 
     def say(level: Level, sentence: str) -> None:
         told.append(Sentence(level=level, sentence=sentence))
 
-    beside = "" if alone is None else f"; tuned on the best fit alone: {percent(alone.share)}"
+    scheduled = isinstance(best.parameters, Schedule)
+    # beside a schedule that was a PID of one level, judged at that level
+    beside = "" if alone is None or scheduled else f"; tuned on the best fit alone: {percent(alone.share)}"
     say(
         "good" if design.promised else "bad",
         f"Of {n} plants {how}, {percent(best.share)} have an overshoot under {wishes.overshoot:g} % "
-        f"and an Ms under {wishes.ms:g}{''.join(f', {more}' for more in wishes.also)}{beside}.",
+        f"and an Ms under {wishes.ms:g}{''.join(f', {more}' for more in also)}{beside}.",
     )
     unstable = int(np.sum(~design.judged.stable[0]))
     if unstable:
@@ -70,13 +72,14 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
         why = f" ({', '.join(parts)})" if parts else ""
         asked = f"{percent(wishes.share)} were asked for{why}"
         if _beyond(design):
+            own = "at one of the levels" if scheduled else f"with the {best.form.name} that was tuned on it alone"
             say(
                 "bad",
-                f"{asked}: the best fit misses it too, with the {best.form.name} that was tuned on it alone, so that "
+                f"{asked}: the best fit misses it too, {own}, so that "
                 "measuring again does not help. Ask for less, widen the input's limits, or take another controller.",
             )
         else:
-            say("bad", f"{asked}: measure this first, or ask for less.{_first(design, names)}")
+            say("bad", f"{asked}: measure this first, or ask for less.{_first(design, names, *_worst(design))}")
     elif alone is not None and design.alike and best.scores.iae > SLOWER * alone.scores.iae:
         say(
             "info",
@@ -89,16 +92,21 @@ def verdict(design: LoopDesign, names: Mapping[str, np.ndarray], how: str = "tha
     for _, beside in others:
         say("info", _compared(best, beside))
     rules = [r for r in design.rows if r.name in RULES and r.share >= wishes.share]
-    if rules and design.promised and not isinstance(best.parameters, Schedule):  # their shares are those of one level
+    if rules and design.promised and not scheduled:  # their shares are those of one level
         first = min(rules, key=lambda r: r.worst["iae"] if np.isfinite(r.worst["iae"]) else np.inf)
-        ratio = first.scores.iae / best.scores.iae
-        larger = (
-            f"; the IAE of its step is {ratio:.2f} times as large ({first.scores.iae:.4g} s)"
-            if np.isfinite(ratio)
-            else ""
-        )
-        say("info", f"The rule {first.name} keeps these limits too{larger}.")
+        say("info", f"The rule {first.name} keeps these limits too{_larger(first, best)}.")
     return told
+
+
+def _larger(rule: Row, best: Row) -> str:
+    """How much larger than the tuned controller's the errors of a rule are on the best fit; a search that makes both
+    small may give up some of one for more of the other."""
+    pairs = ((rule.scores.iae, best.scores.iae), (rule.scores.load_iae, best.scores.load_iae))
+    step, load = (other / own if own > 0 else np.inf for other, own in pairs)
+    if not np.isfinite(step):
+        return ""
+    told = f"; the IAE of its step is {step:.2f} times as large ({rule.scores.iae:.4g} s)"
+    return f"{told}, that of its load {load:.2f} times" if np.isfinite(load) else told
 
 
 def _limits_kept(design: LoopDesign, others: list[tuple[int, Row]]) -> tuple[Level, str]:
@@ -130,29 +138,45 @@ def percent(share: float) -> str:
 
 
 def _beyond(design: LoopDesign) -> bool:
-    """Whether the best fit itself misses what was asked for, even with the controller that was tuned on it alone.
-    What a schedule was judged by is one of its levels, which says nothing of the others."""
+    """Whether the best fit itself misses what was asked for, even with the controller that was tuned on it alone. A
+    schedule is judged at every level, and the controller of the best fit alone at one of them."""
     if isinstance(design.best.parameters, Schedule):
-        return False
+        return not bool(design.judged.kept[0, 0])
     own = [i for i, row in enumerate(design.rows) if row.name in (ROBUST, BEST_FIT)]
     return len(own) > 1 and not any(bool(design.judged.kept[i, 0]) for i in own)
 
 
-def _first(design: LoopDesign, names: Mapping[str, np.ndarray]) -> str:
-    """Which parameter the spread of the loops comes from, by the rank correlation with Ms."""
-    target = np.argsort(np.argsort(np.nan_to_num(design.judged.ms[0], posinf=1e9)))
+def _worst(design: LoopDesign) -> tuple[str, np.ndarray]:
+    """The figure (n,) of the limit that most plants miss, with its name."""
+    scores, ms = design.judged.scores, design.judged.ms[0]
+    figures = {
+        1: ("overshoot", scores.overshoot[0]), 3: ("what is left of the step", scores.left[0]),
+        4: ("the output beyond its limits", scores.outside[0]), 7: ("the settling time", scores.settling[0]),
+        8: ("the travel", scores.travel[0]),
+    }  # fmt: skip
+    places = list(specifications(design.wishes).values())
+    worst = min(places, key=lambda k: float(np.mean(design.judged.meets[0, :, k])))
+    return figures.get(worst, ("Ms", ms))  # stability and margins go with it
+
+
+def _first(
+    design: LoopDesign, names: Mapping[str, np.ndarray], figure: str = "Ms", values: np.ndarray | None = None
+) -> str:  # fmt: skip
+    """Which parameter the spread of the loops comes from, by the rank correlation with a figure (n,) of them."""
+    size = np.nan_to_num(design.judged.ms[0] if values is None else values, nan=1e9, posinf=1e9)
+    target = np.argsort(np.argsort(size))
     shares = {}
-    for name, values in names.items():
-        if np.ptp(values) > 0:
-            shares[name] = float(np.corrcoef(np.argsort(np.argsort(values)), target)[0, 1]) ** 2
-    if not shares:
+    for name, drawn in names.items():
+        if np.ptp(drawn) > 0:
+            shares[name] = float(np.corrcoef(np.argsort(np.argsort(drawn)), target)[0, 1]) ** 2
+    if not shares or not np.ptp(size) > 0:
         return ""
     name = max(shares, key=lambda n: shares[n])
     if not shares[name] > CLEAR:
         return " No single parameter is to blame; a longer recording with a livelier input serves (plantfit design)."
     aimed = "" if "[" in name else f" --for {name}"  # an entry of a table has no experiment of its own
     return (
-        f" {percent(shares[name])} of the spread of Ms comes from {name}: measure it better (plantfit "
+        f" {percent(shares[name])} of the spread of {figure} comes from {name}: measure it better (plantfit "
         f"design{aimed}), or state it."
     )
 

@@ -20,8 +20,8 @@ class LoopWishes:
     move it (standard deviation). `horizon` (s) of step and load.
 
     Beside them `settling` (s, to within 2 % of the step), `gain_margin` (a factor), `phase_margin` (deg) and `travel`
-    (all moves of the input together) may be limited. `minimise` are weights of the figures that a search makes small,
-    each counted in that of SIMC.
+    (all moves of the input together over step and load, those by `noise` included) may be limited. `minimise` are
+    weights of the figures that a search makes small, each counted in that of SIMC.
 
     `over` says how plants are weighed: "expected" by the mean of their costs, "worst" by the largest, "chance" by the
     mean of both the mean and that of the worst of them that may miss the `share`.
@@ -63,13 +63,16 @@ class LoopWishes:
     inner_lower: Real = -math.inf
     inner_upper: Real = math.inf
 
-    @property
-    def also(self) -> list[str]:
-        """Limits beside overshoot and Ms, in words."""
+    def also(self, input_unit: str | None = None) -> list[str]:
+        """Limits beside overshoot and Ms, in words, with the unit of the input."""
         found = [f"settle within {self.settling:.4g} s"] if math.isfinite(self.settling) else []
         found += [f"have a gain margin of {self.gain_margin:g}"] if self.gain_margin > 1 else []
         found += [f"have a phase margin of {self.phase_margin:g} deg"] if self.phase_margin > 0 else []
-        return [*found, f"move the input by {self.travel:.4g} at most"] if math.isfinite(self.travel) else found
+        if not math.isfinite(self.travel):
+            return found
+        unit = f" {input_unit}" if input_unit not in (None, "", "1") else ""
+        noise = ", with the sensor's noise" if self.noise > 0 or self.inner_noise > 0 else ""
+        return [*found, f"move the input by {self.travel:.4g}{unit} at most over step and load{noise}"]
 
 
 class LoopSignal(Record):

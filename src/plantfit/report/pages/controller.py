@@ -137,7 +137,7 @@ def asked(record: TunedController) -> list[str]:
     ]
     if w.minimise != {"iae": 1.0, "load_iae": 1.0}:
         told.append(f"Made small: {weights}, each counted in that of SIMC on the best fit.")
-    if also := w.also:
+    if also := w.also(record.input.unit):
         told.append(f"Beside that at least {100 * w.share:g} % of the loops {', '.join(also)}.")
     if record.inner is not None:
         v = f" {record.inner.unit}" if record.inner.unit not in (None, "", "1") else ""

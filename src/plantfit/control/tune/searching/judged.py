@@ -11,7 +11,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.control.pid import Gains
 from plantfit.control.steps.robust import stacked_controllers
 from plantfit.control.tune.forms.form import Form
-from plantfit.control.tune.frequency import Margins, loop_margins, noise_at_input, open_loop
+from plantfit.control.tune.frequency import Margins, loop_margins, noise_at_input, noise_in_moves, open_loop
 from plantfit.control.tune.loop_scores import Judge, LoopScores
 from plantfit.control.tune.searching.search import noises
 from plantfit.control.tune.wishes import Wishes
@@ -63,10 +63,9 @@ def judged_on(
     """`Judged` of controllers of a form on the plants of a judge whose sampled responses are `h` (n, F), or (n, 2,
     F); `count` poles of every loop lie at 1, and `outside` the unit circle those of the plants, numbers for all or
     (n,)."""
-    scores = judge.scores(stacked_controllers(list(controllers)))
-    scores = LoopScores(*(np.asarray(v) for v in scores))
-    ms, stable, moved, wide = [], [], [], []
-    weights = np.gradient(w) / np.pi * wishes.period
+    ms, stable, moved, moves, wide = [], [], [], [], []
+    weights, noise = np.gradient(w) / np.pi * wishes.period, noises(wishes, form.inner)
+    span = wishes.upper - wishes.lower
     for one in controllers:
         c = form.response(one, w)
         s = 1.0 / (1.0 + open_loop(c, h))
@@ -74,8 +73,11 @@ def judged_on(
         ms.append(seen.ms)
         stable.append(seen.stable)
         wide.append(np.stack([seen.gain >= wishes.gain_margin, seen.phase >= wishes.phase_margin], axis=-1))
-        moved.append(noise_at_input(c, s, weights, noises(wishes, form.inner)))
+        moved.append(noise_at_input(c, s, weights, noise))
+        moves.append(span * noise_in_moves(c, s, w, wishes.period, weights, noise))
     ms, stable = np.array(ms), np.array(stable)
+    scores = judge.scores(stacked_controllers(list(controllers)), np.array(moves))
+    scores = LoopScores(*(np.asarray(v) for v in scores))
     with np.errstate(invalid="ignore"):
         met = [
             stable, scores.overshoot <= wishes.overshoot, ms <= wishes.ms, scores.left <= wishes.settled,

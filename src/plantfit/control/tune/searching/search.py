@@ -10,12 +10,19 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.control.steps.robust import STEEPNESS, Demand, stacked_controllers
 from plantfit.control.tune.forms.form import Form
-from plantfit.control.tune.frequency import margins_in_search, noise_at_input, open_loop, outer_loop, poles_outside
+from plantfit.control.tune.frequency import (
+    margins_in_search,
+    noise_at_input,
+    noise_in_moves,
+    open_loop,
+    outer_loop,
+    poles_outside,
+)
 from plantfit.control.tune.loop_scores import Judge, Program, scores_of
 from plantfit.control.tune.searching.figures import figure
 from plantfit.control.tune.wishes import Wishes
 from plantfit.errors import SearchError, Status
-from plantfit.optimize import Objective, minimise
+from plantfit.optimize import Objective, RunResult, minimise
 from plantfit.optimize.algorithms.cma_es.cmaes import CmaEs
 from plantfit.optimize.contract import CostOfData, Facts, Needs
 from plantfit.optimize.loop.counter import Counter
@@ -58,22 +65,36 @@ class Search:
         poles = None if self.poles is None else (self.poles[0][first], self.poles[1][first])
         return replace(self, judge=self.judge.part(first), h=self.h[:1], poles=poles)
 
-    def found(self, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None) -> np.ndarray:
-        """The point (d,) of the cube of least cost; `starts` (k, d) are tried too. Raises SearchError where none
-        keeps all loops finite.
+    def found(
+        self,
+        starts: np.ndarray,
+        budget: int,
+        seed: int,
+        progress: Callable[[Any], None] | None,
+        sigma: float | None = None,
+    ) -> np.ndarray:
+        """The point (d,) of the cube of least cost; `starts` (k, d) are tried too, and `sigma` is the first step of
+        the search from the best of them, as a share of the cube. Raises SearchError where none keeps all loops finite.
 
         A penalty can be the price of a faster loop, and the search ends there. Where too many plants miss what is asked
         for, it therefore begins again with a penalty that no speed pays for, and the point that fewer miss is taken.
         """
-        found = self._least(self._costs(False), starts, budget, seed, progress)
-        missed = self._missed(found)
+        found = self._least(self._costs(False), starts, budget, seed, progress, sigma)
+        missed = self.missed(found)
         if missed <= 1.0 - self.wishes.share:
             return found
-        strict = self._costs(False, steepness=STEEPER * STEEPNESS)
-        again = self._least(strict, np.r_[starts, found[None]], budget, seed, progress)
-        return again if self._missed(again) < missed else found
+        again = self._least(self.strict(), np.r_[starts, found[None]], budget, seed, progress, sigma)
+        return again if self.missed(again) < missed else found
 
-    def _missed(self, point: np.ndarray) -> float:
+    def best_of(self, points: np.ndarray) -> np.ndarray:
+        """The one (d,) of points (k, d) of the cube that costs least, the first of several that cost the same."""
+        return points[np.argmin(_in_rows(self._costs(False), points))]
+
+    def strict(self) -> CostOfData:
+        """The cost with a penalty that no speed pays for."""
+        return self._costs(False, steepness=STEEPER * STEEPNESS)
+
+    def missed(self, point: np.ndarray) -> float:
         """The share of the plants that miss what is asked for, at a point (d,) of the cube."""
         return float(_in_rows(self._costs(False, room=1.0, counted=True), point[None])[0])
 
@@ -90,20 +111,17 @@ class Search:
         return np.stack([_in_rows(costs, points) for costs in found], axis=1)
 
     def _least(
-        self, costs: CostOfData, starts: np.ndarray, budget: int, seed: int, progress: Callable[[Any], None] | None
+        self,
+        costs: CostOfData,
+        starts: np.ndarray,
+        budget: int,
+        seed: int,
+        progress: Callable[[Any], None] | None,
+        sigma: float | None = None,
     ) -> np.ndarray:
-        form = self.form
         first = _in_rows(costs, starts)
         best = starts[np.argsort(first)[:1]]
-        runs = minimise(
-            Objective(form.space.dimension, costs, start=best),
-            _Cmaes(),
-            budget=budget,
-            runs=1,
-            seed=seed,
-            progress=progress,
-        )
-        run = min(runs, key=lambda r: r.cost)
+        run = descent(costs, best[0], budget, seed, progress, sigma)
         best_point = np.asarray(run.x if run.cost < np.min(first) else best[0])
         if min(run.cost, np.min(first)) >= 10.0 * GONE:
             raise SearchError(self._why_not_finite(best_point))
@@ -190,7 +208,7 @@ class Search:
             "loop": self.judge.data(), "form": self.form.data, "h": self.h, "w": self.w, "weights": weights,
             "sizes": {n: self.sizes[n] for n in self.weights}, "shares": shares,
             "half": 0.5 * self.judge.course.seconds,
-            "noise": noises(wishes, self.form.inner),
+            "noise": noises(wishes, self.form.inner), "span": wishes.upper - wishes.lower,
         }  # fmt: skip
         if self.poles is not None:
             at_one = self.form.integrators if self.form.settled else self.form.parted
@@ -203,16 +221,35 @@ class Search:
 @dataclass(frozen=True)
 class _Cmaes:
     """`cmaes` driven from outside of the compiled program: a loop over plants takes seconds to compile, and so it is
-    compiled once for the search and for points on their own, and the method once for all loops."""
+    compiled once for the search and for points on their own, and the method once for all loops.
+
+    Its generations are as large as what is judged at a time: the usual ones for few parameters are half of that, take
+    as long, and end in a corner of the limits far more often.
+    """
 
     needs: ClassVar[Needs] = CmaEs.needs
+    sigma: float | None = None
 
     def run(self, key: Any, objective: Objective, budget: int, counter: Counter) -> Status:
         facts = Facts(objective.dimension, budget, objective.lower, objective.upper, objective.start)
-        population = Nested(CmaEs(), facts, key)
+        population = Nested(CmaEs(population=LANES, sigma=self.sigma), facts, key)
         while not population.stopped:
             population.generation(counter)
         return Status.converged
+
+
+def descent(
+    costs: CostOfData,
+    start: np.ndarray,
+    budget: int,
+    seed: int,
+    progress: Callable[[Any], None] | None,
+    sigma: float | None = None,
+) -> RunResult:
+    """The search that all of these are: from a point (d,) of the cube, with a first step `sigma`."""
+    objective = Objective(len(start), costs, start=start[None])
+    runs = minimise(objective, _Cmaes(sigma), budget=budget, runs=1, seed=seed, progress=progress)
+    return min(runs, key=lambda r: r.cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,6 +300,8 @@ def _costs_of(
     is compiled once. `known`: the poles of all plants and controllers are, and unstable loops are told by them; those
     of controllers that are `divided` are in what is below the line."""
 
+    travels = "travel" in figures or "travel" in limited
+
     def excess(value, limit):
         return jnp.maximum(value / limit - 1.0, 0.0)
 
@@ -283,7 +322,6 @@ def _costs_of(
     def costs(zs, data):
         h, w, limits, sizes = data["h"], data["w"], data["limits"], data["sizes"]
         controllers = jax.vmap(lambda z: build(z, data["form"]))(zs)
-        scores = scores_of(program, controllers, data["loop"])
 
         def response(parameters):
             above, below = (respond(parameters, w, jnp), 1.0) if divided is None else divided(parameters, w, jnp)
@@ -294,9 +332,14 @@ def _costs_of(
                 ms = jnp.maximum(ms, jnp.max(jnp.abs(1.0 / (1.0 + outer_loop(c, h))), axis=-1))
             integrators, unstable = data["poles"] if known else (0, 0)
             outside = poles_outside(below / s - 1.0, integrators, unstable, jnp) if known else jnp.zeros(ms.shape)
-            return s, ms, outside, noise_at_input(c, s, data["weights"], data["noise"], jnp)
+            moved = noise_at_input(c, s, data["weights"], data["noise"], jnp)
+            if not travels:
+                return s, ms, outside, moved, None
+            moves = noise_in_moves(c, s, w, program.loop.period, data["weights"], data["noise"], jnp)
+            return s, ms, outside, moved, data["span"] * moves
 
-        s, ms, outside, moved = jax.vmap(response)(controllers)
+        s, ms, outside, moved, moves = jax.vmap(response)(controllers)
+        scores = scores_of(program, controllers, data["loop"], moves)
         parts = [figure(name, scores, moved, data["half"]) / sizes[name] for name in figures]
 
         def over(value, limit):
