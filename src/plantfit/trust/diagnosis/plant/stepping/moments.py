@@ -246,7 +246,8 @@ class _Seen:
             return 1.0 / period
         i = [c.parameter for c in given.space.coordinates].index(p.signal)
         z = self.bare.x[: self.carrier.own]
-        return float(np.asarray(given.space.slopes(z))[i] / np.asarray(given.space.physical(z))[i])
+        value = float(np.asarray(given.space.physical(z))[i])
+        return float(np.asarray(given.space.slopes(z))[i]) / value if value else 0.0  # of 0 nothing is a share
 
 
 def _of_states(carrier: Carrier, z: np.ndarray, name: str) -> Iterator[dict[str, np.ndarray]]:
