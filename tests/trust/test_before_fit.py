@@ -107,10 +107,10 @@ def test_a_limit_that_random_points_seldom_reach_is_looked_at(friction, key):
     assert (found.rank, found.alone, found.unseen) == (5, ("kt",), ())
     assert set(found.together) == {"R*J", "R*b", "R*Fc", "R*Imax"}
     assert set(found.fix) == {("R",), ("J",), ("b",), ("Fc",), ("Imax",)}
-    if found.varies:
-        assert told(found)[0].startswith(
-            "Where they tell most of 8 random points of the bounds, the records can determine 5"
-        )
+    assert found.varies
+    assert told(found)[0].startswith(
+        "Where they tell most of 8 random points of the bounds, the records can determine 5 of 6: kt, "
+    )
 
 
 @pytest.mark.parametrize("key", range(4))
@@ -125,13 +125,25 @@ def test_no_formula_rests_on_one_point(key):
     assert "and 1 function of R, kt, J and 2 more that is neither a product of powers nor a sum" in told(found)[0]
 
 
+def test_of_points_that_tell_too_seldom_no_formula_is_named(monkeypatch):
+    """Without more points beside the one that moves: what it shows may be of that point alone."""
+    monkeypatch.setattr("plantfit.trust.identify.before_fit.DRAWN", 1)
+    text, bounds = "w' = (kt*(u - kt*w)/R - b*w - friction(w, Fc))/J; y = w", {**DRIVE, "Fc": (0.05, 8)}
+    del bounds["Imax"]
+    found = before_fit(problem(text, bounds, states=("w",), u=8.0 * U), 3)
+    assert found is not None
+    assert (found.rank, found.alone, found.together, found.agreed) == (3, (), (), False)
+    assert "the records can determine 3 of 5. Too few of these points tell so much" in told(found)[0]
+
+
 def test_a_plant_that_never_moves_is_told():
     text = "w' = (kt*u - friction(w, Fc))/J; y = w"
     bounds = {"kt": (0.1, 1), "Fc": (50, 60), "J": (1, 2)}
     found = before_fit(problem(text, bounds, states=("w",)))
     assert found is not None
     assert found.unseen == ("kt", "Fc", "J")
-    assert told(found)[0].startswith("kt, Fc and J have no effect on the fitted samples")
+    assert told(found)[0].startswith("No parameter has any effect on the fitted samples at any of 8 random points")
+    assert "Look at the bounds" in told(found)[0]
 
 
 def tabled(text, over, nodes, y=None, u=U):

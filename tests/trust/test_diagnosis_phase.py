@@ -3,6 +3,7 @@ contradict it."""
 
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -257,3 +258,27 @@ def test_beside_a_parameter_that_is_pressed_on_its_bound_no_addition_is_proposed
     else:
         assert said == []
         assert "--try" in d["next"]
+
+
+@pytest.mark.parametrize(
+    ("whole", "untried", "found", "said"),
+    [
+        (True, 0, 0, ""),
+        (
+            False,
+            2,
+            0,
+            "2 of 4 additions to the model were tried within the 300 evaluations that it may take; do tries the",
+        ),
+        (False, 0, 1, "What may be missing beside that was not tried in full within the 300 evaluations"),
+        (False, 0, 0, "What may be missing was not tried in full within the 300 evaluations"),
+    ],
+)
+def test_what_the_work_did_not_suffice_for_is_told(whole, untried, found, said):
+    """A pattern or a step that was not fitted leaves no addition untried, and may be all that is missing."""
+    first = SimpleNamespace(trials=[None] * 2, untried=[None] * untried)
+    made = SimpleNamespace(
+        whole=whole, rounds=[first], found=[None] * found, carrier=SimpleNamespace(meter=SimpleNamespace(limit=300.0))
+    )
+    told = [s["sentence"] for s in phase._cut(made, "do")]  # pyrefly: ignore[bad-argument-type]
+    assert [t.startswith(said) for t in told] == ([True] if said else [])
