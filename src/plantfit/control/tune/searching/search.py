@@ -86,9 +86,13 @@ class Search:
         again = self._least(self.strict(), np.r_[starts, found[None]], budget, seed, progress, sigma)
         return again if self.missed(again) < missed else found
 
+    def cost(self, points: np.ndarray) -> np.ndarray:
+        """What a search makes small, of points (k, d) of the cube: (k,)."""
+        return _in_rows(self._costs(False), points)
+
     def best_of(self, points: np.ndarray) -> np.ndarray:
         """The one (d,) of points (k, d) of the cube that costs least, the first of several that cost the same."""
-        return points[np.argmin(_in_rows(self._costs(False), points))]
+        return points[np.argmin(self.cost(points))]
 
     def strict(self) -> CostOfData:
         """The cost with a penalty that no speed pays for."""
