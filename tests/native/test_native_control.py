@@ -114,6 +114,40 @@ def test_branches(which):
     compare(body, 0.8)
 
 
+@pytest.mark.parametrize("handed", ["number", "constant", "of all lanes", "array", "both"])
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_branch_that_hands_on_what_is_there(handed, inside):
+    """Its lanes keep that, those of the other branch get theirs; also in a loop that some lanes have left."""
+    given = {
+        "number": lambda c, x: c,
+        "constant": lambda c, x: jnp.asarray(0.25),
+        "of all lanes": lambda c, x: 2.0 * x,
+        "array": lambda c, x: jnp.stack([c, x]),
+        "both": lambda c, x: c,
+    }[handed]
+
+    def chosen(c, x):
+        plain, other = given(c, x), (lambda v: v) if handed == "both" else (lambda v: jnp.exp(-v) + x)
+        a, n = lax.cond(jnp.sin(37.0 * c) > 0.3, lambda v: (other(v), 7), lambda v: (v, 3), plain)
+        b, m = lax.cond(jnp.cos(29.0 * c) > 0.3, lambda v: (v, 1), lambda v: (other(v), 5), plain)
+        return jnp.sum(a) + 0.5 * jnp.sum(b), n + m
+
+    def body(c, x):
+        if not inside:
+            y, n = chosen(c, x)
+            return 0.3 * y, (y, n)
+
+        def step(s):
+            a, n = s
+            y, k = chosen(a, x)
+            return 0.3 * y, n + k
+
+        y, n = lax.while_loop(lambda s: s[1] < (x * 12).astype(int), step, (c, 0))
+        return y, (y, n)
+
+    compare(body, 0.6, jnp.linspace(0.1, 3.0, 40))
+
+
 def test_branch_with_arrays_and_a_loop():
     def body(c, x):
         def heavy(t):

@@ -176,11 +176,14 @@ class RegionEmitter:
         e, (index,) = self.e, node.args
         varying = e.varies(index)
         gets = self._gets.get(node, [])
-        places = [self._result_place(get, lent.get(get.data)) for get in gets]
+        usual = self._usual(node, gets) if varying else None
+        places = [self._result_place(get, lent.get(get.data), usual) for get in gets]
         held = {place.pointer for place in places if isinstance(place, Storage)}
         kept = [array for array in lent.values() if e.storage(array).pointer in held]
         end = e.name("joined")
         for k, region in enumerate(node.data):
+            if region is usual:
+                continue
             taken, following = e.name("case"), e.name("next")
             chosen = self._chosen(index, k, len(node.data))
             e.line(f"br i1 {e.any_lane(chosen) if varying else chosen[0]}, label %{taken}, label %{following}")
@@ -200,6 +203,13 @@ class RegionEmitter:
         e.label(end)
         for get, place in zip(gets, places, strict=True):
             fetch(e, get, place)
+
+    def _usual(self, node: Node, gets: Sequence[Node]) -> Region | None:
+        """A branch that only hands on numbers from outside: all lanes begin with them, and those that take another
+        branch get others."""
+        plain = [region for region in node.data if not region.code]
+        alone = self.e.mask is None and len(plain) == 1 and all(get.size is None for get in gets)
+        return plain[0] if alone else None
 
     def _seldom(self, region: Region, gets: Sequence[Node]) -> bool:
         """Whether a branch is worked off vector by vector: it searches for something, as few lanes do at a time, and
@@ -237,8 +247,10 @@ class RegionEmitter:
             self._ahead, self._apart = before
         return [[row.load(str(i)) for i in range(e.vectors)] for row in found]
 
-    def _result_place(self, get: Node, lent: Node | None) -> Place:
+    def _result_place(self, get: Node, lent: Node | None, usual: Region | None) -> Place:
         e, varying = self.e, self.e.varies(get)
+        if usual is not None:
+            return e.filled_slots(e.type_of(get.dtype, varying), e.operand(usual.results[get.data], varying))
         if lent is not None and e.storage(lent).flat != varying:
             return e.storage(lent)
         if get.size is not None:
