@@ -279,3 +279,21 @@ def test_check_says_what_the_records_can_determine(folder, capsys, monkeypatch):
     assert "K*c. Hold or measure one of K and c." in " ".join(said.out.split())
     found = json.loads(call(capsys, monkeypatch, "check", "product.toml", "--json").out)["identifiable"]
     assert (found["rank"], found["of"], found["together"], found["fix"]) == (4, 5, ["K*c"], [["K"], ["c"]])
+
+
+def test_check_sees_an_output_in_another_unit(folder, capsys, monkeypatch):
+    """The heater's temperature in mK beside a model in K."""
+    assert "random points of the bounds does" not in " ".join(
+        call(capsys, monkeypatch, "check", "heater.toml").out.split()
+    )
+    # a state that begins at a recorded value is near it for a while whatever its unit
+    text = (folder / "heater.toml").read_text().replace('initial = "T"', 'initial = "T0"')
+    header, *rows = (folder / "heater.csv").read_text().splitlines()
+    rows = [",".join((t, u, str(1e3 * float(y)))) for t, u, y in (r.split(",") for r in rows)]
+    (folder / "mK.csv").write_text("\n".join([header, *rows]) + "\n")
+    (folder / "mK.toml").write_text(text.replace("heater.csv", "mK.csv"))
+    said = call(capsys, monkeypatch, "check", "mK.toml")
+    assert said.code == 0, said.err
+    assert "does the model's T move as much as the recorded one" in " ".join(said.out.split())
+    found = json.loads(call(capsys, monkeypatch, "check", "mK.toml", "--json").out)["data"]
+    assert [look["kind"] for look in found if look["signal"] == "T"].count("reach") == 1

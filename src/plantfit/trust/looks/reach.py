@@ -1,0 +1,142 @@
+"""Outputs that the model, anywhere within its bounds, moves ten times more or less than they were recorded, or at
+another level: a wrong unit, a wrong sign of what drives it, or bounds that leave the plant out."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from plantfit.errors import PlantfitError
+from plantfit.models.model import Model
+from plantfit.problem.evaluate.points import residuals, residuals_alone
+from plantfit.problem.measure.sample_noise import white_part
+from plantfit.problem.problem import Problem
+from plantfit.recording.looks import Look
+
+POINTS = (24, 240)  # random points of the box, and as many as have to agree before anything is told
+FEWEST = 0.5  # of them that can be simulated
+FAR, AWAY = 10.0, 3.0  # times the recorded spread that an output moves, and that its level is away
+BEGUN = 0.2  # of the samples: a model that runs away has not left what was recorded by then
+HEARD = 3.0  # times its noise, from which on an output has a spread of its own
+RARE = 0.5  # per cent of the samples at either end that tell nothing of a spread
+
+
+class _Moved(NamedTuple):
+    """Spread, that of the first samples, and the lowest and highest value, in the output's unit."""
+
+    spread: float
+    begun: float
+    low: float
+    high: float
+
+
+def out_of_reach(problem: Problem, key: int = 0) -> list[Look]:
+    """A warning for each fitted output whose recorded values no simulation at random points of the box (numpy's
+    generator of `key`) comes near."""
+    model = problem.model
+    if not isinstance(model, Model) or not problem.space.dimension:
+        return []
+    drawn = np.random.default_rng(key).uniform(0.02, 0.98, (max(POINTS), problem.space.dimension))
+    looks: list[Look] = []
+    try:
+        for count in POINTS:
+            looks = list(_looks(problem, model, drawn[:count]))
+            if not looks:
+                break
+    except PlantfitError:
+        return []
+    return looks
+
+
+def _looks(problem: Problem, model: Model, points: np.ndarray) -> Iterator[Look]:
+    """What is told of simulations at cube points (k, d)."""
+    evaluate = residuals if getattr(model, "smooth", True) else residuals_alone
+    found = [r for z in points if np.all(np.isfinite(r := np.asarray(evaluate(problem, z))))]
+    if len(found) < FEWEST * len(points):
+        return
+    first = next(iter(problem.experiments))
+    for output, parts in _parts(problem, found).items():
+        if (look := _told(output, model.outputs[output], _measured(parts), _simulated(parts), first)) is not None:
+            yield look
+
+
+Parts = list[tuple[np.ndarray, list[np.ndarray]]]
+"""What was measured, and every simulation of it, for each recording."""
+
+
+def _parts(problem: Problem, found: list[np.ndarray]) -> dict[str, Parts]:
+    """The outputs that move by more than their noise, by residuals (m,) of every simulation."""
+    parts: dict[str, Parts] = {}
+    heard: set[str] = set()
+    start = 0
+    for name, output in ((n, o) for n in problem.data["drive"] for o in problem.outputs):
+        y, index = problem.experiments[name].recording[output], problem.data["index"][name][output]
+        if not len(index):
+            continue
+        rows, start = slice(start, start + len(index)), start + len(index)
+        weight = 1.0 if problem.weights is None else np.sqrt(problem.weights.get(name, 1.0))
+        unit = problem.scales[output] / weight
+        parts.setdefault(output, []).append((y[index], [y[index] + unit * r[rows] for r in found]))
+        if float(np.std(y[index])) > HEARD * white_part(y):
+            heard.add(output)
+    return {output: part for output, part in parts.items() if output in heard}
+
+
+def _measured(parts: Parts) -> _Moved:
+    return _moved([m for m, _ in parts])
+
+
+def _simulated(parts: Parts) -> list[_Moved]:
+    return [_moved(list(one)) for one in zip(*(s for _, s in parts), strict=True)]
+
+
+def _moved(signals: list[np.ndarray]) -> _Moved:
+    """How an output moves in all recordings together."""
+    begun = [v[: max(2, round(BEGUN * len(v)))] for v in signals]
+    whole = np.concatenate(signals)
+    low, high = np.percentile(whole, (RARE, 100.0 - RARE))
+    return _Moved(_spread(signals), _spread(begun), float(low), float(high))
+
+
+def _spread(signals: list[np.ndarray]) -> float:
+    """The standard deviation about the mean of each recording, without the rarest values."""
+    kept = [np.clip(v, *np.percentile(v, (RARE, 100.0 - RARE))) for v in signals]
+    return float(np.sqrt(np.mean(np.concatenate([(v - v.mean()) ** 2 for v in kept]))))
+
+
+def _told(output: str, unit: str | None, measured: _Moved, simulated: list[_Moved], recording: str) -> Look | None:
+    spreads, own = [s.spread for s in simulated], "" if unit in (None, "", "-", "1") else f" {unit}"
+    tried = f"At none of {len(simulated)} random points of the bounds"
+    ranges = ({"lowest": min(spreads), "highest": max(spreads), "recorded": measured.spread},)
+    if max(spreads) * FAR < measured.spread or _more(measured, simulated):
+        less = max(spreads) < measured.spread
+        text = (
+            f"{tried} does the model's {output} move as {'much' if less else 'little'} as the recorded one: its "
+            f"standard deviation is {_from_to(spreads)}{own} there, and {measured.spread:.3g}{own} in the recording"
+        )
+        kind = "reach"
+    else:
+        low, high = min(s.low for s in simulated), max(s.high for s in simulated)
+        gap = max(low - measured.high, measured.low - high)
+        if gap < AWAY * max(measured.spread, max(spreads)):
+            return None
+        text = (
+            f"{tried} does the model's {output} come to what was recorded: it is {_from_to([low, high])}{own} "
+            f"there, and {_from_to([measured.low, measured.high])}{own} in the recording"
+        )
+        ranges, kind = ({"lowest": low, "highest": high, "recorded": measured.low},), "level"
+    advice = f"Look at the units of {output} and of the inputs, and at the bounds."
+    return Look(kind, "warning", recording, output, f"{text}. {advice}", 0.0, 0.0, "", dict(*ranges))
+
+
+def _more(measured: _Moved, simulated: list[_Moved]) -> bool:
+    """Whether all simulations move much more than the recording, and not because they run away."""
+    return all(s.spread > FAR * measured.spread and s.begun > FAR * measured.begun for s in simulated)
+
+
+def _from_to(values: list[float]) -> str:
+    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
+    return low if low == high else f"{low} to {high}"
+
+
+__all__ = ["out_of_reach"]
