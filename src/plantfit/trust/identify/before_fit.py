@@ -2,10 +2,8 @@
 to be known."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 from itertools import combinations as choices
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
@@ -14,7 +12,7 @@ from plantfit.problem.evaluate.points import residuals_and_jacobian, shared
 from plantfit.problem.measure.scale_source import GIVEN
 from plantfit.problem.problem import Problem
 from plantfit.trust.finish.unknown_noise import LEAST_FREE, few_samples
-from plantfit.trust.identify.before_fit_told import ROUGH, sentences
+from plantfit.trust.identify.before_fit_told import ROUGH, BeforeFit
 
 POINTS = 8  # of the box
 AGREE, DRAWN = 3, 4  # points that a formula rests on at least, and times the points that are drawn for that at most
@@ -27,63 +25,6 @@ SAME = 1e-6  # by which directions of points may differ that are the same
 TOGETHER = 5  # parameters of one combination at most
 SUBSETS = 20000
 NOISE = 0.01  # of each output's standard deviation, for what is told of precision
-
-
-@dataclass(frozen=True)
-class BeforeFit:
-    """What records can determine of the free parameters `names`, the true values being unknown.
-
-    `rank` counts determined combinations. `alone` are parameters that are determined by themselves, `together` formulas
-    of those that are not, `unseen` parameters without any effect. `entries` are those of them that are entries of a
-    table to which no simulation came, and whether a recorded sample does; None where nobody can see. `open` are the
-    parameters of which only combinations are determined, and each of `fix` is a set of them that makes the others
-    determined. `rough` maps parameters that noise of 1 % would leave roughly known to their median relative standard
-    error. `points` were tried, `lost` of them could not be simulated.
-
-    `varies` where the rank is not the same at all points, as where a limit, friction or an event acts at some of them:
-    other values may then determine more. Formulas are `agreed` where enough points have that rank; else none is named.
-
-    `silent` maps outputs whose fitted samples are no more than the parameters that follow them, and whose scale nobody
-    gave, to the number of these samples: nothing shows how large their errors are, and a fit gives no interval that
-    rests on them. Without them the rank is `heard`, and `heard_alone` are determined by themselves. `few` is the number
-    of all fitted samples where they are too few for intervals that hold, else 0.
-    """
-
-    names: tuple[str, ...]
-    rank: int
-    alone: tuple[str, ...]
-    together: tuple[str, ...]
-    open: tuple[str, ...]
-    unseen: tuple[str, ...]
-    fix: tuple[tuple[str, ...], ...]
-    rough: dict[str, float]
-    points: int
-    lost: int
-    silent: dict[str, int] = field(default_factory=dict)
-    heard: int = 0
-    heard_alone: tuple[str, ...] = ()
-    few: int = 0
-    entries: dict[str, bool | None] = field(default_factory=dict)
-    varies: bool = False
-    agreed: bool = True
-
-    @property
-    def sentences(self) -> list[tuple[str, str]]:
-        """(level, sentence): "info" where all can be determined, else "warning"."""
-        return list(sentences(self))
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """As a plain record, with the sentences."""
-        return {
-            "rank": self.rank, "of": len(self.names), "alone": list(self.alone), "together": list(self.together),
-            "open": list(self.open),
-            "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points,
-            "lost": self.lost,
-            "silent": self.silent, "heard": self.heard, "heard_alone": list(self.heard_alone), "few": self.few,
-            "entries": self.entries, "varies": self.varies, "agreed": self.agreed,
-            "sentences": [{"level": level, "sentence": sentence} for level, sentence in self.sentences],
-        }  # fmt: skip
 
 
 def before_fit(problem: Problem, key: int = 0, points: int = POINTS) -> BeforeFit | None:

@@ -1,17 +1,72 @@
 """What `check` says before a fit: how many combinations the records can determine, and what would have to be known."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import Any
 
 from plantfit.trust.verdict.words import some
-
-if TYPE_CHECKING:
-    from plantfit.trust.identify.before_fit import BeforeFit
 
 ROUGH = 0.5  # relative standard error from which on a parameter is only roughly known
 
 
-def sentences(found: "BeforeFit") -> Iterator[tuple[str, str]]:
+@dataclass(frozen=True)
+class BeforeFit:
+    """What records can determine of the free parameters `names`, the true values being unknown.
+
+    `rank` counts determined combinations. `alone` are parameters that are determined by themselves, `together` formulas
+    of those that are not, `unseen` parameters without any effect. `entries` are those of them that are entries of a
+    table to which no simulation came, and whether a recorded sample does; None where nobody can see. `open` are the
+    parameters of which only combinations are determined, and each of `fix` is a set of them that makes the others
+    determined. `rough` maps parameters that noise of 1 % would leave roughly known to their median relative standard
+    error. `points` were tried, `lost` of them could not be simulated.
+
+    `varies` where the rank is not the same at all points, as where a limit, friction or an event acts at some of them:
+    other values may then determine more. Formulas are `agreed` where enough points have that rank; else none is named.
+
+    `silent` maps outputs whose fitted samples are no more than the parameters that follow them, and whose scale nobody
+    gave, to the number of these samples: nothing shows how large their errors are, and a fit gives no interval that
+    rests on them. Without them the rank is `heard`, and `heard_alone` are determined by themselves. `few` is the number
+    of all fitted samples where they are too few for intervals that hold, else 0.
+    """
+
+    names: tuple[str, ...]
+    rank: int
+    alone: tuple[str, ...]
+    together: tuple[str, ...]
+    open: tuple[str, ...]
+    unseen: tuple[str, ...]
+    fix: tuple[tuple[str, ...], ...]
+    rough: dict[str, float]
+    points: int
+    lost: int
+    silent: dict[str, int] = field(default_factory=dict)
+    heard: int = 0
+    heard_alone: tuple[str, ...] = ()
+    few: int = 0
+    entries: dict[str, bool | None] = field(default_factory=dict)
+    varies: bool = False
+    agreed: bool = True
+
+    @property
+    def sentences(self) -> list[tuple[str, str]]:
+        """(level, sentence): "info" where all can be determined, else "warning"."""
+        return list(_sentences(self))
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """As a plain record, with the sentences."""
+        return {
+            "rank": self.rank, "of": len(self.names), "alone": list(self.alone), "together": list(self.together),
+            "open": list(self.open),
+            "unseen": list(self.unseen), "fix": [list(f) for f in self.fix], "rough": self.rough, "points": self.points,
+            "lost": self.lost,
+            "silent": self.silent, "heard": self.heard, "heard_alone": list(self.heard_alone), "few": self.few,
+            "entries": self.entries, "varies": self.varies, "agreed": self.agreed,
+            "sentences": [{"level": level, "sentence": sentence} for level, sentence in self.sentences],
+        }  # fmt: skip
+
+
+def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
     """(level, sentence) of what records can determine."""
     d = len(found.names)
     tried = f"{found.points - found.lost} random points of the bounds"
@@ -69,7 +124,7 @@ def sentences(found: "BeforeFit") -> Iterator[tuple[str, str]]:
         yield "info", f"{left} at half of these points{known}."
 
 
-def _of_tables(found: "BeforeFit", tried: str) -> Iterator[tuple[str, str]]:
+def _of_tables(found: BeforeFit, tried: str) -> Iterator[tuple[str, str]]:
     """Entries of tables that no trial simulation comes to: the recordings may."""
     there, nowhere, hidden = ([n for n, seen in found.entries.items() if seen is s] for s in (True, False, None))
     if there:
@@ -92,7 +147,7 @@ def _of_tables(found: "BeforeFit", tried: str) -> Iterator[tuple[str, str]]:
         )
 
 
-def _unheard(found: "BeforeFit") -> Iterator[tuple[str, str]]:
+def _unheard(found: BeforeFit) -> Iterator[tuple[str, str]]:
     """That nothing will show the errors of some outputs, and what is left without them; that samples are too few for
     any interval."""
     d = len(found.names)
@@ -114,7 +169,7 @@ def _unheard(found: "BeforeFit") -> Iterator[tuple[str, str]]:
         )
 
 
-def _advice(found: "BeforeFit") -> str:
+def _advice(found: BeforeFit) -> str:
     if not found.fix:
         return ""
     if len(found.fix[0]) == 1:
