@@ -40,8 +40,8 @@ def two_bowls(d):
 def test_a_placed_population_is_compiled_once():
     facts, key = Facts(4, 1000), jax.random.key(0)
     for kind in (climbers(4, 6, 5), explorers(6, 0.25)):
-        own = [Deme(1, kind, facts, key, *placed).nested.state for placed in ((), (np.full(4, 0.3), 0.1))]
-        kinds = [[(a.shape, a.dtype, a.weak_type) for a in jax.tree.leaves(state)] for state in own]
+        demes = Deme(1, kind, facts, key), Deme(1, kind, facts, key, np.full(4, 0.3), 0.1)
+        kinds = [[(a.shape, a.dtype, a.weak_type) for a in jax.tree.leaves(d.nested.state)] for d in demes]
         assert kinds[0] == kinds[1]
 
 
