@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from cli_call import call, heater
 
+from plantfit.cli.main import run_cli
 from plantfit.control.pid import Gains
 from plantfit.control.tune.loop_scores import limited_pid  # noqa: F401  (jax is set up)
 
@@ -32,8 +33,10 @@ def place(tmp_path_factory):
     folder = tmp_path_factory.mktemp("tune")
     spec = heater(folder)
     spec.write_text(spec.read_text() + CONTROL)
-    done = subprocess.run([*PLANTFIT, "run", "heater.toml"], cwd=folder, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
+    with pytest.MonkeyPatch.context() as patch:  # in this process; the commands under test have their own
+        patch.chdir(folder)
+        patch.setattr(sys, "argv", ["plantfit", "run", "heater.toml"])
+        run_cli()
     return folder
 
 

@@ -37,6 +37,14 @@ def two_bowls(d):
     return Objective(d, costs)
 
 
+def test_a_placed_population_is_compiled_once():
+    facts, key = Facts(4, 1000), jax.random.key(0)
+    for kind in (climbers(4, 6, 5), explorers(6, 0.25)):
+        demes = Deme(1, kind, facts, key), Deme(1, kind, facts, key, np.full(4, 0.3), 0.1)
+        kinds = [[(a.shape, a.dtype, a.weak_type) for a in jax.tree.leaves(d.nested.state)] for d in demes]
+        assert kinds[0] == kinds[1]
+
+
 def test_nearest_better_distances_are_those_of_a_plain_loop():
     rng = np.random.default_rng(1)
     points, costs = rng.random((40, 3)), rng.random(40)

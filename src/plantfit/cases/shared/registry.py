@@ -29,13 +29,13 @@ _SENTENCES = {
 
 # seconds of processor time on one core of a server (x86-64, 2026) with compiled code in the cache, measured
 _SECONDS = {
-    "pendubot": 85, "gearmotor": 40, "tanks": 12, "emps": 12, "double_pendulum": 45, "motor": 110, "steam": 185,
+    "pendubot": 85, "gearmotor": 40, "tanks": 12, "emps": 12, "double_pendulum": 45, "motor": 110, "steam": 130,
     "exchanger": 33,
     "heater": 20, "thermal": 20, "robot": 44,
 }  # fmt: skip
 TIMED_ON = (
     "Times are of one core of an x86-64 server, without --full. "
-    "A first run compiles for up to a minute and a half more, that of steam for four."
+    "A first run compiles for up to a minute and a half more, that of steam for two."
 )
 
 

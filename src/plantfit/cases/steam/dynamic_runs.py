@@ -99,7 +99,8 @@ def method_runs(
     )
     if kept:
         found = [_polished(problem, r, kept) for r in found]
-    checked = finely(problem).costs(np.array([r.x for r in found]))
+    ends = np.resize([r.x for r in found], (runs, problem.space.dimension))  # as many for every method: compiled once
+    checked = np.asarray(finely(problem).costs(ends))[: len(found)]
     return MethodRuns(
         method.label,
         method.start,

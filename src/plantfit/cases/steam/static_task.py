@@ -2,13 +2,15 @@
 are worth."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.steam.problems import STATIC_START, opening_costs, static_problem
 from plantfit.optimize import minimise
+from plantfit.optimize.contract import CostOfData, Objective
+from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.steam_chamber import SteamChamberRig
 from plantfit.study.objective import objective_of
@@ -74,7 +76,7 @@ def two_step_by(
     for name, recording in recordings.items():
         first = {STEP: beginning(recording)}
         early = static_problem(first, dead_time=(0.1, 1.0)) if early is None else early.with_recordings(first)
-        began = minimise(objective_of(early), method, runs=runs, budget=budget, seed=seed)
+        began = minimise(_compiled_once(early), method, runs=runs, budget=budget, seed=seed)
         best = min(began, key=lambda r: r.cost)
         late = float(np.asarray(early.space.physical(best.x))[early.space.names.index(f"Td[{STEP}]")])
         whole = static_problem({STEP: recording}, dead_time=late)
@@ -90,6 +92,11 @@ def two_step_by(
         )
         every.append([r.cost for r in found])
     return StaticTask(f"two steps, {method}", constants, costs, np.array(every), spent)
+
+
+def _compiled_once(problem: Problem) -> Objective:
+    """What a search sees of a problem, by programs that serve all openings of as many samples."""
+    return replace(objective_of(problem), costs=CostOfData(problem.compiled["costs"], problem.arguments))
 
 
 def beginning(recording: Recording, until: float = WINDOW) -> Recording:

@@ -109,10 +109,12 @@ def _noises(problem: Problem, z: np.ndarray) -> dict[Key, float]:
     """The sample-to-sample noise of outputs that states begin at, where it can be told, in the output's unit."""
     if problem.start_corrections:
         return {}
+    effects, found = _effects(problem, z), dict[Key, float]()
+    if not effects:  # nothing begins at a measured value: no derivatives are compiled for it
+        return found
     rows = {(name, output): block.rows for name, output, block in named_blocks(problem)}
     residuals = residuals_and_jacobian(problem.unsmoothed, z)[0]
-    found: dict[Key, float] = {}
-    for effect in _effects(problem, z):
+    for effect in effects:
         key = name, output = effect.recording, effect.output
         weight = 1.0 if problem.weights is None else float(problem.weights[name])
         noise = white_part(residuals[rows[key]]) * float(problem.scales[output]) / np.sqrt(weight)

@@ -12,6 +12,7 @@ from plantfit.optimize.algorithms.cma_es.dd_cmaes import DecodingCmaEs
 from plantfit.optimize.algorithms.genetic.sea import SimpleEvolution, mirrored
 from plantfit.optimize.contract import Facts, Population
 from plantfit.optimize.loop.counter import Counter
+from plantfit.optimize.loop.generations import strong
 from plantfit.optimize.loop.nested import Nested
 
 import jax
@@ -40,7 +41,8 @@ class Deme:
         self.level, self.kind, self.seed = level, kind, seed
         self.nested = Nested(kind.method, facts, key)
         if seed is not None:
-            self.nested.state = kind.place(self.nested.state, seed, step, jax.random.fold_in(key, 2**30))
+            placed = kind.place(self.nested.state, seed, step, jax.random.fold_in(key, 2**30))
+            self.nested.state = jax.tree.map(strong, placed)  # as a state that was told: compiled once for both
         self.active = True
         self.means: list[float] = []
         self._points: list[np.ndarray] = []
