@@ -44,7 +44,7 @@ def cell(seed: int, offset_i: float = 0.0, offset_v: float = 0.0) -> pf.Problem:
     return pf.Problem(model, recording, split=0.7)
 
 
-def found_of(problem: pf.Problem) -> list[tuple[str, float]]:
+def found_of(problem: pf.Problem) -> list[tuple[str, float | None]]:
     found = diagnose(problem, pf.fit(problem).best.x)
     return [(t.extension.name, t.value) for one in found.rounds for t in one.found]
 
