@@ -1,7 +1,7 @@
 """Inputs that were read in steps or with noise: those of which the recordings say so, those that look so, and what is
 to be said of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -15,6 +15,7 @@ from plantfit.recording.looks import Look
 from plantfit.recording.looks.noisy import reading_noise
 from plantfit.recording.looks.rounded import rounded_step
 
+Kind = Literal["counted", "rounded", "noisy"]
 HEARD = 0.3  # times the noise of an output, from which on steps are spoken of before a fit
 
 
@@ -25,7 +26,7 @@ class InputSteps:
 
     recording: str
     signal: str
-    kind: Literal["counted", "rounded", "noisy"]
+    kind: Kind
     size: float
     told: bool  # by the study, not seen in the readings
 
@@ -46,7 +47,8 @@ def input_steps(problem: Problem) -> list[InputSteps]:
 
 
 def _of_input(name: str, e: Experiment, u: str) -> list[InputSteps]:
-    told = {k: own[u] for k in ("counted", "rounded", "noisy") if u in (own := getattr(e, k))}
+    every: dict[Kind, Mapping[str, float]] = {"counted": e.counted, "rounded": e.rounded, "noisy": e.noisy}
+    told = {k: own[u] for k, own in every.items() if u in own}
     found = [InputSteps(name, u, k, size, True) for k, size in told.items() if size > 0]
     if not told and (noise := reading_noise(e.recording[u])) is not None:
         return [InputSteps(name, u, "noisy", noise, False)]

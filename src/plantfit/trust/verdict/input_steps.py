@@ -19,7 +19,9 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     worst = max(rows, key=_times)
     decided = [p["name"] for p in rows if 2.0 * p["by_steps"] ** 2 > p["standard_error"] ** 2]
     kinds = {look["kind"] for look in looks}
-    what = {"counted": "counts", "noisy": "readings"}.get(min(kinds), "steps") if len(kinds) == 1 else "errors of readings"
+    what = (
+        {"counted": "counts", "noisy": "readings"}.get(min(kinds), "steps") if len(kinds) == 1 else "errors of readings"
+    )
     most = (
         f"; {what} outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})"
         if decided and len(rows) > 1
