@@ -106,6 +106,7 @@ tau = { unit = "s", bounds = [0.01, 10], scale = "log" }
 """.replace('unit = "degC"', 'unit = "K"').replace('y = "degC"', 'y = "K"').replace("delta_degC/V", "K/V"),
         1, _first, {"K": 8.0, "tau": 0.6}, lambda x: x[0], (0.0,), 0.05, 600, (-2.0, 3.0), 16,
         {"dead_time": 0.2, "lag": 0.15, "dead_zone": 0.4, "saturation": 2.0, "backlash": 0.3, "sensor_lag": 0.15,
+         "input_offset": 0.25,
          "offset": 2.0,
          "drift": 0.15, "sensor_high": 12.0, "sensor_low": -7.0, "start": 10.0, "outliers": 0.02,
          "change K with u": 0.12, "change K with t": 0.012, "change tau with x": 0.03, "change tau with t": -0.02},
@@ -124,6 +125,7 @@ k = { unit = "N/m", bounds = [0.1, 50], scale = "log" }
 """,
         2, _second, {"m": 0.5, "b": 0.8, "k": 4.0}, lambda x: x[0], (0.0, 0.0), 0.05, 600, (-3.0, 3.0), 20,
         {"dead_time": 0.12, "lag": 0.12, "dead_zone": 0.5, "saturation": 2.2, "backlash": 0.4, "sensor_lag": 0.12,
+         "input_offset": 0.25,
          "offset": 0.1,
          "drift": 0.01, "sensor_high": 0.6, "sensor_low": -0.6, "start": 0.8, "outliers": 0.02, "coulomb": 0.8,
          "quadratic": 1.2,
@@ -145,6 +147,7 @@ J = { unit = "kg*m^2", bounds = [1e-5, 1e-2], scale = "log" }
 """,
         2, _motor, {"k": 0.05, "b": 1e-4, "J": 2e-4}, lambda x: x[1], (0.0, 0.0), 0.01, 800, (-6.0, 8.0), 25,
         {"dead_time": 0.04, "lag": 0.04, "dead_zone": 0.8, "saturation": 5.0, "backlash": 0.8, "sensor_lag": 0.04,
+         "input_offset": 0.5,
          "offset": 8.0,
          "drift": 1.5, "sensor_high": 70.0, "sensor_low": -50.0, "start": 60.0, "outliers": 0.02, "coulomb": 100.0,
          "quadratic": 0.03,
@@ -164,6 +167,7 @@ a2 = { unit = "cm^0.5/s", bounds = [0.01, 1], scale = "log" }
 """,
         2, _tanks, {"q": 0.06, "a1": 0.09, "a2": 0.07}, lambda x: x[1], (4.0, 6.6), 4.0, 600, (1.0, 6.0), 25,
         {"dead_time": 12.0, "lag": 15.0, "dead_zone": 0.6, "saturation": 4.5, "backlash": 0.4, "sensor_lag": 15.0,
+         "input_offset": 0.3,
          "offset": 1.0,
          "drift": 0.0006, "sensor_high": np.nan, "sensor_low": np.nan, "start": 5.0, "outliers": 0.02,
          "change q with u": 0.06, "change q with t": -0.0002, "change a2 with t": 0.0002, "change a1 with t": 0.0003},
@@ -240,6 +244,8 @@ def simulate(plant: Plant, fault: str, noise: float, seed: int, share: float = 1
             now = u[k]
             if "dead_time" in sizes:
                 now = u[max(0, int(np.floor((t[k] + (j + 0.5) * fine - sizes["dead_time"]) / h)))]
+            if "input_offset" in sizes:
+                now -= sizes["input_offset"]
             if "saturation" in sizes:
                 now = min(max(now, -sizes["saturation"]), sizes["saturation"])
             if "dead_zone" in sizes:

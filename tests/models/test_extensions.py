@@ -21,7 +21,10 @@ TRUTH = {
     "first": {"K": 8.0, "tau": 0.6},
     "second": {"m": 0.5, "b": 0.8, "k": 4.0},
 }
-WHERE = {"start": "x", **dict.fromkeys(("dead_time", "lag", "dead_zone", "saturation", "backlash"), "u")}
+WHERE = {
+    "start": "x",
+    **dict.fromkeys(("dead_time", "lag", "dead_zone", "saturation", "backlash", "input_offset"), "u"),
+}
 WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
 
 
@@ -69,6 +72,7 @@ def test_derivatives_by_additions_are_exact(tmp_path):
         "lag": "u",
         "dead_zone": "u",
         "saturation": "u",
+        "input_offset": "u",
         "sensor_lag": "y",
         "offset": "y",
         "drift": "y",

@@ -364,3 +364,18 @@ def test_a_column_that_is_no_time_by_its_unit_stays_what_it_was(header, tmp_path
     day = [k % 5 if header == "hours [h]" else k for k in range(14)]
     (tmp_path / "a.csv").write_text(f"{header},y []\n" + "".join(f"{d},{d * d % 7}\n" for d in day))
     assert roles_of(table(tmp_path / "a.csv")).columns[0].kind != "time"
+
+
+def test_the_time_of_a_cycler_is_a_time_and_no_count_of_rows(tmp_path):
+    """Test_Time(s) at 1 s counts as the rows do; Step_Time(s) begins anew with each step."""
+    t = np.arange(300)
+    i = np.where(t % 100 < 50, -2.5, 0.0)
+    v = 3.7 + 0.03 * i - 1e-4 * t + 1e-3 * np.random.default_rng(0).normal(size=300)
+    rows = zip(t + 1, t % 50, t, i, v, strict=True)
+    head = "Data_Point,Step_Time(s),Test_Time(s),Current(A),Voltage(V)"
+    place = tmp_path / "cycler.csv"
+    place.write_text("\n".join([head, *(",".join(f"{x:.9g}" for x in row) for row in rows)]) + "\n")
+    kinds = {r.header: r.kind for r in roles_of(table(place)).columns}
+    assert kinds["Test_Time(s)"] == "time"
+    assert kinds["Step_Time(s)"] != "time"
+    assert kinds["Data_Point"] == "index"

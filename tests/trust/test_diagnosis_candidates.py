@@ -62,13 +62,14 @@ def test_laws_of_sensors_are_their_closed_forms():
     before = {kind: c.law(t, held, 0.5, True) for kind, c in candidates(Before).items()}
     np.testing.assert_allclose(before["saturation"], [0.5, -0.5, 0.2])
     np.testing.assert_allclose(before["dead_zone"], [0.5, -2.5, 0.0])
+    np.testing.assert_allclose(before["input_offset"], [0.5, -3.5, -0.3])  # shows 0.5 more than the plant gets
 
 
 def test_bounds_of_the_study_file_hold_the_value_that_was_found():
     for kind, candidate in CANDIDATES.items():
         low, high = candidate.bounds(0.1, 3.0, 0.8)
         assert low < 0.8 < high, kind
-        assert (low < 0) == (kind in ("offset", "drift", "start", "change")), kind
+        assert (low < 0) == (kind in ("offset", "input_offset", "drift", "start", "change")), kind
 
 
 @pytest.mark.parametrize("kind", candidates(Behind))

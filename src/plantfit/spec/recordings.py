@@ -176,7 +176,7 @@ def experiments_of(name: str, r: RecordingTable, path: Path, files: Mapping[str,
 
 def experiment_of(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path]) -> Experiment:
     record = read_recording(name, r, path, files)
-    steps = {"counted": r.counted, "rounded": r.rounded}
+    steps = {"counted": r.counted, "rounded": r.rounded, "noisy": r.noisy}
     if r.split is not None:
         if r.fit is not None or r.validate_ is not None:
             raise SpecError(

@@ -95,6 +95,7 @@ class RecordingTable(_Table):
     shared_errors: dict[str, str] = {}
     counted: dict[str, Annotated[float, Field(ge=0)]] = {}
     rounded: dict[str, Annotated[float, Field(ge=0)]] = {}
+    noisy: dict[str, Annotated[float, Field(ge=0)]] = {}
     unmeasured: list[str] = []
     clean: list[dict[str, Any]] = []
     sort: bool = False

@@ -1,7 +1,8 @@
-"""What may stand between a recorded input and the plant: a dead time, a lag, a dead zone, a limit, play."""
+"""What may stand between a recorded input and the plant: a dead time, a lag, a dead zone, a limit, play, an offset."""
 
 from typing import Any
 
+from plantfit import units
 from plantfit.models.extensions.wiring import channels_of, declared, rewired
 from plantfit.models.model import Delay, Model, Named
 from plantfit.models.parts.switching import Backlash
@@ -59,12 +60,26 @@ def saturation(model: Model, u: str, bounds: Bounds, name: str) -> Model:
     )
 
 
-def _through(model: Model, u: str, bounds: Bounds, name: str, curve: Any, sentence: str) -> Model:
-    channels = channels_of(model, u)
+def offset(model: Model, u: str, bounds: Bounds, name: str) -> Model:
+    """u less c: the sensor of u shows c too much."""
+    unit = units.difference_of(model.inputs[u])
+    return _through(model, u, bounds, name, lambda v, c: v - c, f"by how much too high {u} is recorded", unit)
+
+
+def _through(
+    model: Model, u: str, bounds: Bounds, name: str, curve: Any, sentence: str, unit: str | None = None
+) -> Model:
+    channels, own = channels_of(model, u), model.initial_state
+
+    def initial_state(p: Named, u0: Named, y0: Named) -> Named:
+        assert own is not None
+        return own(p, {**u0, u: curve(u0[u], p[name])}, y0)
+
     return rewired(
         model,
         lambda x, c, p: (x, {**c, **{k: curve(c[k], p[name]) for k in channels}}),
-        parameters=declared(model, name, model.inputs[u], bounds, sentence),
+        initial_state=None if own is None else initial_state,
+        parameters=declared(model, name, unit or model.inputs[u], bounds, sentence),
     )
 
 

@@ -46,6 +46,7 @@ KINDS: dict[str, Kind] = {
     "dead_zone": Kind("inputs", inputs.dead_zone, "{} does nothing near zero"),
     "saturation": Kind("inputs", inputs.saturation, "{} does nothing more beyond a size"),
     "backlash": Kind("inputs", inputs.backlash, "{} acts through play"),
+    "input_offset": Kind("inputs", inputs.offset, "the sensor of {}, by which the plant is driven, has an offset"),
     "sensor_lag": Kind("outputs", outputs.sensor_lag, "the sensor of {} is a lag of first order"),
     "offset": Kind("outputs", outputs.offset, "the sensor of {} has an offset"),
     "drift": Kind("outputs", outputs.drift, "the sensor of {} drifts"),

@@ -11,6 +11,9 @@ from plantfit import units
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.record import Recording, Signal
 
+WHAT = {"counted": "steps", "rounded": "steps", "noisy": "noise"}  # errors of inputs
+SIZE = dict.fromkeys(("counted", "rounded"), "the size of one step") | {"noisy": "its standard deviation"}
+
 
 @dataclass(frozen=True)
 class Experiment:
@@ -26,10 +29,11 @@ class Experiment:
     has: samples of equal number have the same, and those of neighbouring numbers may be correlated. A place on an
     encoder's disc that comes back with every turn; without it errors belong to times. Standard errors allow for it.
     `counted` names inputs that are speeds made of counts, with the size of one count (the input's unit times seconds),
-    `rounded` inputs that were read in steps of such a size; 0 says that there are none, as of a command. Standard
-    errors allow for both (`trust/intervals/input_steps.py`). `start_corrections` are added to first measured values of
-    outputs (their unit) where states begin at them: the fit's estimate of the noise in that one sample
-    (`trust/finish/start_corrections.py`). What is measured stays.
+    `rounded` inputs that were read in steps of such a size; 0 says that there are none, as of a command. `noisy` names
+    measured inputs with the standard deviation of the noise of single readings (the input's unit), 0 says that there is
+    none. Standard errors allow for all three (`trust/intervals/input_steps.py`). `start_corrections` are added to first
+    measured values of outputs (their unit) where states begin at them: the fit's estimate of the noise in that one
+    sample (`trust/finish/start_corrections.py`). What is measured stays.
     """
 
     recording: Recording
@@ -43,6 +47,7 @@ class Experiment:
     counted: Mapping[str, float] = field(default_factory=dict)
     rounded: Mapping[str, float] = field(default_factory=dict)
     start_corrections: Mapping[str, float] = field(default_factory=dict)
+    noisy: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._check_steps()
@@ -61,7 +66,7 @@ class Experiment:
 
     def _check_steps(self) -> None:
         name, signals = self.recording.name, self.recording.signals
-        for key, given in (("counted", self.counted), ("rounded", self.rounded)):
+        for key, given in (("counted", self.counted), ("rounded", self.rounded), ("noisy", self.noisy)):
             for u, step in given.items():
                 if u not in signals:
                     raise RecordingError(
@@ -69,7 +74,8 @@ class Experiment:
                     )
                 if not (np.isfinite(step) and step >= 0):
                     raise RecordingError(
-                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}; give their size, or 0 for none."
+                        f"Recording {name!r}: {key} gives {u!r} {WHAT[key]} of {step:g}; give {SIZE[key]}, or 0 for "
+                        "none."
                     )
                 moves, unit = (
                     self._movement(u, key == "counted"),
@@ -77,8 +83,8 @@ class Experiment:
                 )
                 if step > moves > 0:
                     raise RecordingError(
-                        f"Recording {name!r}: {key} gives {u!r} steps of {step:g}, but it "
-                        f"moves by {moves:.3g} in all; give the size of one step, in {unit}."
+                        f"Recording {name!r}: {key} gives {u!r} {WHAT[key]} of {step:g}, but it "
+                        f"moves by {moves:.3g} in all; give {SIZE[key]}, in {unit}."
                     )
         both = self.counted.keys() & self.rounded.keys()
         if both:
@@ -299,7 +305,7 @@ def experiments_of(
                     skip=skip,
                 )
             )
-        for key in ("counted", "rounded"):
+        for key in WHAT:
             others = [] if inputs is None else [n for n in getattr(given, key) if n not in inputs]
             if others:
                 raise RecordingError(
@@ -309,9 +315,7 @@ def experiments_of(
         history = before_in_units(given.recording, {**before, **given.before}, needs)
         begin = initial_time if given.initial_time is None and not given.steady else given.initial_time
         inner, now = given.recording, in_units(given.recording, needs)
-        steps = {
-            k: {n: s * _scale(inner, now, n) for n, s in getattr(given, k).items()} for k in ("counted", "rounded")
-        }
+        steps = {k: {n: s * _scale(inner, now, n) for n, s in getattr(given, k).items()} for k in WHAT}
         result[name] = dataclasses.replace(given, recording=now, before=history, initial_time=begin, **steps)
     return result
 

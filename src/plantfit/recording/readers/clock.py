@@ -37,6 +37,7 @@ _BARE_UNITS = {"sec": "s", "secs": "s", "second": "s", "seconds": "s", "sekunden
                "mikrosekunden": "us", "ms": "ms", "us": "us", "µs": "us"}  # fmt: skip
 # words that may also count something, so that the unit has to say it
 _TIMES = re.compile(r"(hours?|hrs?|days?|weeks?|min(ute)?s?|h|stunden?|tage?|jours?|heures?|d[ií]as?)", re.IGNORECASE)
+_SOME_TIME = re.compile(r"(?<![a-z])(time|zeit|temps|tiempo)$", re.IGNORECASE)  # its unit and its values have to say it
 RISING = 0.999  # of the rows of a column that only its unit calls a time
 _UNITS_ALONE = {"ms", "us", "µs"}  # a header of only a unit; Us may be a voltage, too
 
@@ -90,8 +91,9 @@ def guess_time(table: Table) -> Column | None:
 
 
 def _named_by_unit(column: Column) -> bool:
-    """Whether a column is called by its unit of time, as day [day] and Hours (h) are."""
-    if column.unit is None or _TIMES.fullmatch(column.name) is None:
+    """Whether a column is called by its unit of time, as day [day] and Hours (h) are, or a time of something in one, as
+    Test_Time(s) of a cycler."""
+    if column.unit is None or (_TIMES.fullmatch(column.name) is None and _SOME_TIME.search(column.name) is None):
         return False
     return known(column.unit) and compatible(column.unit, "s")
 

@@ -1,5 +1,5 @@
 """A signal that was read in whole steps: a smooth curve beside it, and what other places of the steps would have
-read of that curve."""
+read of that curve; and one that was read with other noise."""
 
 import numpy as np
 
@@ -101,3 +101,14 @@ def reread(recording: Recording, name: str, step: float, places: int, counted: b
         }
         found.append(Recording(t, signals, recording.name, recording.log, recording.clocked))
     return found
+
+
+def renoised(recording: Recording, name: str, size: float, times: int) -> list[Recording]:
+    """The recording with white noise of a standard deviation more on a signal, so many times; the same each time that
+    it is asked for."""
+    draw, own = np.random.default_rng([0, *name.encode()]), recording.signals[name]
+    made = [Signal(own.values + size * draw.standard_normal(len(own.values)), own.unit) for _ in range(times)]
+    return [
+        Recording(recording.t, {**recording.signals, name: s}, recording.name, recording.log, recording.clocked)
+        for s in made
+    ]

@@ -100,7 +100,7 @@ def _window(look: Look, t: np.ndarray, values: np.ndarray) -> tuple[int, int]:
     """Places from and to which the signal is drawn."""
     assert look.begin is not None
     assert look.end is not None
-    if look.kind in ("quantised", "counted", "rounded"):
+    if look.kind in ("quantised", "counted", "rounded", "noisy"):
         middle = int(np.argmax(np.abs(np.diff(np.where(np.isfinite(values), values, 0.0)))))
         first = int(np.clip(middle - CLOSE // 2, 0, max(0, len(t) - CLOSE)))
         return first, min(len(t), first + CLOSE)

@@ -147,6 +147,11 @@ CANDIDATES: dict[str, Before | Inside | Behind] = {
         article="an", name="offset of {}", phrase="an offset of {} on {}", tried=ranges.shift, bounds=ranges.both_signs,
         law=effects.offset, linear=True,
     ),
+    "input_offset": Before(
+        article="an", name="offset of {}", phrase="an offset of {} on {}", tried=ranges.shift_within,
+        bounds=ranges.both_signs,
+        law=lambda t, u, value, held: u - value,
+    ),
     "drift": Behind(
         name="drift of {}", phrase="a drift of {} on {}", tried=ranges.slope, bounds=ranges.both_signs,
         law=effects.drift, linear=True,

@@ -125,6 +125,12 @@ def shift(s: Seen) -> Tried:
     return Tried(units.difference_of(s.unit), -np.inf, np.inf)
 
 
+def shift_within(s: Seen) -> Tried:
+    """Of an offset of an input, at most its range."""
+    span = float(np.ptp(s.values))
+    return Tried(units.difference_of(s.unit), -span, span, (0.001 * span,))
+
+
 def slope(s: Seen) -> Tried:
     """Of a drift."""
     step = units.difference_of(s.unit)

@@ -1,10 +1,11 @@
-"""Intervals that allow for the steps in which inputs were read.
+"""Intervals that allow for the steps in which inputs were read, and for the noise of their readings.
 
 A speed made of an encoder's counts, or a voltage of a coarse converter, is the plant's input and an error of less than
 a step. The model is driven by both, so that this error is carried through the plant and moves its parameters; residuals
 show little of what is slow in it. How much it moves them is told by other readings of the same motion: the input as a
 smooth curve, read in the same steps that lie elsewhere, 16 times over a step (`recording/signals/unrounded.py`). The
-squares of the moves of the least-squares answer, to first order, are the variance that steps add.
+squares of the moves of the least-squares answer, to first order, are the variance that steps add. Of readings with
+noise other ones have other noise more.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,13 +18,15 @@ from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.measure.long_run import NORMAL
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
-from plantfit.recording.signals.unrounded import reread
+from plantfit.recording.record import Recording
+from plantfit.recording.signals.unrounded import renoised, reread
 from plantfit.trust.intervals.linearised import Local, named_blocks
 from plantfit.trust.intervals.parameter_rows import judged
 from plantfit.trust.intervals.ranges import Range
 from plantfit.trust.looks.input_steps import InputSteps, input_steps, step_looks
 
 PLACES = 16  # of the steps, at which readings are made
+DRAWN = 2  # times as many of noise, which is drawn and not spread evenly
 NOTICED = 1.05  # times a standard error from which on steps are allowed for
 TOLD = 1.25  # times it from which on they are spoken of
 FIRST, NEAR = 4, 0.3  # readings that are made first, and the share of a noticed move from which on all are made
@@ -52,7 +55,7 @@ def allowing_for_steps(
     if not _may_matter(rows, places, moves(problem, z, local, steps, FIRST).values):
         return plain, []
     moved = moves(problem, z, local, steps)
-    if moved.shown + 2.0 * moved.error < REFUTED and not any(s.told for s in steps):
+    if _refuted(moved, steps):
         return plain, []
     wider = [
         _wider(row, problem, local, places[row["name"]], moved.values) if row["name"] in places else row
@@ -111,26 +114,41 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
         rows.setdefault(name, []).append(block.rows)
     blocks = [at for own in rows.values() for at in own]
     squares, left, expected = np.zeros(len(z)), 0.0, np.zeros(LAGS + 1)
-    for signal in dict.fromkeys(s.signal for s in steps):
+    for error in dict.fromkeys((s.signal, s.kind) for s in steps):
         read = {
-            s.recording: reread(recordings[s.recording], signal, s.size, count, s.kind == "counted")
-            for s in steps
-            if s.signal == signal
+            s.recording: _read_again(recordings[s.recording], s, count) for s in steps if (s.signal, s.kind) == error
         }
-        for k in range(count):
+        times = DRAWN * count if error[1] == "noisy" else count
+        for k in range(times):
             there = np.asarray(
                 problem.with_recordings(recordings | {n: r[k] for n, r in read.items()}).unsmoothed.residuals(z)
             )
             for own in rows.values():  # each recording errs by itself
-                squares += sum(solve[:, at] @ (there[at] - residuals[at]) for at in own) ** 2 / count
+                squares += sum(solve[:, at] @ (there[at] - residuals[at]) for at in own) ** 2 / times
             change = there - residuals
             rest = change + (j * norms) @ (solve @ change)
-            left += float(np.sum(rest**2)) / count
-            expected += _products(rest, blocks) / count
+            left += float(np.sum(rest**2)) / times
+            expected += _products(rest, blocks) / times
     shown, error = _share(_products(residuals, blocks), expected, len(residuals))
     return Moves(
         np.sqrt(squares) * problem.space.slopes(z), left / max(float(np.sum(residuals**2)), 1e-300), shown, error
     )
+
+
+def _refuted(moved: Moves, steps: Sequence[InputSteps]) -> bool:
+    """Whether residuals say that the plant got what was read, of steps that nobody told. What noise leaves in a plant
+    that sums its input up wanders, and shows a tenth of its correlation or twice of it in one record: residuals have
+    to show none."""
+    if any(s.told for s in steps) or moved.shown + 2.0 * moved.error >= REFUTED:
+        return False
+    return not any(s.kind == "noisy" for s in steps) or moved.shown < 3.0 * moved.error
+
+
+def _read_again(recording: Recording, s: InputSteps, count: int) -> list[Recording]:
+    """The recording with so many other errors of an input of the same kind."""
+    if s.kind == "noisy":
+        return renoised(recording, s.signal, s.size, DRAWN * count)
+    return reread(recording, s.signal, s.size, count, s.kind == "counted")
 
 
 def _products(series: np.ndarray, blocks: Sequence[slice]) -> np.ndarray:

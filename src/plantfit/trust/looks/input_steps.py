@@ -1,7 +1,7 @@
-"""Inputs that were read in steps: those of which the recordings say so, those that look rounded, and what is to be
-said of them."""
+"""Inputs that were read in steps or with noise: those of which the recordings say so, those that look so, and what is
+to be said of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -12,43 +12,55 @@ from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
+from plantfit.recording.looks.noisy import reading_noise
 from plantfit.recording.looks.rounded import rounded_step
 
+Kind = Literal["counted", "rounded", "noisy"]
 HEARD = 0.3  # times the noise of an output, from which on steps are spoken of before a fit
 
 
 @dataclass(frozen=True)
 class InputSteps:
-    """Steps of an input in one recording. `size` is in the model's unit, times seconds where the input is a speed
-    made of counts."""
+    """Steps or noise of an input in one recording. `size` is in the model's unit, times seconds where the input is a
+    speed made of counts; of noise the standard deviation."""
 
     recording: str
     signal: str
-    kind: Literal["counted", "rounded"]
+    kind: Kind
     size: float
     told: bool  # by the study, not seen in the readings
 
 
 def input_steps(problem: Problem) -> list[InputSteps]:
-    """The inputs that were read in steps: those of which the recordings say so, and those that look rounded."""
+    """The inputs that were read in steps or with noise: those of which the recordings say so, and those that look so.
+
+    Where noise is seen, it is much of what steps would be taken for, and they are not looked for.
+    """
     model = problem.model
     if not isinstance(model, Model) or not problem.in_time:
         return []
     found = []
     for name, e in problem.experiments.items():
         for u in model.inputs if not e.steady else ():
-            size = e.counted.get(u, e.rounded.get(u))
-            if size is not None:
-                found += (
-                    [InputSteps(name, u, "counted" if u in e.counted else "rounded", size, True)] if size > 0 else []
-                )
-            elif (seen := rounded_step(e.recording[u])) is not None:
-                found.append(InputSteps(name, u, "rounded", seen, False))
+            found += _of_input(name, e, u)
+    return found
+
+
+def _of_input(name: str, e: Experiment, u: str) -> list[InputSteps]:
+    every: dict[Kind, Mapping[str, float]] = {"counted": e.counted, "rounded": e.rounded, "noisy": e.noisy}
+    told = {k: own[u] for k, own in every.items() if u in own}
+    found = [InputSteps(name, u, k, size, True) for k, size in told.items() if size > 0]
+    if not told and (noise := reading_noise(e.recording[u])) is not None:
+        return [InputSteps(name, u, "noisy", noise, False)]
+    if not told.keys() & {"counted", "rounded"} and (seen := rounded_step(e.recording[u])) is not None:
+        found.append(InputSteps(name, u, "rounded", seen, False))
     return found
 
 
 def misread(e: Experiment, s: InputSteps) -> float:
     """The error (rms) of single readings of an input that is even within its steps."""
+    if s.kind == "noisy":
+        return s.size
     return (
         s.size / np.sqrt(12.0)
         if s.kind == "rounded"
@@ -72,7 +84,7 @@ def _beside_noise(problem: Problem, s: InputSteps) -> float:
     e = problem.experiments[s.recording]
     u = e.recording[s.signal]
     u = u[np.isfinite(u)]
-    stays = len(u) / (1.0 + np.count_nonzero(np.diff(u)))
+    stays = 1.0 if s.kind == "noisy" else len(u) / (1.0 + np.count_nonzero(np.diff(u)))
     error = misread(e, s) * np.sqrt(stays) / max(float(np.ptp(u)), 1e-300)
     found = 0.0
     for y in (e.recording[o] for o in problem.outputs):
@@ -122,6 +134,14 @@ def _look(problem: Problem, s: InputSteps, left: float | None, first: bool) -> L
         )
         return Look("counted", "info", *place, text, *ends, "", figures)
     seen = "" if s.told else ", or so it looks"
+    if s.kind == "noisy":
+        text = (
+            f"{s.signal} was read with noise of {s.size:.3g}{unit}, {100 / max(whole, 1.0):.2g} % of its range{seen}. "
+            "A plant is driven by what was there, not by what was read."
+        )
+        if not s.told:
+            text += f" If the plant got what is recorded, write {as_exact(s.signal)}."
+        return Look("noisy", "info", *place, text, *ends, "", figures)
     text = f"{s.signal} was read in steps of {s.size:.4g}{unit}, {100 / max(whole, 1.0):.2g} % of its range{seen}." + (
         " A plant is driven by what was there, not by what was read." if first else ""
     )
@@ -135,4 +155,9 @@ def as_commanded(signal: str) -> str:
     return f"rounded = {{ {signal} = 0 }}"
 
 
-__all__ = ["InputSteps", "as_commanded", "input_steps", "misread", "step_looks", "telling"]
+def as_exact(signal: str) -> str:
+    """The line of the study file that says that an input was read without noise."""
+    return f"noisy = {{ {signal} = 0 }}"
+
+
+__all__ = ["InputSteps", "as_commanded", "as_exact", "input_steps", "misread", "step_looks", "telling"]

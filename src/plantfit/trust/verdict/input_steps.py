@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from plantfit.trust.looks.input_steps import as_commanded
-from plantfit.trust.verdict.words import Sentence, number, say, some, span, with_unit
+from plantfit.trust.looks.input_steps import as_commanded, as_exact
+from plantfit.trust.verdict.words import Sentence, interval, number, say, some, with_unit
 
 SHOWN = 0.2  # share of the residuals' mean square from which on they are said to show the steps
 
@@ -13,13 +13,15 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """One sentence where steps of inputs widen intervals, with the inputs, their steps, and the parameter that they
     move most."""
     rows = [p for p in findings["parameters"] if p.get("by_steps") and p["standard_error"]]
-    looks = [look for look in findings["data"] if look["kind"] in ("counted", "rounded")]
+    looks = [look for look in findings["data"] if look["kind"] in ("counted", "rounded", "noisy")]
     if not rows or not looks:
         return
     worst = max(rows, key=_times)
     decided = [p["name"] for p in rows if 2.0 * p["by_steps"] ** 2 > p["standard_error"] ** 2]
     kinds = {look["kind"] for look in looks}
-    what = "counts" if kinds == {"counted"} else "steps"
+    what = (
+        {"counted": "counts", "noisy": "readings"}.get(min(kinds), "steps") if len(kinds) == 1 else "errors of readings"
+    )
     most = (
         f"; {what} outweigh the noise in {len(decided)} of {len(rows)} parameters ({some(decided)})"
         if decided and len(rows) > 1
@@ -27,8 +29,8 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     )
     text = (
         f"{_told(looks)} Intervals allow for it: that of {worst['name']} is {number(_times(worst))} "
-        f"times as wide as by the noise, {span([worst['low'], worst['high']], worst['unit'])}{most}. "
-        f"{_seen(looks)}; only finer {what} narrow the interval."
+        f"times as wide as by the noise, {interval(worst['low'], worst['high'], worst['unit'])}{most}. "
+        f"{_seen(looks)}; only {_better(kinds)} narrow the interval."
     )
     guessed = [look for look in looks if look["kind"] == "rounded" and not look["figures"]["told"]]
     if guessed:
@@ -36,6 +38,12 @@ def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         text += (
             f" If {name} was commanded and not measured, write {as_commanded(name)} under "
             f"[recording.{guessed[0]['recording']}]."
+        )
+    shaking = [look for look in looks if look["kind"] == "noisy" and not look["figures"]["told"]]
+    if shaking:
+        name = shaking[0]["signal"]
+        text += (
+            f" If the plant got what is recorded, write {as_exact(name)} under [recording.{shaking[0]['recording']}]."
         )
     yield say("warning" if decided else "info", text, widening=_times(worst), outweighed=len(decided))
 
@@ -63,6 +71,11 @@ def hold_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         yield say("warning", text, held=figures["previous"], straight=figures["linear"])
 
 
+def _better(kinds: set[str]) -> str:
+    finer = "finer counts" if kinds == {"counted"} else "finer steps"
+    return finer if "noisy" not in kinds else "quieter readings" if len(kinds) == 1 else f"{finer} and quieter readings"
+
+
 def _seen(looks: list[Mapping[str, Any]]) -> str:
     """Whether the residuals show the steps."""
     left = max(look["figures"]["left"] or 0.0 for look in looks)
@@ -80,7 +93,7 @@ def _times(p: Mapping[str, Any]) -> float:
 def _told(looks: list[Mapping[str, Any]]) -> str:
     """Inputs by how they were read, the coarsest of each kind with its numbers."""
     parts = []
-    for kind in ("counted", "rounded"):
+    for kind in ("counted", "rounded", "noisy"):
         own = [look for look in looks if look["kind"] == kind]
         if not own:
             continue
@@ -91,6 +104,9 @@ def _told(looks: list[Mapping[str, Any]]) -> str:
                 f"The model is driven by counts ({names}), {figures['steps']:.0f} in all and "
                 f"{figures['steps_a_sample']:.3g} a sample."
             )
+        elif kind == "noisy":
+            share = number(100 / max(figures["steps"], 1.0), 2)
+            parts.append(f"The model is driven by readings with noise ({names}), {share} % of their range.")
         else:
             parts.append(
                 f"The model is driven by readings in steps ({names}), {figures['steps']:.3g} of them over the range."

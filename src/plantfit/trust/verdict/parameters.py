@@ -9,7 +9,7 @@ from plantfit.trust.verdict.outputs import forgotten, found_beside
 from plantfit.trust.verdict.residuals import lacking
 from plantfit.trust.verdict.tables import smoothing_sentences, table_sentences
 from plantfit.trust.verdict.unseen import failing
-from plantfit.trust.verdict.words import FEW, Sentence, estimate, number, say, some, span, with_unit
+from plantfit.trust.verdict.words import FEW, Sentence, estimate, interval, number, say, some, span, with_unit
 
 Row = Mapping[str, Any]
 LISTED = 8  # estimates in one sentence
@@ -323,6 +323,8 @@ def _between(p: Row) -> str:
 
 
 def _interval(p: Row) -> str:
+    if number(p["low"]) == number(p["high"]):
+        return interval(p["low"], p["high"], p["unit"])
     return f"{number(p['low'])} to {with_unit(p['high'], p['unit'])}"
 
 
