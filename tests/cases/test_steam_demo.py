@@ -33,7 +33,6 @@ from plantfit.cases.steam.dynamic_runs import (
     until,
 )
 from plantfit.cases.steam.problems import dynamic_problem, opening_costs, total_cost
-from plantfit.cases.steam.sections.dynamic_figures import pressures
 from plantfit.cases.steam.sections.dynamic_section import (
     PAPER,
     Slopes,
@@ -95,12 +94,6 @@ def test_bdf_with_tight_tolerances_meets_the_engine():
     for step, row, name in zip(tight.steps, rows, rig_runs(), strict=True):
         y = p.predict(p.space.physical(z), name)["y"][1:]
         np.testing.assert_allclose(tight.solver.pressures(np.asarray(row), step), y, atol=1e-3)  # one step a sample
-
-
-def test_pressures_of_all_openings_are_those_of_each():
-    p, z = problem(), truth()
-    for name, pressure in pressures(p, z).items():
-        np.testing.assert_allclose(pressure, p.predict(p.space.physical(z), name)["y"], atol=1e-9)
 
 
 def test_exact_gradient_equals_central_differences_of_tight_bdf():

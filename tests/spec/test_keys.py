@@ -128,3 +128,21 @@ def test_a_file_of_another_kind_is_recognised(name, text, told):
     with pytest.raises(SpecError, match="is not valid TOML") as caught:
         validated(text, Path(name))
     assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("place", "key", "home"),
+    [
+        ("[recording.a]", "hold = {}", "[model] or [control]"),
+        ("[model]", "split = 0.7", "[recording.NAME]"),
+        ("[model]", 'balance = "samples"', "no table, at the top of the file"),
+        ("[recording.a]", "seed = 3", "[search]"),
+    ],
+)
+def test_a_key_of_another_table_is_told_its_place(place, key, home):
+    said = refused(f"{HEAD}[model]\n".replace(place, f"{place}\n{key}", 1))
+    assert said.endswith(f"is not known; it stands under {home}.")
+
+
+def test_a_key_of_no_table_is_not():
+    assert "; known there: " in refused(f"{HEAD}[model]\nzebra = 1")

@@ -90,6 +90,7 @@ def test_outputs_and_recordings_are_told_apart_with_their_weights():
     }
     for problem in (Problem(model, records), Problem(model, records, balance="recordings")):
         (look,) = out_of_reach(problem)
+        assert "in the recordings. Look at the units of z and of the inputs, and at the bounds." in look.sentence
         assert look.signal == "z"
         assert look.figures["recorded"] == pytest.approx(100 * np.std(y), rel=0.1)
 
@@ -100,3 +101,15 @@ def test_a_static_curve():
     for factor in (1.0, 1000.0):
         record = Recording(np.arange(40.0), {"u": Signal(u), "y": Signal(factor * 2.0 * u / (1 + u))}, "a")
         assert len(out_of_reach(Problem(model, record))) == (factor != 1.0)
+
+
+def test_a_plant_without_inputs_has_one_unit_to_look_at():
+    t = PERIOD * np.arange(N)
+    model = equations(
+        "x' = -x/tau; y = x", inputs=[], states={"x": {"initial": "x0"}}, outputs=["y"],
+        parameters={"tau": {"unit": "s", "bounds": (0.5, 5.0)}, "x0": {"bounds": (0.5, 5.0)}},
+    )  # fmt: skip
+    for factor in (1.0, 1000.0):
+        found = out_of_reach(Problem(model, Recording(t, {"y": Signal(factor * 2.0 * np.exp(-t / 3.0))}, "a")))
+        assert len(found) == (factor != 1.0)
+        assert all("Look at the unit of y, and at the bounds." in look.sentence for look in found)

@@ -393,7 +393,9 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
     if first["type"] == "extra_forbidden":
         owner = _owner(first["loc"][:-1])
         near = difflib.get_close_matches(str(first["loc"][-1]), owner, 1)
+        homes = [] if near else _homes(str(first["loc"][-1]))
         hint = f"did you mean {near[0]!r}?" if near else f"known there: {', '.join(owner)}."
+        hint = f"it stands under {' or '.join(homes)}." if homes else hint
         return f"{path.name}: key {key!r} is not known; {hint}"
     if first["type"] == "missing" and not short:
         return f"{path.name}: key {key!r} is missing; add it."
@@ -415,6 +417,19 @@ def _owner(loc: tuple[Any, ...]) -> list[str]:
         kind = _below(kind, str(part))
     table = next((k for k in _kinds(kind) if isinstance(k, type) and issubclass(k, BaseModel)), SpecTable)
     return [f.alias or n for n, f in table.model_fields.items()]
+
+
+def _homes(key: str) -> list[str]:
+    """The tables of a study file that know a key."""
+    found = []
+    for name, field in SpecTable.model_fields.items():
+        for kind in _kinds(field.annotation):
+            several = get_origin(kind) is dict
+            table = get_args(kind)[1] if several else kind
+            if isinstance(table, type) and issubclass(table, BaseModel):
+                fields = [f.alias or n for n, f in table.model_fields.items()]
+                found += [f"[{name}.NAME]" if several else f"[{name}]"] if key in fields else []
+    return found + (["no table, at the top of the file"] if key in SpecTable.model_fields else [])
 
 
 def _below(kind: Any, part: str) -> Any:

@@ -30,9 +30,9 @@ from plantfit.trust.heterogeneity.findings import heterogeneity_findings, withdr
 from plantfit.trust.identify.determined import determined_findings
 from plantfit.trust.identify.table_visits import agreeing, table_visits
 from plantfit.trust.intervals.follow.following import followed_ranges
-from plantfit.trust.intervals.input_steps import allowing_for_steps, claimed
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
+from plantfit.trust.intervals.misreadings import allowing_for_misreadings, claimed
 from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
 from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.looks import hold_looks, not_followed, problem_looks
@@ -85,7 +85,7 @@ def assess(
     rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed.ranges)
-    rows, stepped = allowing_for_steps(as_known(problem), best.x, local, rows)
+    rows, stepped = allowing_for_misreadings(as_known(problem), best.x, local, rows)
     determined = claimed(determined_findings(problem, local.linear, rows, ranges or {}), rows)
     rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
     rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)

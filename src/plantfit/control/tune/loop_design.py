@@ -44,10 +44,10 @@ COARSE, FINE = 200, 1200  # frequencies in the search and in the figures
 MOST_SAMPLES = 4000
 MOVES = 6.0  # times that of several integrators under a full input, in which a loop settles
 PAIR = 2  # candidates for each that a budget names: a generation is twice as large as usual in the same time
-# evaluations on the best fit alone, at least and for each that a budget names: they take a hundredth of the time; of so
-# many searches, whose seeds are apart from all others
-ALONE_LEAST, ALONE_TIMES = 1600, 6
+# searches on the best fit alone, whose seeds are apart from all others, and evaluations of each, at least and for each
+# that a budget names: they take a hundredth of the time
 ALONE_SEARCHES, APART = 4, 1000
+ALONE_LEAST, ALONE_TIMES = 800, 3
 NEAR = 0.06  # first step of the search on all plants, from what is best on the best fit: their best is not far from it
 STARTED = 8  # starts of a form that a front is begun at too
 ROBUST, BEST_FIT = "all plants", "best fit alone"  # names of the two that are searched
@@ -354,7 +354,7 @@ def on_one_plant(
     An MPC is searched once and less: its plans take the time, and not the plants."""
     if single.form.plan is not None:
         return single.found(starts, PAIR * max(200, budget // 2), seed, progress)
-    each = max(ALONE_LEAST, ALONE_TIMES * budget) // 2
+    each = max(ALONE_LEAST, ALONE_TIMES * budget)
     found = [single.found(starts, each, seed + APART * k, progress) for k in range(ALONE_SEARCHES)]
     return single.found(single.best_of(np.stack(found))[None], each, seed, progress, NEAR)
 

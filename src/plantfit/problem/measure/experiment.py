@@ -31,7 +31,7 @@ class Experiment:
     `counted` names inputs that are speeds made of counts, with the size of one count (the input's unit times seconds),
     `rounded` inputs that were read in steps of such a size; 0 says that there are none, as of a command. `noisy` names
     measured inputs with the standard deviation of the noise of single readings (the input's unit), 0 says that there is
-    none. Standard errors allow for all three (`trust/intervals/input_steps.py`). `start_corrections` are added to first
+    none. Standard errors allow for all three (`trust/intervals/misreadings.py`). `start_corrections` are added to first
     measured values of outputs (their unit) where states begin at them: the fit's estimate of the noise in that one
     sample (`trust/finish/start_corrections.py`). What is measured stays.
     """

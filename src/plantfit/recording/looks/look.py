@@ -6,6 +6,7 @@ from typing import Any, Literal
 MARKED = 200
 
 
+MISREAD = ("counted", "rounded", "noisy")  # kinds of inputs; of a run the verdict tells them, and the report draws them
 IN_VERDICT = frozenset({"hold"})  # kinds that the verdict tells, so that nobody else does
 
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from plantfit.findings import Recording, array
-from plantfit.recording.looks.look import Look
+from plantfit.recording.looks.look import MISREAD, Look
 from plantfit.recording.looks.signals import LAGS, news_told
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
@@ -100,7 +100,7 @@ def _window(look: Look, t: np.ndarray, values: np.ndarray) -> tuple[int, int]:
     """Places from and to which the signal is drawn."""
     assert look.begin is not None
     assert look.end is not None
-    if look.kind in ("quantised", "counted", "rounded", "noisy"):
+    if look.kind in ("quantised", *MISREAD):
         middle = int(np.argmax(np.abs(np.diff(np.where(np.isfinite(values), values, 0.0)))))
         first = int(np.clip(middle - CLOSE // 2, 0, max(0, len(t) - CLOSE)))
         return first, min(len(t), first + CLOSE)

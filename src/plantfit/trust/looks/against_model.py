@@ -18,7 +18,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
 from plantfit.recording.looks.of_packages import looks_of_packages
 from plantfit.recording.record import Recording
-from plantfit.trust.looks.input_steps import input_steps, misread
+from plantfit.trust.looks.misreadings import misread, misreadings
 
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests
@@ -43,7 +43,7 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
     if not problem.in_time:
         return [look for name in problem.experiments for look in _same_in(problem, model, name)]
     found: list[Look] = []
-    steps = input_steps(problem)
+    steps = misreadings(problem)
     conditions = _conditions(problem, model)
     for name, e in problem.experiments.items():
         if e.steady:

@@ -1,5 +1,5 @@
 """Outputs that the model, anywhere within its bounds, moves ten times more or less than they were recorded, or at
-another level: a wrong unit, a wrong sign of what drives it, or bounds that leave the plant out."""
+another level: a wrong unit, or bounds that leave the plant out."""
 
 from collections.abc import Iterator
 from typing import NamedTuple
@@ -12,6 +12,7 @@ from plantfit.problem.evaluate.points import residuals, residuals_alone
 from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
+from plantfit.trust.verdict.words import interval, span, with_unit
 
 POINTS = (24, 240)  # random points of the box, and as many as have to agree before anything is told
 FEWEST = 0.5  # of them that can be simulated
@@ -54,10 +55,21 @@ def _looks(problem: Problem, model: Model, points: np.ndarray) -> Iterator[Look]
     found = [r for z in points if np.all(np.isfinite(r := np.asarray(evaluate(problem, z))))]
     if len(found) < FEWEST * len(points):
         return
-    first = next(iter(problem.experiments))
+    where = "recording" if len(problem.experiments) == 1 else "recordings"
+    name, e = next(iter(problem.experiments.items()))
+    ends = float(e.recording.t[0]), float(e.recording.t[-1])
     for output, parts in _parts(problem, found).items():
-        if (look := _told(output, model.outputs[output], _measured(parts), _simulated(parts), first)) is not None:
-            yield look
+        measured = _moved([y for y, _ in parts])
+        simulated = [_moved(list(one)) for one in zip(*(p for _, p in parts), strict=True)]
+        kind, told = "reach", _of_spread(measured, simulated, model.outputs[output])
+        if told is None:
+            kind, told = "level", _of_level(measured, simulated, model.outputs[output])
+        if told is not None:
+            verb, text, figures = told
+            text = f"At none of {len(found)} random points of the bounds does the model's {output} {verb}: {text}"
+            units = f"units of {output} and of the inputs" if model.inputs else f"unit of {output}"
+            text += f" in the {where}. Look at the {units}, and at the bounds."
+            yield Look(kind, "warning", name, output, text, *ends, "", figures)
 
 
 Parts = list[tuple[np.ndarray, list[np.ndarray]]]
@@ -70,24 +82,16 @@ def _parts(problem: Problem, found: list[np.ndarray]) -> dict[str, Parts]:
     heard: set[str] = set()
     start = 0
     for name, output in ((n, o) for n in problem.data["drive"] for o in problem.outputs):
-        y, index = problem.experiments[name].recording[output], problem.data["index"][name][output]
-        if not len(index):
+        y, measured = problem.experiments[name].recording[output], problem.data["measured"][name][output]
+        if not len(measured):
             continue
-        rows, start = slice(start, start + len(index)), start + len(index)
+        rows, start = slice(start, start + len(measured)), start + len(measured)
         weight = 1.0 if problem.weights is None else np.sqrt(problem.weights.get(name, 1.0))
         unit = problem.scales[output] / weight
-        parts.setdefault(output, []).append((y[index], [y[index] + unit * r[rows] for r in found]))
-        if float(np.std(y[index])) > HEARD * white_part(y):
+        parts.setdefault(output, []).append((measured, [measured + unit * r[rows] for r in found]))
+        if float(np.std(measured)) > HEARD * white_part(y):
             heard.add(output)
     return {output: part for output, part in parts.items() if output in heard}
-
-
-def _measured(parts: Parts) -> _Moved:
-    return _moved([m for m, _ in parts])
-
-
-def _simulated(parts: Parts) -> list[_Moved]:
-    return [_moved(list(one)) for one in zip(*(s for _, s in parts), strict=True)]
 
 
 def _moved(signals: list[np.ndarray]) -> _Moved:
@@ -104,39 +108,34 @@ def _spread(signals: list[np.ndarray]) -> float:
     return float(np.sqrt(np.mean(np.concatenate([(v - v.mean()) ** 2 for v in kept]))))
 
 
-def _told(output: str, unit: str | None, measured: _Moved, simulated: list[_Moved], recording: str) -> Look | None:
-    spreads, own = [s.spread for s in simulated], "" if unit in (None, "", "-", "1") else f" {unit}"
-    tried = f"At none of {len(simulated)} random points of the bounds"
-    ranges = ({"lowest": min(spreads), "highest": max(spreads), "recorded": measured.spread},)
-    if max(spreads) * FAR < measured.spread or _more(measured, simulated):
-        less = max(spreads) < measured.spread
-        text = (
-            f"{tried} does the model's {output} move as {'much' if less else 'little'} as the recorded one: its "
-            f"standard deviation is {_from_to(spreads)}{own} there, and {measured.spread:.3g}{own} in the recording"
-        )
-        kind = "reach"
-    else:
-        low, high = min(s.low for s in simulated), max(s.high for s in simulated)
-        gap = max(low - measured.high, measured.low - high)
-        if gap < AWAY * max(measured.spread, max(spreads)):
-            return None
-        text = (
-            f"{tried} does the model's {output} come to what was recorded: it is {_from_to([low, high])}{own} "
-            f"there, and {_from_to([measured.low, measured.high])}{own} in the recording"
-        )
-        ranges, kind = ({"lowest": low, "highest": high, "recorded": measured.low},), "level"
-    advice = f"Look at the units of {output} and of the inputs, and at the bounds."
-    return Look(kind, "warning", recording, output, f"{text}. {advice}", 0.0, 0.0, "", dict(*ranges))
+Told = tuple[str, str, dict[str, int | float | None]]
+"""What the model does not do, by which numbers, and these."""
+
+
+def _of_spread(measured: _Moved, simulated: list[_Moved], unit: str | None) -> Told | None:
+    """None where some simulation moves about as much as the recording."""
+    spreads = [s.spread for s in simulated]
+    less = max(spreads) * FAR < measured.spread
+    if not less and not _more(measured, simulated):
+        return None
+    verb = f"move as {'much' if less else 'little'} as the recorded one"
+    text = f"its standard deviation is {span(spreads, unit)} there, and {with_unit(measured.spread, unit)}"
+    return verb, text, {"lowest": min(spreads), "highest": max(spreads), "recorded": measured.spread}
+
+
+def _of_level(measured: _Moved, simulated: list[_Moved], unit: str | None) -> Told | None:
+    """None where some simulation comes near a recorded value."""
+    low, high = min(s.low for s in simulated), max(s.high for s in simulated)
+    largest = max(measured.spread, *(s.spread for s in simulated))
+    if max(low - measured.high, measured.low - high) < AWAY * largest:
+        return None
+    text = f"it is {interval(low, high, unit)} there, and {interval(measured.low, measured.high, unit)}"
+    return "come to what was recorded", text, {"lowest": low, "highest": high, "recorded": measured.low}
 
 
 def _more(measured: _Moved, simulated: list[_Moved]) -> bool:
     """Whether all simulations move much more than the recording, and not because they run away."""
     return all(s.spread > FAR * measured.spread and s.begun > FAR * measured.begun for s in simulated)
-
-
-def _from_to(values: list[float]) -> str:
-    low, high = f"{min(values):.3g}", f"{max(values):.3g}"
-    return low if low == high else f"{low} to {high}"
 
 
 __all__ = ["out_of_reach"]

@@ -319,13 +319,7 @@ def _all_flat(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentenc
 
 def _between(p: Row) -> str:
     """The range, empty for rows without one."""
-    return "" if not p.get("limits") or p.get("low") is None else _interval(p)
-
-
-def _interval(p: Row) -> str:
-    if number(p["low"]) == number(p["high"]):
-        return interval(p["low"], p["high"], p["unit"])
-    return f"{number(p['low'])} to {with_unit(p['high'], p['unit'])}"
+    return "" if not p.get("limits") or p.get("low") is None else interval(p["low"], p["high"], p["unit"])
 
 
 def _condition(p: Row, needs: Mapping[str, Any]) -> str:
@@ -364,7 +358,7 @@ def _allowed(p: Row) -> str:
     if ends is None:
         if not p.get("limits"):
             searched = f"{number(p['lower_bound'])} to {with_unit(p['upper_bound'], p['unit'])}"
-            return f"the data allow {_interval(p)}, of {searched} that was searched"
+            return f"the data allow {interval(p['low'], p['high'], p['unit'])}, of {searched} that was searched"
         return f"the data allow all that is possible, {number(p['low'])} to {with_unit(p['high'], p['unit'])}"
     low = ends == "upper" and p["low"] != least  # the data set a lower end
     high = ends == "lower" and p["high"] != most

@@ -45,40 +45,20 @@ def convergence_figure(methods: Sequence[MethodRuns]) -> Figure:
     return found
 
 
-def pressures(problem: Problem, z: np.ndarray) -> dict[str, np.ndarray]:
-    """Simulated pressure (n,) in bar of every opening at a cube point (d,), from rest.
-
-    All openings by one compiled function, where `Problem.predict` compiles one for each length of a record.
-    """
-    left, found = np.asarray(problem.residuals(z)) * problem.scales["y"], {}
-    for name, e in problem.experiments.items():
-        index, measured = problem.data["index"][name]["y"], problem.data["measured"][name]["y"]
-        own, left = left[: len(index)], left[len(index) :]
-        weight = 1.0 if problem.weights is None else problem.weights[name]
-        found[name] = np.zeros(len(e.recording))
-        found[name][index] = measured + own / np.sqrt(weight)
-    return found
-
-
 def fit_figure(
-    problem: Problem,
-    simulated: Mapping[str, Mapping[str, np.ndarray]],
-    name: str,
-    zoom: tuple[float, float] | None = None,
+    problem: Problem, answers: Mapping[str, np.ndarray], name: str, zoom: tuple[float, float] | None = None
 ) -> Figure:
-    """Figure 5: pressure of one opening, measured and `simulated` by the best answer of each method, whole or in a
-    zoom (s)."""
+    """Figure 5: pressure of one opening, measured and by the best answer of each method, whole or in a zoom (s)."""
     recording = problem.experiments[name].recording
     t = recording.t
     part = np.ones(len(t), bool) if zoom is None else (t >= zoom[0]) & (t <= zoom[1])
     data = [
         _line(t[part], recording["y"][part], "measured", {"color": style.MEASURED, "width": 1.0}) | {"opacity": 0.8}
     ]
-    palette = colours(list(simulated))
-    for k, (label, by_opening) in enumerate(simulated.items()):
-        data.append(
-            _line(t[part], by_opening[name][part], label, {"color": palette[label][0], "dash": _dash(k), "width": 1.6})
-        )
+    palette = colours(list(answers))
+    for k, (label, z) in enumerate(answers.items()):
+        y = problem.predict(problem.space.physical(z), name)["y"]
+        data.append(_line(t[part], y[part], label, {"color": palette[label][0], "dash": _dash(k), "width": 1.6}))
     layout = _layout(330, "time [s]", "pressure [bar]")
     if zoom is not None:
         measured = recording["y"][part]
@@ -86,14 +66,14 @@ def fit_figure(
     return {"data": data, "layout": layout}
 
 
-def error_figure(problem: Problem, simulated: Mapping[str, Mapping[str, np.ndarray]]) -> Figure:
+def error_figure(problem: Problem, answers: Mapping[str, np.ndarray]) -> Figure:
     """Figure 6: absolute errors summed over the openings whose record still runs, moving mean over 2 s."""
-    palette, data = colours(list(simulated)), []
+    palette, data = colours(list(answers)), []
     longest = max((e.recording for e in problem.experiments.values()), key=len)
-    for k, (label, by_opening) in enumerate(simulated.items()):
+    for k, (label, z) in enumerate(answers.items()):
         total = np.zeros(len(longest))
         for name, e in problem.experiments.items():
-            y = by_opening[name]
+            y = problem.predict(problem.space.physical(z), name)["y"]
             total[1 : len(y)] += np.abs(y - e.recording["y"])[1:]
         shown = np.convolve(total[1:], np.ones(SMOOTHED) / SMOOTHED, mode="valid")
         at = longest.t[1 + SMOOTHED // 2 :][: len(shown)]

@@ -242,7 +242,6 @@ def answers_section(
     and Td (opening,)."""
     tables = {label: tables_of(problem, z) for label, z in answers.items()} | {"truth of the rig": truth}
     settled = np.array([float(np.nanmax(e.recording["y"])) for e in problem.experiments.values()])
-    simulated = {label: figures.pressures(problem, z) for label, z in answers.items()}
     last = list(answers)[-1]
     delays = {label: tables[label]["Td"] for label in answers}
     inside = sum(a <= t <= b for (a, b), t in zip(intervals.values(), truth["Td"], strict=False))
@@ -262,13 +261,13 @@ def answers_section(
         "title": "What the methods found: figures 2 and 5 to 8",
         "sentences": told,
         "figures": [
-            {"figure": figures.fit_figure(problem, simulated, SHOWN), "label": "Pressure at 40 % opening (figure 5)"},
+            {"figure": figures.fit_figure(problem, answers, SHOWN), "label": "Pressure at 40 % opening (figure 5)"},
             {
-                "figure": figures.fit_figure(problem, simulated, SHOWN, ZOOM),
+                "figure": figures.fit_figure(problem, answers, SHOWN, ZOOM),
                 "label": f"The same, {ZOOM[0]:g} to {ZOOM[1]:g} s",
             },
             {
-                "figure": figures.error_figure(problem, simulated),
+                "figure": figures.error_figure(problem, answers),
                 "label": "Errors summed over openings, moving mean over 2 s; dotted: a record ends (figure 6)",
             },
             {

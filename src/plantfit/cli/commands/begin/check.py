@@ -33,9 +33,9 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     z = point(problem, numbers_by_name("--at", at))
     problem, error = steps_and_error(problem, z)
     from plantfit.trust.looks import problem_looks
-    from plantfit.trust.looks.input_steps import input_steps, step_looks, telling
+    from plantfit.trust.looks.misreadings import misreading_looks, misreadings, telling
 
-    looks = [*problem_looks(problem), *step_looks(problem, telling(problem, input_steps(problem)))]
+    looks = [*problem_looks(problem), *misreading_looks(problem, telling(problem, misreadings(problem)))]
     record: dict[str, Any] = {
         **_understood(study, problem),
         "data": [*_of_regression(study), *(look.record for look in looks)],

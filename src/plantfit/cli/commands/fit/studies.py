@@ -184,7 +184,7 @@ def _answer(study, opened, number: int, seconds, prepared=None):
 
 def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bool = False) -> dict[str, Any]:
     """Judge, diagnose, write the report and say the verdict; gives back what `--json` prints."""
-    from plantfit.recording.looks.look import IN_VERDICT
+    from plantfit.recording.looks.look import IN_VERDICT, MISREAD
     from plantfit.report import uncertainty_text
 
     name = study.name
@@ -199,7 +199,7 @@ def _deliver(answer, place: Path, study, json: bool, diagnose: bool, several: bo
         if several:
             out.print(f"\n{name}", markup=False, style="bold")
         verdict(answer.findings)
-        say_looks([look for look in answer.findings["data"] if look["kind"] not in IN_VERDICT])
+        say_looks([look for look in answer.findings["data"] if look["kind"] not in {*IN_VERDICT, *MISREAD}])
         if answer.errors:
             out.print(f"\n{uncertainty_text(answer.findings)}", markup=False)
         if (answer.findings["diagnosis"] or {}).get("next"):

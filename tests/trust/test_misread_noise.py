@@ -11,13 +11,15 @@ from plantfit.problem import Experiment
 from plantfit.recording.looks.noisy import reading_noise
 from plantfit.spec import load
 from plantfit.study.objective import objective_of
-from plantfit.trust.intervals.input_steps import allowing_for_steps, moves
 from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.intervals.misreadings import allowing_for_misreadings, moves
 from plantfit.trust.intervals.parameter_rows import parameter_rows
 from plantfit.trust.intervals.ranges import Range
-from plantfit.trust.looks.input_steps import input_steps
+from plantfit.trust.looks.misreadings import misreading_looks, misreadings, telling
+from plantfit.trust.verdict.misreadings import misreading_sentences
 
 N, CAPACITY, NOISE = 1200, 500.0, 0.04
+KINDS = {"rounded": "u", "noisy": "i"}
 CELL = equations(
     "s' = -i/Q\nv = 3.0 + s",
     inputs={"i": "A"},
@@ -90,12 +92,12 @@ def test_intervals_hold_where_those_by_the_outputs_noise_do_not():
             k: Range(v - 1.96 * e, v + 1.96 * e)
             for k, (v, e) in enumerate(zip(local.values, local.standard_error, strict=True))
         }
-        rows, looks = allowing_for_steps(problem, z, local, parameter_rows(problem.space, local, set(), ends))
+        rows, looks = allowing_for_misreadings(problem, z, local, parameter_rows(problem.space, local, set(), ends))
         held["output"] += abs(local.values[0] - CAPACITY) < 1.96 * local.standard_error[0]
         held["both"] += rows[0]["low"] < CAPACITY < rows[0]["high"]
         assert [look.kind for look in looks] == ["noisy"]
         found.append(local.values[0] - CAPACITY)
-        told.append(moves(problem, z, local, input_steps(problem)).values[0])
+        told.append(moves(problem, z, local, misreadings(problem)).values[0])
     assert held["output"] < 0.5 * len(seeds), held
     assert held["both"] >= 0.9 * len(seeds), held
     assert np.sqrt(np.mean(np.square(told))) < 1.4 * np.std(found)
@@ -109,7 +111,7 @@ def test_what_looks_like_noise_and_was_there_widens_nothing():
         s = 0.8 - np.r_[0.0, np.cumsum(i[:-1])] / CAPACITY
         signals = {"i": Signal(i, "A"), "v": Signal(3.0 + s + 1e-3 * draw.normal(size=N), None)}
         problem = Problem(CELL, Experiment(Recording(t, signals, "cell")), SPACE)
-        assert [s.kind for s in input_steps(problem)] == ["noisy"]
+        assert [s.kind for s in misreadings(problem)] == ["noisy"]
         found = fit(problem, budget=600).findings
         assert found["parameters"][0]["by_steps"] is None
         assert not any("noise (i)" in v["sentence"] for v in found["verdict"])
@@ -126,15 +128,50 @@ def test_the_verdict_names_the_noise_and_the_line_that_says_there_is_none():
     assert exact.findings["parameters"][0]["by_steps"] is None
 
 
+LAG = equations(
+    "x' = (K*u - x)/tau\ny = x",
+    inputs=["u"], states={"x": {"initial": 0.0}}, outputs=["y"], parameters={"K": "1", "tau": "s"},
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("noise", "there", "said"), [(0.02, 1e-3, True), (0.02, 0.5, False), (0.0, 1e-3, False)])
+def test_a_check_speaks_of_noise_by_that_of_the_output(noise, there, said):
+    draw, t = np.random.default_rng(2), 0.1 * np.arange(float(N))
+    u, y = levels(draw, stays=20), np.zeros(N)
+    for k in range(N - 1):
+        y[k + 1] = y[k] + (2.0 * u[k] - y[k]) * (1.0 - np.exp(-0.1 / 0.5))
+    signals = {"u": Signal(u + noise * draw.normal(size=N)), "y": Signal(y + there * draw.normal(size=N))}
+    problem = Problem(LAG, Recording(t, signals, "a"), {"K": Parameter((0.1, 9)), "tau": Parameter((0.1, 9), "s")})
+    looks = misreading_looks(problem, telling(problem, misreadings(problem)))
+    assert [look.kind for look in looks] == ["noisy"] * said
+    for look in looks:
+        assert "u was read with noise of 0.02" in look.sentence
+        assert "If the plant got what is recorded, write noisy = { u = 0 }." in look.sentence
+
+
+def test_errors_of_several_kinds_are_told_together():
+    rows = [{"name": "Q", "by_steps": 3.0, "standard_error": 3.5, "value": 500.0, "low": 493.0, "high": 507.0,
+             "unit": "A*s"}]  # fmt: skip
+    figures = {"steps": 40.0, "steps_a_sample": 3.0, "left": 0.3, "told": 1}
+    looks = [{"kind": kind, "signal": u, "recording": "a", "figures": figures} for kind, u in KINDS.items()]
+    for some, better in ((KINDS, "finer steps and quieter readings"), (("noisy",), "quieter readings")):
+        (said,) = misreading_sentences({"parameters": rows, "data": [k for k in looks if k["kind"] in some]})
+        assert f"only {better} narrow the interval" in said["sentence"]
+        assert ("readings in steps (u)" in said["sentence"]) == (len(some) > 1)
+        assert "readings with noise (i), 2.5 % of their range" in said["sentence"]
+    assert not list(misreading_sentences({"parameters": rows, "data": []}))
+    assert not list(misreading_sentences({"parameters": [rows[0] | {"by_steps": None}], "data": looks}))
+
+
 def test_what_is_told_counts_in_place_of_what_is_seen_in_the_units_of_the_model():
-    (seen,) = input_steps(Problem(CELL, drive(1), SPACE))
+    (seen,) = misreadings(Problem(CELL, drive(1), SPACE))
     assert (seen.kind, seen.told) == ("noisy", False)
     assert seen.size == pytest.approx(NOISE, rel=0.1)
     e = drive(1)
     milli = Recording(e.recording.t, {"i": Signal(1e3 * e.recording["i"], "mA"), "v": e.recording.signals["v"]}, "cell")
-    (told,) = input_steps(Problem(CELL, Experiment(milli, noisy={"i": 250.0}), SPACE))
+    (told,) = misreadings(Problem(CELL, Experiment(milli, noisy={"i": 250.0}), SPACE))
     assert (told.kind, told.size, told.told) == ("noisy", pytest.approx(0.25), True)
-    assert input_steps(Problem(CELL, drive(1, rounded={"i": 0.0}), SPACE)) == []
+    assert misreadings(Problem(CELL, drive(1, rounded={"i": 0.0}), SPACE)) == []
 
 
 def test_noise_that_cannot_be_is_refused():
@@ -167,4 +204,4 @@ outputs = ["v"]
 Q = { unit = "A*s", bounds = [100, 5000] }
 s0 = { unit = "", bounds = [0, 2] }
 """)
-    assert [(s.size, s.told) for s in input_steps(load(tmp_path / "cell.toml").problem)] == [(0.3, True)]
+    assert [(s.size, s.told) for s in misreadings(load(tmp_path / "cell.toml").problem)] == [(0.3, True)]

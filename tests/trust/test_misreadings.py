@@ -10,11 +10,11 @@ from plantfit.problem import Experiment
 from plantfit.spec import load
 from plantfit.spec.recordings import counted_signals
 from plantfit.study.objective import objective_of
-from plantfit.trust.intervals.input_steps import allowing_for_steps, moves
 from plantfit.trust.intervals.linearised import linearise
+from plantfit.trust.intervals.misreadings import allowing_for_misreadings, moves
 from plantfit.trust.intervals.parameter_rows import parameter_rows
 from plantfit.trust.intervals.ranges import Range
-from plantfit.trust.looks.input_steps import input_steps, telling
+from plantfit.trust.looks.misreadings import misreadings, telling
 
 RADIUS, PERIOD, N = 0.03, 0.01, 300
 WHEEL = equations(
@@ -61,7 +61,7 @@ def test_intervals_hold_where_those_by_the_noise_do_not():
     held = {"noise": 0, "steps": 0}
     seeds = range(1, 61)
     for problem, z, local in answers(40, seeds):
-        rows, looks = allowing_for_steps(problem, z, local, rows_of(problem, z, local))
+        rows, looks = allowing_for_misreadings(problem, z, local, rows_of(problem, z, local))
         off = abs(local.values[0] - RADIUS)
         held["noise"] += off < 1.96 * local.standard_error[0]
         held["steps"] += rows[0]["low"] < RADIUS < rows[0]["high"]
@@ -74,7 +74,7 @@ def test_intervals_hold_where_those_by_the_noise_do_not():
 def test_of_fine_steps_nothing_is_said_and_nothing_widened():
     for problem, z, local in answers(40_000, range(3)):
         rows = rows_of(problem, z, local)
-        wider, looks = allowing_for_steps(problem, z, local, rows)
+        wider, looks = allowing_for_misreadings(problem, z, local, rows)
         assert looks == []
         assert wider == [{**row, "by_steps": None} for row in rows]
 
@@ -87,7 +87,7 @@ def test_the_moves_are_the_scatter_of_answers_without_noise():
         start = problem.space.cube(problem.space.vector({"r": RADIUS, "x0": 0.0}))
         z = minimise(objective_of(problem, start[None, :]), "least_squares", budget=300, settings={"agree": 1})[0].x
         found.append(float(problem.space.physical(z)[0]) - RADIUS)
-        told.append(moves(problem, z, linearise(problem, z), input_steps(problem)).values[0])
+        told.append(moves(problem, z, linearise(problem, z), misreadings(problem)).values[0])
     assert 0.8 < np.sqrt(np.mean(np.square(told))) / np.sqrt(np.mean(np.square(found))) < 1.5
 
 
@@ -134,8 +134,8 @@ def test_readings_that_look_rounded_are_named_with_the_line_that_says_they_were_
     assert not [look for look in answer.findings["data"] if look["kind"] == "feedback"]
     assert answer.findings["parameters"][0]["by_steps"] > 0
     commanded = Experiment(record, rounded={"u": 0.0})
-    assert input_steps(Problem(plant, commanded, space)) == []
-    assert input_steps(Problem(plant, Experiment(record, rounded={"u": 0.4}), space))[0].told
+    assert misreadings(Problem(plant, commanded, space)) == []
+    assert misreadings(Problem(plant, Experiment(record, rounded={"u": 0.4}), space))[0].told
 
 
 LAG = equations(
@@ -193,9 +193,9 @@ def test_of_a_command_in_fine_steps_residuals_tell_that_the_plant_got_it():
 def test_a_check_speaks_of_steps_by_the_noise_of_the_output():
     for noise, said in ((0.005, True), (0.5, False)):
         problem = Problem(LAG, fine_steps(1, noise=noise), LAG_SPACE, hold={"u": "linear"})
-        assert bool(telling(problem, input_steps(problem))) is said
+        assert bool(telling(problem, misreadings(problem))) is said
     told = Problem(LAG, Experiment(fine_steps(1, noise=0.5), rounded={"u": 0.02}), LAG_SPACE, hold={"u": "linear"})
-    assert telling(told, input_steps(told))
+    assert telling(told, misreadings(told))
 
 
 def test_steps_follow_the_unit_of_their_signal():
@@ -203,7 +203,7 @@ def test_steps_follow_the_unit_of_their_signal():
     turns = Recording(
         r.recording.t, {**r.recording.signals, "w": Signal(r.recording["w"] * 60 / (2 * np.pi), "rpm")}, "drive"
     )
-    step = input_steps(Problem(WHEEL, Experiment(turns, counted={"w": r.counted["w"] * 60 / (2 * np.pi)}), SPACE))[0]
+    step = misreadings(Problem(WHEEL, Experiment(turns, counted={"w": r.counted["w"] * 60 / (2 * np.pi)}), SPACE))[0]
     assert step.size == pytest.approx(2 * np.pi / 40, rel=1e-12)
 
 
@@ -269,7 +269,7 @@ bounds = [0.1, 10]
 unit = "s"
 """)
     problem = load(tmp_path / "a.toml").problem
-    assert input_steps(problem) == []
+    assert misreadings(problem) == []
     text = (tmp_path / "a.toml").read_text()
     (tmp_path / "a.toml").write_text(text.replace("[model]", "counted = { w = 0.1 }\n[model]"))
     with pytest.raises(PlantfitError, match="counted names 'w', which is no input of the model"):
@@ -282,9 +282,9 @@ def test_recordings_err_each_by_itself():
         WHEEL, {"one": one, "two": two}, {"r": SPACE["r"], "x0": Parameter((-1.0, 1.0), "m", per_recording=True)}
     )
     start = together.space.cube(together.space.vector({"r": RADIUS, "x0[one]": 0.0, "x0[two]": 0.0}))
-    both = moves(together, start, linearise(together, start), input_steps(together)).values[0]
+    both = moves(together, start, linearise(together, start), misreadings(together)).values[0]
     alone = [
-        moves(p, z, linearise(p, z), input_steps(p)).values[0]
+        moves(p, z, linearise(p, z), misreadings(p)).values[0]
         for p in (Problem(WHEEL, one, SPACE), Problem(WHEEL, two, SPACE))
         for z in [p.space.cube(p.space.vector({"r": RADIUS, "x0": 0.0}))]
     ]

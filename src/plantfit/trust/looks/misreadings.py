@@ -20,7 +20,7 @@ HEARD = 0.3  # times the noise of an output, from which on steps are spoken of b
 
 
 @dataclass(frozen=True)
-class InputSteps:
+class Misreading:
     """Steps or noise of an input in one recording. `size` is in the model's unit, times seconds where the input is a
     speed made of counts; of noise the standard deviation."""
 
@@ -31,7 +31,7 @@ class InputSteps:
     told: bool  # by the study, not seen in the readings
 
 
-def input_steps(problem: Problem) -> list[InputSteps]:
+def misreadings(problem: Problem) -> list[Misreading]:
     """The inputs that were read in steps or with noise: those of which the recordings say so, and those that look so.
 
     Where noise is seen, it is much of what steps would be taken for, and they are not looked for.
@@ -46,18 +46,18 @@ def input_steps(problem: Problem) -> list[InputSteps]:
     return found
 
 
-def _of_input(name: str, e: Experiment, u: str) -> list[InputSteps]:
+def _of_input(name: str, e: Experiment, u: str) -> list[Misreading]:
     every: dict[Kind, Mapping[str, float]] = {"counted": e.counted, "rounded": e.rounded, "noisy": e.noisy}
     told = {k: own[u] for k, own in every.items() if u in own}
-    found = [InputSteps(name, u, k, size, True) for k, size in told.items() if size > 0]
+    found = [Misreading(name, u, k, size, True) for k, size in told.items() if size > 0]
     if not told and (noise := reading_noise(e.recording[u])) is not None:
-        return [InputSteps(name, u, "noisy", noise, False)]
+        return [Misreading(name, u, "noisy", noise, False)]
     if not told.keys() & {"counted", "rounded"} and (seen := rounded_step(e.recording[u])) is not None:
-        found.append(InputSteps(name, u, "rounded", seen, False))
+        found.append(Misreading(name, u, "rounded", seen, False))
     return found
 
 
-def misread(e: Experiment, s: InputSteps) -> float:
+def misread(e: Experiment, s: Misreading) -> float:
     """The error (rms) of single readings of an input that is even within its steps."""
     if s.kind == "noisy":
         return s.size
@@ -68,7 +68,7 @@ def misread(e: Experiment, s: InputSteps) -> float:
     )
 
 
-def telling(problem: Problem, steps: Sequence[InputSteps]) -> list[InputSteps]:
+def telling(problem: Problem, steps: Sequence[Misreading]) -> list[Misreading]:
     """Those steps that may move parameters beside the noise of the outputs, as far as it can be told before a fit; all
     that were told.
 
@@ -78,7 +78,7 @@ def telling(problem: Problem, steps: Sequence[InputSteps]) -> list[InputSteps]:
     return [s for s in steps if s.told or s.kind == "counted" or _beside_noise(problem, s) > HEARD]
 
 
-def _beside_noise(problem: Problem, s: InputSteps) -> float:
+def _beside_noise(problem: Problem, s: Misreading) -> float:
     """The error of readings at an output, averaged as long as one reading stays, over the noise that is averaged as
     long."""
     e = problem.experiments[s.recording]
@@ -94,7 +94,7 @@ def _beside_noise(problem: Problem, s: InputSteps) -> float:
     return found
 
 
-def step_looks(problem: Problem, steps: Sequence[InputSteps], left: float | None = None) -> list[Look]:
+def misreading_looks(problem: Problem, steps: Sequence[Misreading], left: float | None = None) -> list[Look]:
     """What is to be said of inputs in steps: how many steps there are in their movement, and in a sample.
 
     `left` is the share of the residuals' mean square that the steps may be, None where there are no residuals yet. What
@@ -104,7 +104,7 @@ def step_looks(problem: Problem, steps: Sequence[InputSteps], left: float | None
     return [_look(problem, s, left, s is first) for s in steps]
 
 
-def _look(problem: Problem, s: InputSteps, left: float | None, first: bool) -> Look:
+def _look(problem: Problem, s: Misreading, left: float | None, first: bool) -> Look:
     recording = problem.experiments[s.recording].recording
     values, t = recording[s.signal], recording.t
     own = recording.signals[s.signal].unit
@@ -160,4 +160,4 @@ def as_exact(signal: str) -> str:
     return f"noisy = {{ {signal} = 0 }}"
 
 
-__all__ = ["InputSteps", "as_commanded", "as_exact", "input_steps", "misread", "step_looks", "telling"]
+__all__ = ["Misreading", "as_commanded", "as_exact", "misread", "misreading_looks", "misreadings", "telling"]

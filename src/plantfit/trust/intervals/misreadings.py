@@ -23,7 +23,7 @@ from plantfit.recording.signals.unrounded import renoised, reread
 from plantfit.trust.intervals.linearised import Local, named_blocks
 from plantfit.trust.intervals.parameter_rows import judged
 from plantfit.trust.intervals.ranges import Range
-from plantfit.trust.looks.input_steps import InputSteps, input_steps, step_looks
+from plantfit.trust.looks.misreadings import Misreading, misreading_looks, misreadings
 
 PLACES = 16  # of the steps, at which readings are made
 DRAWN = 2  # times as many of noise, which is drawn and not spread evenly
@@ -38,7 +38,7 @@ RCOND = 1e-12  # of the largest singular value: directions below are open
 Row = dict[str, Any]
 
 
-def allowing_for_steps(
+def allowing_for_misreadings(
     problem: Problem, z: np.ndarray, local: Local, rows: Sequence[Row]
 ) -> tuple[list[Row], list[Look]]:
     """The rows of the parameters at the answer z (d,), wider where steps of inputs move them, and a look at every such
@@ -48,7 +48,7 @@ def allowing_for_steps(
     nothing changes and no row has one; where none by a quarter, there are no looks.
     """
     plain = [{**row, "by_steps": None} for row in rows]
-    steps = input_steps(problem)
+    steps = misreadings(problem)
     places = {n: i for i, n in enumerate(problem.space.names)}
     if not steps or not any(_bounded(row) for row in rows):
         return plain, []
@@ -64,7 +64,7 @@ def allowing_for_steps(
     times = max(
         w["standard_error"] / row["standard_error"] for w, row in zip(wider, rows, strict=True) if _bounded(row)
     )
-    return wider if times > NOTICED else plain, step_looks(problem, steps, moved.left) if times > TOLD else []
+    return wider if times > NOTICED else plain, misreading_looks(problem, steps, moved.left) if times > TOLD else []
 
 
 def claimed(determined: Determined | None, rows: Sequence[Row]) -> Determined | None:
@@ -100,7 +100,7 @@ def _may_matter(rows: Sequence[Row], places: Mapping[str, int], moved: np.ndarra
     )
 
 
-def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSteps], count: int = PLACES) -> Moves:
+def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[Misreading], count: int = PLACES) -> Moves:
     """By how much steps move the values and the residuals, of so many other readings; parameters that a bound holds
     do not move."""
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
@@ -135,7 +135,7 @@ def moves(problem: Problem, z: np.ndarray, local: Local, steps: Sequence[InputSt
     )
 
 
-def _refuted(moved: Moves, steps: Sequence[InputSteps]) -> bool:
+def _refuted(moved: Moves, steps: Sequence[Misreading]) -> bool:
     """Whether residuals say that the plant got what was read, of steps that nobody told. What noise leaves in a plant
     that sums its input up wanders, and shows a tenth of its correlation or twice of it in one record: residuals have
     to show none."""
@@ -144,7 +144,7 @@ def _refuted(moved: Moves, steps: Sequence[InputSteps]) -> bool:
     return not any(s.kind == "noisy" for s in steps) or moved.shown < 3.0 * moved.error
 
 
-def _read_again(recording: Recording, s: InputSteps, count: int) -> list[Recording]:
+def _read_again(recording: Recording, s: Misreading, count: int) -> list[Recording]:
     """The recording with so many other errors of an input of the same kind."""
     if s.kind == "noisy":
         return renoised(recording, s.signal, s.size, DRAWN * count)
@@ -188,4 +188,4 @@ def _wider(row: Row, problem: Problem, local: Local, at: int, moved: np.ndarray)
     }  # fmt: skip
 
 
-__all__ = ["Moves", "allowing_for_steps", "claimed", "moves"]
+__all__ = ["Moves", "allowing_for_misreadings", "claimed", "moves"]

@@ -1,19 +1,21 @@
-"""What the verdict says about inputs: of the steps in which they were read, and of how they go on between samples."""
+"""What the verdict says about inputs: of the steps or noise with which they were read, and of how they go on between
+samples."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from plantfit.trust.looks.input_steps import as_commanded, as_exact
+from plantfit.recording.looks.look import MISREAD
+from plantfit.trust.looks.misreadings import as_commanded, as_exact
 from plantfit.trust.verdict.words import Sentence, interval, number, say, some, with_unit
 
 SHOWN = 0.2  # share of the residuals' mean square from which on they are said to show the steps
 
 
-def input_step_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+def misreading_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """One sentence where steps of inputs widen intervals, with the inputs, their steps, and the parameter that they
     move most."""
     rows = [p for p in findings["parameters"] if p.get("by_steps") and p["standard_error"]]
-    looks = [look for look in findings["data"] if look["kind"] in ("counted", "rounded", "noisy")]
+    looks = [look for look in findings["data"] if look["kind"] in MISREAD]
     if not rows or not looks:
         return
     worst = max(rows, key=_times)
@@ -93,7 +95,7 @@ def _times(p: Mapping[str, Any]) -> float:
 def _told(looks: list[Mapping[str, Any]]) -> str:
     """Inputs by how they were read, the coarsest of each kind with its numbers."""
     parts = []
-    for kind in ("counted", "rounded", "noisy"):
+    for kind in MISREAD:
         own = [look for look in looks if look["kind"] == kind]
         if not own:
             continue
@@ -114,4 +116,4 @@ def _told(looks: list[Mapping[str, Any]]) -> str:
     return " ".join(parts)
 
 
-__all__ = ["input_step_sentences"]
+__all__ = ["misreading_sentences"]
