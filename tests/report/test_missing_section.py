@@ -207,3 +207,17 @@ def test_levels_are_drawn_near():
     figure = pictured("quantised", 0.0, 39.9, np.round(Y / 0.25) * 0.25)
     assert figure is not None
     assert len(figure["data"][0]["x"]) == 120
+
+
+def test_noise_of_an_input_is_drawn_on_its_longest_level():
+    noise = 0.01 * np.random.default_rng(0).normal(size=len(T))
+    steps = np.where(np.arange(len(T)) < 150, 0.0, np.where(np.arange(len(T)) < 300, 5.0, 2.0))
+    figure = pictured("noisy", 0.0, 39.9, steps + noise, figures={"step": 0.01})
+    assert figure is not None
+    drawn = np.array(figure["data"][0]["y"], dtype=float)
+    assert len(drawn) == max(150, len(T) - 300)
+    assert np.ptp(drawn) < 0.1
+    # one that moves all the time, whose noise the study states, has no level
+    figure = pictured("noisy", 0.0, 39.9, 5.0 * np.sin(T) + noise, figures={"step": 1e-4})
+    assert figure is not None
+    assert len(figure["data"][0]["x"]) == 120

@@ -24,7 +24,7 @@ def reading_noise(values: np.ndarray) -> float | None:
     if len(y) < JUMPS * FEWEST or np.mean(apart > 0) < COVERED:
         return None
     size = NORMAL_MAD * float(np.median(apart)) / np.sqrt(2.0)
-    ends = np.flatnonzero(apart > JUMP * np.sqrt(2.0) * size) + 1
+    ends = _jumps(y, size)
     levels = [v for v in np.split(y, ends) if len(v) >= FEWEST]
     if size <= 0 or size > MOST * float(np.ptp(y)) or len(ends) < JUMPS or sum(map(len, levels)) < COVERED * len(y):
         return None
@@ -35,3 +35,15 @@ def reading_noise(values: np.ndarray) -> float | None:
     even = squares[:, 0] < ODD * about  # not those in which a smaller jump is hidden
     weights = np.array([len(v) - 1.0 for v in levels])
     return float(np.sqrt(np.average(squares[even, 0], weights=weights[even])))
+
+
+def longest_level(values: np.ndarray, size: float) -> tuple[int, int]:
+    """Places from and to which a signal (n,) with noise of a standard deviation `size` stays at one level longest."""
+    ends = np.r_[0, _jumps(values, size), len(values)]
+    longest = int(np.argmax(np.diff(ends)))
+    return int(ends[longest]), int(ends[longest + 1])
+
+
+def _jumps(values: np.ndarray, size: float) -> np.ndarray:
+    """Places of the samples with which another level begins."""
+    return np.flatnonzero(np.abs(np.diff(values)) > JUMP * np.sqrt(2.0) * size) + 1

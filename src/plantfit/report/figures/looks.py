@@ -6,6 +6,7 @@ import numpy as np
 
 from plantfit.findings import Recording, array
 from plantfit.recording.looks.look import MISREAD, Look
+from plantfit.recording.looks.noisy import FEWEST, longest_level
 from plantfit.recording.looks.signals import LAGS, news_told
 from plantfit.report.decimate import envelope
 from plantfit.report.figures import style
@@ -100,6 +101,9 @@ def _window(look: Look, t: np.ndarray, values: np.ndarray) -> tuple[int, int]:
     """Places from and to which the signal is drawn."""
     assert look.begin is not None
     assert look.end is not None
+    size = look.figures.get("step") if look.kind == "noisy" else None
+    if size is not None and (level := longest_level(values, size))[1] - level[0] >= FEWEST:
+        return level  # beside jumps the noise would not be seen
     if look.kind in ("quantised", *MISREAD):
         middle = int(np.argmax(np.abs(np.diff(np.where(np.isfinite(values), values, 0.0)))))
         first = int(np.clip(middle - CLOSE // 2, 0, max(0, len(t) - CLOSE)))
