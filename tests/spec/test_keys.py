@@ -136,12 +136,17 @@ def test_a_file_of_another_kind_is_recognised(name, text, told):
         ("[recording.a]", "hold = {}", "[model] or [control]"),
         ("[model]", "split = 0.7", "[recording.NAME]"),
         ("[model]", 'balance = "samples"', "no table, at the top of the file"),
-        ("[recording.a]", "seed = 3", "[search]"),
+        ("[model]", "budget = 3", "[search] or [estimate]"),
     ],
 )
 def test_a_key_of_another_table_is_told_its_place(place, key, home):
     said = refused(f"{HEAD}[model]\n".replace(place, f"{place}\n{key}", 1))
     assert said.endswith(f"is not known; it stands under {home}.")
+
+
+def test_a_key_of_another_table_that_is_like_one_there_is_asked_for():
+    said = refused(f"{HEAD}seed = 3\n[model]\n")
+    assert said.endswith("is not known; did you mean 'sheet'? Or is it meant for [search] or [estimate]?")
 
 
 def test_a_key_of_no_table_is_not():

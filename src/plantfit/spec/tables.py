@@ -393,9 +393,11 @@ def _sentence(error: ValidationError, raw: Mapping[str, Any], path: Path) -> str
     if first["type"] == "extra_forbidden":
         owner = _owner(first["loc"][:-1])
         near = difflib.get_close_matches(str(first["loc"][-1]), owner, 1)
-        homes = [] if near else _homes(str(first["loc"][-1]))
-        hint = f"did you mean {near[0]!r}?" if near else f"known there: {', '.join(owner)}."
-        hint = f"it stands under {' or '.join(homes)}." if homes else hint
+        homes = " or ".join(_homes(str(first["loc"][-1])))
+        if near:
+            hint = f"did you mean {near[0]!r}?" + (f" Or is it meant for {homes}?" if homes else "")
+        else:
+            hint = f"it stands under {homes}." if homes else f"known there: {', '.join(owner)}."
         return f"{path.name}: key {key!r} is not known; {hint}"
     if first["type"] == "missing" and not short:
         return f"{path.name}: key {key!r} is missing; add it."
