@@ -59,21 +59,21 @@ class Rig:
     covariance: Callable | None = None
 
 
-def _problem(model, t, signals, parameters, substeps=2):
+def _problem(model, t, signals, parameters, substeps=2, estimator=None):
     from plantfit import Problem, Recording, Signal
 
     units = dict(model.inputs)
     record = {n: Signal(v, units.get(n)) for n, v in signals.items()} | {
         o: Signal(np.zeros(len(t)), u) for o, u in model.outputs.items()
     }
-    return Problem(model, Recording(t, record, "run"), parameters, substeps=substeps)
+    return Problem(model, Recording(t, record, "run"), parameters, substeps=substeps, estimator=estimator)
 
 
 def _prbs(n: int, hold: int, seed: int) -> np.ndarray:
     return np.repeat(np.where(np.random.default_rng(seed).uniform(size=n // hold + 1) > 0.5, 1.0, -1.0), hold)[:n]
 
 
-def _static(text, names, log=True, low=1e-3, high=1e3, n=200, period=1.0):
+def _static(text, names, log=True, low=1e-3, high=1e3, n=200, period=1.0, estimator=None):
     def make():
         from plantfit import Parameter, equations
 
@@ -84,6 +84,7 @@ def _static(text, names, log=True, low=1e-3, high=1e3, n=200, period=1.0):
             np.arange(n) * period,
             {"x": x},
             {k: Parameter((low, high), scale="log" if log else "linear") for k in names},
+            estimator=estimator,
         )
 
     return make
@@ -139,6 +140,13 @@ RIGS = {
     "line, correlation 0.8": Rig(
         _static("y = a*x + b", ["a", "b"], period=0.1), {"a": 2.0, "b": 0.5}, ("a", "b"), 0.05, 0.8
     ),
+    "line, correlation 0.8, generalised": Rig(
+        _static("y = a*x + b", ["a", "b"], period=0.1, estimator="generalised least squares"),
+        {"a": 2.0, "b": 0.5},
+        ("a", "b"),
+        0.05,
+        0.8,
+    ),
     "product": Rig(_static("y = a*b*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "sum": Rig(_static("y = (a + b)*x + c", ["a", "b", "c"]), {"a": 2.0, "b": 0.5, "c": 1.0}, ("c",), 0.05),
     "two exponentials": Rig(
@@ -192,7 +200,9 @@ def noise_of(rig: Rig, n: int, seed: int) -> np.ndarray:
 
 def fits(name: str, seeds: Sequence[int]) -> list[dict]:
     """Rows of the parameters of one rig for each seed, each from a start off the truth."""
+    from plantfit.problem.correlated.weighted import Weighted
     from plantfit.trust.finish.descent import descent
+    from plantfit.trust.finish.noise_weights import weighted_ranges, weights_at
     from plantfit.trust.finish.start_corrections import with_start_corrections
     from plantfit.trust.intervals.follow.following import followed_ranges
     from plantfit.trust.intervals.linearised import linearise
@@ -213,6 +223,12 @@ def fits(name: str, seeds: Sequence[int]) -> list[dict]:
         problem, best = with_start_corrections(problem, best)  # as `finish` does it
         if generalised:
             result.append(_by_generalised(problem, best.z))
+            continue
+        weighted = weights_at(problem, best.z) if problem.generalised else None  # as `judged` does it
+        if isinstance(weighted, Weighted):
+            problem = problem.with_answer(weighted)
+            rows = parameter_rows(problem.space, linearise(problem, weighted.z), (), weighted_ranges(problem, weighted))
+            result.append(_in_order(rig, {r["name"]: [r["status"], r["low"], r["high"], r["value"]] for r in rows}))
             continue
         local = linearise(problem, best.z)
         assert local.linear is not None

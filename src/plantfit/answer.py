@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -105,6 +105,17 @@ class Answer:
     def best(self) -> RunResult:
         """The run of the lowest cost; its `x` (d,) is a point of the unit cube."""
         return min(self.runs, key=lambda r: r.cost)
+
+    @property
+    def z(self) -> np.ndarray:
+        """The point of the unit cube (d,) that `values` are at: that of `best`, or of generalised least squares."""
+        weighted = self.problem.weighted
+        return np.asarray(self.best.x if weighted is None else weighted.z)
+
+    @property
+    def by_least_squares(self) -> "Answer":
+        """The same answer by least squares alone; itself where it is that (docs/study-file.md, `estimator`)."""
+        return self if self.problem.weighted is None else replace(self, problem=self.problem.with_answer(None))
 
     @property
     def values(self) -> dict[str, float]:
@@ -233,9 +244,9 @@ class Answer:
             raise SpaceError(f"level {level:g} and {draws} draws cannot be; give 0.5 to 0.999, and 20 to 20000.")
         if recording is None:
             recording = next(iter(self.problem.experiments))
-        drawn = plausible(self.problem, np.asarray(self.best.x), self.findings["parameters"], draws, seed)
+        drawn = plausible(self.problem, self.z, self.findings["parameters"], draws, seed)
         noise = self.score("fit")
-        begun = [o for o in outputs_begun_at(self.problem, np.asarray(self.best.x)) if noise.get(o, 0.0) > 0]
+        begun = [o for o in outputs_begun_at(self.problem, self.z) if noise.get(o, 0.0) > 0]
         if not begun or begun_off(self.problem, recording, {}) is None:
             return bands(lambda v: predict_over(self.problem, v, recording, None), drawn.values, noise, level)
         # the plant begins beside what is measured first, by the noise of that reading; the answer begins there
@@ -336,11 +347,11 @@ class Answer:
     @cached_property
     def _vector(self) -> np.ndarray:
         """The values (d,) in their units."""
-        return np.asarray(self.problem.space.physical(self.best.x))
+        return np.asarray(self.problem.space.physical(self.z))
 
     @cached_property
     def _correlation(self) -> np.ndarray:
-        local = linearise(self.problem, self.best.x).covariance
+        local = linearise(self.problem, self.z).covariance
         known = np.isfinite(list(self.standard_errors.values()))
         with np.errstate(all="ignore"):
             size = np.sqrt(np.diag(local))

@@ -165,7 +165,7 @@ def estimate_parameters(
     checked, told = check_estimable(study.problem if isinstance(study, Study | Answer) else study, wishes, table)
     if not isinstance(study, Answer):
         say("least squares")
-    answer = _answer(study)
+    answer = _answer(study).by_least_squares
     least = _least_squares(answer)
     estimates, general, filters = {LEAST_SQUARES: least}, None, None
     if GENERALISED in checked.methods:

@@ -365,7 +365,7 @@ def _goal(
     answer: Answer, t: np.ndarray, draws: int, seed: int, criterion: str, chosen: np.ndarray, alone: bool,
     noise: Mapping[str, Any] | None, watched: tuple[str, ...],
 ) -> Precision:  # fmt: skip
-    problem, z = answer.problem, np.asarray(answer.best.x)
+    problem, z = answer.problem, answer.z
     outputs = problem.model.outputs
     given = {
         n: in_unit(f"noise {n}", v, problem.needs[n], difference=True)

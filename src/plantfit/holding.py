@@ -213,7 +213,7 @@ def _answered(answer: Answer, count: int, seed: int) -> _Plants:
             "The answer is of a regression, which has no plant that moves; give the study file whose table "
             "[regression] is solved."
         )
-    drawn = plausible(answer.problem, answer.best.x, answer.findings["parameters"], count, seed, within=True)
+    drawn = plausible(answer.problem, answer.z, answer.findings["parameters"], count, seed, within=True)
     name = next(iter(answer.problem.experiments))
     return _Plants(
         model, plants_of(answer, drawn, name), answer.problem.experiments[name].recording, answer.problem.name,

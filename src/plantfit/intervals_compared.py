@@ -116,6 +116,7 @@ def compare_intervals(
 
     Raises SpecError and UnitError for wrong wishes, MissingExtra where blackjax is not installed.
     """
+    weighted, answer = answer.problem.weighted is not None, answer.by_least_squares  # all kinds are of one estimate
     problem, z = answer.problem, np.asarray(answer.best.x, dtype=float)
     space, say = problem.space, progress or (lambda text: None)
     check_wishes(kinds, level, replicates, chains, draws)
@@ -147,6 +148,11 @@ def compare_intervals(
     compared = [
         _row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused, silent, degrees) for i in places
     ]
+    if weighted:
+        refused["weighted"] = (
+            "The study's own answer is that of generalised least squares; all intervals here, also those of the "
+            "verdict, are of least squares."
+        )
     if answer.errors:
         refused["errors"] = "Stated errors of instruments are in the verdict's intervals alone."
     made = ComparisonOfIntervals(

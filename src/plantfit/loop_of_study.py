@@ -214,7 +214,7 @@ def family(
     if draws is None and not chosen.tolerances:
         drawn = plausible(
             answer.problem,
-            answer.best.x,
+            answer.z,
             answer.findings["parameters"],
             (chosen.plants or 200) + TRAIN,
             seed,
@@ -224,7 +224,7 @@ def family(
         return drawn, plants_of(answer, drawn, recording), ALLOWED
     if draws is not None and chosen.tolerances:
         raise SpecError("Both draws and tolerances are given; the plants can be of one of them.")
-    best = np.asarray(answer.problem.space.physical(np.asarray(answer.best.x)), dtype=float)[None]
+    best = np.asarray(answer.problem.space.physical(answer.z), dtype=float)[None]
     held = {n: v[0] for n, v in plants_of(answer, Plausible((), best, (), 1.0), recording).items()}
     if draws is not None:
         plants, names, how = given_draws(held, draws, TRAIN + 20), tuple(draws), GIVEN

@@ -22,7 +22,7 @@ from plantfit.answer import Answer
 from plantfit.errors import StoreError
 from plantfit.optimize.contract import Objective, RunResult
 from plantfit.problem.accuracy.steps import choose_substeps
-from plantfit.problem.problem import Problem
+from plantfit.problem.problem import GENERALISED, Problem
 from plantfit.problem.shooting.start import Shooting
 from plantfit.study.objective import objective_of
 from plantfit.study.plan import Plan
@@ -32,6 +32,7 @@ from plantfit.study.running.task_worker import ToPhysical
 from plantfit.study.store.addresses import shown
 from plantfit.study.store.store import Store
 from plantfit.trust.finish.final_problem import finish
+from plantfit.trust.finish.noise_weights import with_noise_weights
 from plantfit.trust.finish.stored import finish_bytes, finish_key, finish_of_bytes
 from plantfit.trust.stated_errors.shared_error import SharedError
 
@@ -109,6 +110,7 @@ def judged(
     """The answer of searched runs of a prepared problem; `seconds` by the stages before."""
     began = time.perf_counter()
     final, results = finish(problem, runs)
+    final = _weighted(final, results, stated)
     spent = {**seconds, "finish": time.perf_counter() - began}
     return Answer(final, results, seed, spec, command, spent, tuple(stated[0]), stated[1])
 
@@ -133,8 +135,18 @@ def judged_in_store(
         found = finish(prepared.problem, runs)
         if key is not None and same:
             store.keep_finish(number, key, finish_bytes(key, *found))
+    final, results = found
+    final = _weighted(final, results, stated)
     spent = {**seconds, "finish": time.perf_counter() - began}
-    return Answer(*found, seed, spec, command, spent, tuple(stated[0]), stated[1])
+    return Answer(final, results, seed, spec, command, spent, tuple(stated[0]), stated[1])
+
+
+def _weighted(final: Problem, runs: Sequence[RunResult], stated: Stated) -> Problem:
+    """The final problem, weighted for its noise where that is asked for and no errors of instruments are stated, whose
+    effect is that on least squares."""
+    if not stated[0]:
+        return with_noise_weights(final, runs)
+    return final.with_answer(None, "errors of instruments are stated") if final.estimator == GENERALISED else final
 
 
 def _is_of_study(store: Store, number: int, prepared: Prepared, refuse: bool) -> bool:

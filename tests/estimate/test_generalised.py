@@ -251,7 +251,7 @@ def encoder(seed, correlated=True):
 def test_edges_of_a_disc_are_estimated_with_the_parameters():
     held, ratios = [], []
     for seed in range(6):
-        answer = pf.fit(encoder(seed), runs=1)
+        answer = pf.fit(encoder(seed), runs=1).by_least_squares
         found = generalised_least_squares(answer.problem, answer.values)
         [noise] = found.noises
         assert noise.form == "edges in proportion"
@@ -262,7 +262,7 @@ def test_edges_of_a_disc_are_estimated_with_the_parameters():
         ratios.append(found.estimated[0].standard_error / list(answer.standard_errors.values()))
     assert sum(held) >= 10
     assert np.all(np.median(ratios, axis=0) < 0.5)
-    alone = pf.fit(encoder(1, correlated=False), runs=1)
+    alone = pf.fit(encoder(1, correlated=False), runs=1).by_least_squares
     assert generalised_least_squares(alone.problem, alone.values).noises[0].form is None
 
 

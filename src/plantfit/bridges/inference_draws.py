@@ -14,7 +14,7 @@ def inference_draws(answer: Answer, name: str) -> dict[str, str | bytes]:
     """Files by name: NAME_draws.nc. Raises MissingExtra where h5netcdf is not installed."""
     need_h5netcdf()
     problem = answer.problem
-    found = plausible(problem, np.asarray(answer.best.x), answer.findings["parameters"], DRAWS, SEED)
+    found = plausible(problem, answer.z, answer.findings["parameters"], DRAWS, SEED)
     values = found.values[1:]  # the first is the answer itself
     how = "Plants that the data allow: drawn " + (
         "by the likelihood, with flat priors between the bounds of the search."

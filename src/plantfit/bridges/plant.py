@@ -88,7 +88,7 @@ def plant_of(answer: Answer, name: str | None = None, recording: str | None = No
     if experiment.steady:
         raise ModelError(f"Recording {recording!r} is steady; name another one, which moves in time, with --recording.")
     own = experiment.recording
-    tree = problem.space.tree(answer.problem.space.physical(np.asarray(answer.best.x)), recording)
+    tree = problem.space.tree(answer.problem.space.physical(answer.z), recording)
     declared = {d.name: d.value for d in model.parameters}
     p = {d.name: np.asarray(tree.get(d.name, declared[d.name]), dtype=float) for d in model.parameters}
     inputs = {n: np.asarray(own[n], dtype=float) for n in model.inputs}

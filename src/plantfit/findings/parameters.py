@@ -79,6 +79,8 @@ class StandardErrors(Record):
     kind: Literal["robust", "classical"]
     in_time: bool
     """Whether samples follow one another in time."""
+    not_weighted: str = ""
+    """Why the answer is not that of generalised least squares, where the study asks for it in words."""
 
 
 class Combination(Record):

@@ -125,3 +125,5 @@ class CorrelatedResiduals(Record):
     """The parameter that it moves most."""
     differs: bool
     """Whether that is more than such noise explains: the model lacks something."""
+    least_squares: list[WeightedParameter] | None = None
+    """Where `parameters` are the answer, what least squares gives; null where the answer is that of least squares."""

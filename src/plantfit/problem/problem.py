@@ -15,6 +15,7 @@ from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
 from plantfit.models.text.dimensions.said_later import check_said_later
 from plantfit.native.kept_programs import Kept, described
+from plantfit.problem.correlated.weighted import Weighted
 from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.problem.evaluate.evaluator import Evaluator
 from plantfit.problem.evaluate.moving_and_steady import MovingAndSteady
@@ -36,8 +37,10 @@ from plantfit.space import Space
 import jax
 import jax.numpy as jnp
 
+LEAST_SQUARES, GENERALISED = "least squares", "generalised least squares"
 _OF_DATA = ("data", "arguments", "unsmoothed", "gradient_charge", "_description")  # made when first asked for
-_NOT_COMPILED = ("study_file", "name")
+_OF_THIS = ("study_file", "weighted", "not_weighted")  # of the problem as it is, and of no changed copy
+_NOT_COMPILED = ("name", *_OF_THIS)
 _PREPARED = ("parts",)  # made by `_prepare`
 
 
@@ -76,12 +79,19 @@ class Problem:
     states, no delays) has classical ones, for its rows are not samples, unless rows have times (a column of time, or
     other than 0, 1, 2, ..) and correlated residuals; every other model has robust ones.
 
+    `estimator` "generalised least squares" lets an answer be that of `weighted_least_squares`, which weighs samples by
+    the correlation of their noise; "least squares" weighs them alike. By default errors that samples share
+    (`shared_errors`) are weighed and nothing else. `weighted` is such an answer of a final problem, None where there is
+    none, and `not_weighted` says why, where it was asked for.
+
     `study_file` is the file that a problem was read from, None for one that was written in Python and for every changed
     copy. A problem can be pickled if its model can. Raises RecordingError, UnitError, SpaceError, ModelError and
     SimulationError for what contradicts itself.
     """
 
     study_file: StudyFile | None = None
+    weighted: Weighted | None = None
+    not_weighted: str = ""
 
     def __init__(
         self,
@@ -102,6 +112,7 @@ class Problem:
         substeps: int | None = None,
         name: str = "fit",
         standard_errors: Literal["robust", "classical"] | None = None,
+        estimator: Literal["least squares", "generalised least squares"] | None = None,
     ):
         if clock_shift:
             if not isinstance(model, Model):
@@ -111,7 +122,9 @@ class Problem:
             model = with_clock_shift(model, clock_shift)
         if standard_errors not in (None, "robust", "classical"):
             raise SpaceError(f"standard_errors = {standard_errors!r}; give 'robust' or 'classical'.")
-        self.model, self.name, self.standard_errors = model, name, standard_errors
+        if estimator not in (None, LEAST_SQUARES, GENERALISED):
+            raise SpaceError(f"estimator = {estimator!r}; give {LEAST_SQUARES!r} or {GENERALISED!r}.")
+        self.model, self.name, self.standard_errors, self.estimator = model, name, standard_errors, estimator
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
         self.holds_stated = frozenset(hold or {})
@@ -162,7 +175,7 @@ class Problem:
     def _variant(self, **changes: Any) -> "Problem":
         """A copy with other attributes, made of nothing that depends on them; compiled functions are kept."""
         other = object.__new__(type(self))
-        other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in (*_OF_DATA, "study_file")} | changes)
+        other.__dict__.update({k: v for k, v in self.__dict__.items() if k not in (*_OF_DATA, *_OF_THIS)} | changes)
         return other
 
     def __repr__(self) -> str:
@@ -228,6 +241,17 @@ class Problem:
         """Whether standard errors allow for residuals that are correlated in time, as asked or by the model alone
         (`standard_errors`)."""
         return self.in_time if self.standard_errors is None else self.standard_errors == "robust"
+
+    @property
+    def generalised(self) -> bool:
+        """Whether its answer is that of generalised least squares, where there is one (`estimator`)."""
+        if self.estimator is None:
+            return any(e.shared_errors and np.any(e.mask("fit")) for e in self.experiments.values())
+        return self.estimator == GENERALISED
+
+    def with_answer(self, weighted: Weighted | None, why_not: str = "") -> "Problem":
+        """The same problem with the answer of generalised least squares, or with a sentence why it has none."""
+        return self._variant(weighted=weighted, not_weighted=why_not)
 
     @cached_property
     def unsmoothed(self) -> "Problem":

@@ -90,6 +90,7 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
             substeps=table.simulation.substeps,
             name=table.name,
             standard_errors=table.standard_errors,
+            estimator=table.estimator,
         )
         check_problem(problem, table)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)

@@ -23,6 +23,7 @@ from plantfit.study.comparing.basins import basins
 from plantfit.study.versions import cpu_model, versions
 from plantfit.trust.finish.agreement import SAME, agreement, named, opened
 from plantfit.trust.finish.final_problem import CHECKED, rounding
+from plantfit.trust.finish.noise_weights import weighted_ranges
 from plantfit.trust.finish.smoothing_strength import smoothing_rows
 from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.finish.weights import weight_rows
@@ -74,25 +75,29 @@ def assess(
     Shared `errors` widen the intervals (section "uncertainty"): to first order, or by so many `draws`.
     """
     best = min(runs, key=lambda r: r.cost)
-    local = linearise(problem, best.x)
+    weighted = problem.weighted
+    z = best.x if weighted is None else weighted.z
+    local = linearise(problem, z)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
     visits, unseen = agreeing(
         table_visits(problem, local.values), dict(zip(problem.space.names, local.touched.tolist(), strict=True))
     )
     ranges, spent = None, float(sum(r.evaluations for r in runs))
-    if local.linear is not None:
-        ranges = followed_ranges(problem, best.x, local.linear, spent, _other_ends(runs, best))
+    if weighted is not None:
+        ranges = weighted_ranges(problem, weighted)
+    elif local.linear is not None:
+        ranges = followed_ranges(problem, z, local.linear, spent, _other_ends(runs, best))
     rows = parameter_rows(problem.space, local, unseen, ranges)
     agreed = agreement(problem, runs)
-    rows = opened(rows, agreed.ranges)
-    rows, stepped = allowing_for_misreadings(as_known(problem), best.x, local, rows)
+    rows = rows if weighted is not None else opened(rows, agreed.ranges)
+    rows, stepped = allowing_for_misreadings(as_known(problem), z, local, rows)
     determined = claimed(determined_findings(problem, local.linear, rows, ranges or {}), rows)
-    rows, uncertainty = uncertainty_findings(problem, best.x, rows, errors, draws, seed)
-    rows, heterogeneity = heterogeneity_findings(problem, best.x, local, rows, spent)
+    rows, uncertainty = uncertainty_findings(problem, z, rows, errors, draws, seed)
+    rows, heterogeneity = heterogeneity_findings(problem, z, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
     tests = _with_turned(problem, predictions, list(_residual_tests(problem, predictions)))
-    scores = with_spare(problem, best.x, local, list(_scores(problem, predictions)))
+    scores = with_spare(problem, z, local, list(_scores(problem, predictions)))
     short = list(_short_recordings(problem, predictions, tests))
     scores = with_started(problem, local.values, scores, [*tests, *short])
     scores = with_foretold(problem, local, scores, [*tests, *short])
@@ -104,16 +109,18 @@ def assess(
         scores=scores,
         residual_tests=tests,
         short_recordings=short,
-        correlated=correlated_residuals(problem, local, tests),
+        correlated=correlated_residuals(problem, best.x, local, tests),
         data=[
-            *not_followed(problem_looks(problem, fixed), problem, best.x),
+            *not_followed(problem_looks(problem, fixed), problem, z),
             *stepped,
-            *hold_looks(problem, best.x, rows),
+            *hold_looks(problem, z, rows),
         ],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
         uncertainty=uncertainty,
-        standard_errors=StandardErrors(kind="robust" if local.robust else "classical", in_time=problem.in_time),
+        standard_errors=StandardErrors(
+            kind="robust" if local.robust else "classical", in_time=problem.in_time, not_weighted=problem.not_weighted
+        ),
         tables=table_rows(problem, rows, visits),
         smoothing=smoothing_rows(problem, local),
         combinations=_combinations(local, rows),
@@ -123,7 +130,7 @@ def assess(
         basins=_basins(problem, runs),
         agreement=agreed,
         weights=weight_rows(problem),
-        simulation=_simulation(problem, best.x, local.values, verify, scores),
+        simulation=_simulation(problem, z, local.values, verify, scores),
         reproduction=Reproduction(
             spec=spec, seed=seed, versions=versions(), cpu=cpu_model(), seconds=dict(seconds or {}), command=command
         ),

@@ -17,6 +17,7 @@ PUSHED = {"i": 0.0, "w": 0.0}  # the bench has no process noise
 
 def filtered(answer: Answer, truth: Mapping[str, float]) -> Estimators:
     """EKF and UKF over the record, sensor noise as large as the residuals of least squares."""
+    answer = answer.by_least_squares
     problem = answer.problem
     (name, experiment), *_ = problem.experiments.items()
     mask = experiment.mask("fit")

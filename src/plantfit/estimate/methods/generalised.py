@@ -11,7 +11,8 @@ from plantfit.estimate.methods.agreement import Estimated
 from plantfit.estimate.methods.estimates_record import GENERALISED, LEAST_SQUARES
 from plantfit.findings.residuals import CorrelatedNoise
 from plantfit.findings.results.estimated import MethodPair
-from plantfit.problem.correlated.least_squares import Difference, weighted_least_squares
+from plantfit.problem.correlated.least_squares import weighted_least_squares
+from plantfit.problem.correlated.weighted import Difference
 from plantfit.problem.problem import Problem
 
 

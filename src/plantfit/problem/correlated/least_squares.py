@@ -8,7 +8,6 @@ not known of it widens the intervals: estimates are averaged over the noises tha
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -18,10 +17,10 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.problem.correlated.limits import FEW
 from plantfit.problem.correlated.noise import Noise, Rows, drawn, estimated, shares
+from plantfit.problem.correlated.weighted import Difference, OutputNoise, Weighted
 from plantfit.problem.evaluate.points import residuals, residuals_and_jacobian
 from plantfit.problem.problem import Problem
 
-SURE = 0.01  # p-value below which a difference is called one
 GAP = 1.5  # sampling periods between two samples, from which on they are no neighbours
 MOST_ERRORS = 3000  # of a sensor that are estimated with the parameters
 EXACT = 1e-10  # of the outputs' spread: residuals below are rounding
@@ -33,66 +32,6 @@ MEAN_OF_SQUARES = 0.25  # share to which the mean square of edges' errors is kno
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 NOTICED = 0.1  # standard errors that the two estimates differ by at least, for the difference to tell anything
 RANK = 1e-10  # of the largest eigenvalue of the scaled normal matrix
-
-
-@dataclass(frozen=True)
-class Difference:
-    """The test that least squares gives the same but for correlated noise (Hausman, Econometrica 46 (1978) 1251, eq.
-    2.9): chi-squared with so many degrees of freedom over these, and how likely a larger one is by chance. Most
-    differs `name`, `before` by least squares and `after`."""
-
-    statistic: float
-    degrees: int
-    p: float
-    name: str
-    before: float
-    after: float
-
-    @property
-    def differs(self) -> bool:
-        return self.p < SURE
-
-
-@dataclass(frozen=True, eq=False)
-class OutputNoise:
-    """The `noise` of an output in `scale` (its `unit`) over so many `samples`; `left` is the correlation of neighbours
-    that it does not explain."""
-
-    output: str
-    unit: str | None
-    noise: Noise
-    scale: float
-    samples: int
-    left: float
-
-    def fields(self) -> dict[str, Any]:
-        """Of the record `findings.residuals.CorrelatedNoise`."""
-        noise, shared = self.noise, None
-        if noise.spread is not None and noise.form is not None:
-            in_proportion = noise.form.endswith("proportion")
-            shared = float(np.sqrt(noise.shared_variance)) * (1.0 if in_proportion else self.scale)
-        return {
-            "output": self.output, "unit": self.unit, "deviation": noise.deviation * self.scale, "order": noise.order,
-            "correlation": noise.correlation, "samples": self.samples, "independent": noise.degrees, "left": self.left,
-            "shared": shared, "form": noise.form,
-        }  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class Weighted:
-    """Values (d,) and covariance (d, d) in the parameters' units at the cube point `z`, 95 % intervals by name with
-    ends of None where nothing fixes them, the noise of every output, and sentences about what was assumed.
-
-    `difference` is None where the estimate hardly can differ from that of least squares.
-    """
-
-    z: np.ndarray
-    values: np.ndarray
-    covariance: np.ndarray
-    interval: Mapping[str, tuple[float | None, float | None]]
-    noises: tuple[OutputNoise, ...]
-    difference: Difference | None
-    remarks: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -454,4 +393,4 @@ def _widened(covariance: np.ndarray, parts: Sequence[np.ndarray], degrees: Seque
     return stdtrit(1.0 / np.maximum(inverse, 1e-9), 0.975) / NORMAL
 
 
-__all__ = ["SURE", "Difference", "OutputNoise", "Weighted", "weighted_least_squares"]
+__all__ = ["weighted_least_squares"]

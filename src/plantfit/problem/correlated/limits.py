@@ -3,6 +3,7 @@
 FEW = 8.0  # independent samples, below which it is hardly known how slow the noise is
 SLOW = 0.05  # of the samples that are independent, below which what a model lacks is more likely than noise
 LEFT = 0.1  # correlation of neighbours that may be left
+MOST = 3e6  # samples times parameters, beyond which nobody waits for it
 RARE = 2.576  # standard deviations that a normal variable exceeds, either way, in 1 % of draws
 
 

@@ -1,11 +1,12 @@
 """A problem linearised at an answer: covariance, bounds that hold, directions that stay open."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
 import plantfit.runtime  # noqa: F401
+from plantfit.problem.correlated.weighted import Weighted
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.evaluate.triangle import triangle
 from plantfit.problem.measure.scale_source import GIVEN
@@ -26,6 +27,8 @@ from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_s
 from plantfit.trust.intervals.robust_or_classical import robust_errors
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
+NORMAL = 1.959963984540054
+EXACT = 1e-14  # an eigenvalue of a correlation that is rounding
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
 OPEN = (
     0.2  # of the cube: a value that may move so far unnoticed is not determined (see `trust.intervals.parameter_rows`)
@@ -59,7 +62,10 @@ class Local:
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
     """Covariance and flat directions at the cube point z (d,); outputs whose errors nobody knows fix nothing
-    (`unknown_noise`)."""
+    (`unknown_noise`). At the answer of generalised least squares (`Problem.weighted`) they are that one's."""
+    weighted = problem.weighted
+    if weighted is not None and np.array_equal(z, weighted.z):
+        return _by_weights(linearise(problem.with_answer(None), z), weighted)
     problem = as_known(problem)
     space, blocks = problem.space, residual_blocks(problem)
     residuals, jacobian = residuals_and_jacobian(problem.unsmoothed, z)
@@ -95,6 +101,23 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
         np.any(jacobian != 0.0, axis=0),
         linear, robust, unboxed,
     )  # fmt: skip
+
+
+def _by_weights(local: Local, weighted: Weighted) -> Local:
+    """The same with the covariance of generalised least squares, and ranges that follow from it."""
+    assert local.linear is not None
+    size, covariance = local.linear.size, weighted.covariance
+    spread = covariance / np.outer(size, size)
+    errors = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    own = np.maximum(errors / size, 1e-300)
+    squares, vectors = np.linalg.eigh(spread / np.outer(own, own))
+    rows = (vectors / np.sqrt(np.maximum(squares, EXACT))).T / own
+    linear = replace(
+        local.linear, rows=rows, rest=np.zeros(len(size)), spread=spread,
+        threshold=np.full(len(size), NORMAL**2), quantile=NORMAL, sound=True, begun=np.ones(len(size)), turn=None,
+        turned=None,
+    )  # fmt: skip
+    return replace(local, covariance=covariance, standard_error=errors, linear=linear)
 
 
 def natural_sizes(space: Space, values: np.ndarray) -> np.ndarray:

@@ -20,7 +20,8 @@ def may_be_noise(findings: Findings, output: str) -> bool:
     if not found or found["differs"] or found["p"] is None:
         return False
     asked = diagnosed(findings)
-    if not asked["tried"] or asked["named"] or _unknown(findings) or disagree(findings) or output in failing(findings):
+    looked = asked["tried"] or found.get("least_squares")  # else whoever asks for such weights says that it is noise
+    if not looked or asked["named"] or _unknown(findings) or disagree(findings) or output in failing(findings):
         return False
     noise = next((n for n in found["noise"] if n["output"] == output), None)
     if noise is None or not (noise["order"] or noise["form"]):
@@ -40,7 +41,12 @@ def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[
     """What least squares weighted for the noise of the `coloured` outputs says beside plain least squares: that not
     all is noise, or that it knows more."""
     found = findings.get("correlated")
-    if not found or not coloured:
+    if found and found.get("least_squares"):
+        yield from _taken(findings, found)
+        return
+    if why := findings.get("standard_errors", {}).get("not_weighted"):
+        yield say("info", f"Generalised least squares was asked for and is not the answer: {why}.")
+    if not found or not coloured or diagnosed(findings)["named"]:
         return
     least = {p["name"]: p for p in findings["parameters"]}
     if found["differs"] and all(enough(n["independent"], n["samples"]) for n in found["noise"]):
@@ -67,6 +73,27 @@ def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[
         yield say("info", text, ratio=better[0][1])
 
 
+def _taken(findings: Findings, found: Mapping[str, Any]) -> Iterator[Sentence]:
+    """That the answer is that of generalised least squares, what it gains, and whether what is left is noise."""
+    own = {p["name"]: p for p in found["parameters"]}
+    ratios = {p["name"]: r for p in found["least_squares"] if (r := _times(p, own[p["name"]])) is not None}
+    noisy = [n["output"] for n in found["noise"] if n["order"] or n["form"]]
+    first, last = min(ratios, key=lambda n: ratios[n], default=None), max(ratios, key=lambda n: ratios[n], default=None)
+    text = f"The parameters were estimated together with the noise of {some(noisy)} (generalised least squares)"
+    if first is not None and last is not None:
+        short, long = number(ratios[first]), number(ratios[last])
+        span = f"{short} ({first})" if short == long else f"{short} ({first}) to {long} ({last})"
+        text += f": intervals are {span} times as long as by least squares"
+    yield say("info", f"{text}.", **({} if first is None else {"ratio": ratios[first]}))
+    odd = diagnosed(findings)["named"] or disagree(findings) or any(o in failing(findings) for o in noisy)
+    if odd:
+        yield say(
+            "warning",
+            f"These intervals take what is left of {some(noisy)} for noise, and it is not noise alone: they may be too "
+            'short; `estimator = "least squares"` gives those that allow for it.',
+        )
+
+
 def _unknown(findings: Findings) -> bool:
     """Whether residuals are too slow, or samples too few, for intervals that surely hold."""
     return not (findings.get("determined") or {}).get("sound", True)
@@ -74,8 +101,11 @@ def _unknown(findings: Findings) -> bool:
 
 def _shorter(least: Row | None, weighted: Mapping[str, Any]) -> float | None:
     """Length of the weighted interval over that of least squares, where both ends of both are known."""
-    if least is None or least.get("status") != "determined":
-        return None
+    return None if least is None or least.get("status") != "determined" else _times(least, weighted)
+
+
+def _times(least: Mapping[str, Any], weighted: Mapping[str, Any]) -> float | None:
+    """The same of any two rows."""
     lengths = [r["high"] - r["low"] for r in (least, weighted) if r["low"] is not None and r["high"] is not None]
     return lengths[1] / lengths[0] if len(lengths) == 2 and lengths[0] > 0 else None
 

@@ -39,9 +39,8 @@ def residual_sentences(findings: Findings) -> Iterator[Sentence]:
     yield from each_output(findings, rows, _residual, _residuals)
     for row in _coloured_together(findings):
         yield _short(findings, row)
-    if not diagnosed(findings)["named"]:
-        coloured = [r["output"] for r in rows if not r["white"] and _left_by_a_solver(findings, r) is None]
-        yield from weighted_sentences(findings, list(dict.fromkeys(coloured)))
+    coloured = [r["output"] for r in rows if not r["white"] and _left_by_a_solver(findings, r) is None]
+    yield from weighted_sentences(findings, list(dict.fromkeys(coloured)))
 
 
 def _coloured_together(findings: Findings) -> list[Row]:
@@ -119,8 +118,8 @@ def _one(findings: Findings) -> str:
 
 def _allow(findings: Findings) -> str:
     """What standard errors make of correlated residuals."""
-    classical = findings.get("standard_errors", {}).get("kind") == "classical"
-    if classical:
+    weighted = (findings.get("correlated") or {}).get("least_squares")
+    if findings.get("standard_errors", {}).get("kind") == "classical" and not weighted:
         return 'do not allow for it (standard_errors = "robust" does)'
     return "allow for it" if (findings.get("determined") or {}).get("sound", True) else "cannot allow for all of it"
 

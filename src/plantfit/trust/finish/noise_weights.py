@@ -1,0 +1,109 @@
+"""The final problem with the answer of generalised least squares, where the study asks for it and the data allow it.
+
+Errors that samples share, as those of an encoder's slots, and noise that is correlated in time are estimated together
+with the parameters (`weighted_least_squares`). The runs stay what they are: least squares, from which it begins.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+import plantfit.runtime  # noqa: F401
+from plantfit.errors import SearchError
+from plantfit.optimize.contract import RunResult
+from plantfit.problem.correlated.least_squares import weighted_least_squares
+from plantfit.problem.correlated.limits import MOST, by_chance, enough
+from plantfit.problem.correlated.weighted import Weighted
+from plantfit.problem.problem import GENERALISED, Problem
+from plantfit.study.comparing.basins import basins
+from plantfit.trust.finish.final_problem import REFUSED, rounding
+from plantfit.trust.finish.unknown_noise import unknown_noise
+from plantfit.trust.intervals.linearised import Local, linearise
+from plantfit.trust.intervals.ranges import Range, linear_range
+from plantfit.trust.intervals.robust_or_classical import timed
+
+SAME = 1e-6  # relative difference of costs that counts as the same
+
+
+def with_noise_weights(problem: Problem, runs: Sequence[RunResult]) -> Problem:
+    """The final problem of these runs with `Problem.weighted`, or with a sentence why not where the study asks for it
+    in words; as it is where nothing asks for it."""
+    if not problem.generalised:
+        return problem
+    found = _weighted(problem, runs)
+    if isinstance(found, Weighted):
+        return problem.with_answer(found)
+    return problem.with_answer(None, found) if problem.estimator == GENERALISED else problem
+
+
+def weighable(problem: Problem) -> bool:
+    """Whether weights can be found in reasonable time: samples in time, of known noise."""
+    count = sum(problem.parts.counts.values())
+    return (
+        (problem.in_time or timed(problem)) and not unknown_noise(problem) and count * problem.space.dimension <= MOST
+    )
+
+
+def weighted_ranges(problem: Problem, weighted: Weighted) -> dict[int, Range]:
+    """The 95 % interval of every coordinate by its place."""
+    ends = [weighted.interval[n] for n in problem.space.names]
+    return {i: Range(-np.inf if a is None else a, np.inf if b is None else b) for i, (a, b) in enumerate(ends)}
+
+
+def _weighted(problem: Problem, runs: Sequence[RunResult]) -> Weighted | str:
+    """The answer, or what stands against it."""
+    best = min(runs, key=lambda r: r.cost)
+    if not np.isfinite(best.cost) or best.extra.get("ended") == REFUSED:
+        return "no run has an answer that can be followed"
+    near = [r for r in runs if r.cost <= best.cost * (1.0 + SAME) + rounding(problem)]
+    if len(basins(np.array([r.cost for r in near]), np.array([r.x for r in near]), SAME, rounding(problem))) > 1:
+        return "several answers have the same cost"
+    return weights_at(problem, best.x)
+
+
+def weights_at(problem: Problem, z: np.ndarray) -> Weighted | str:
+    """The answer of generalised least squares from that of least squares at the cube point z (d,), or a clause that
+    says what stands against it."""
+    if not (problem.in_time or timed(problem)):
+        return "rows without times may stand in any order, so that neighbours tell nothing of each other"
+    if not weighable(problem):
+        return "the recordings have too many samples for it, or an output too few"
+    if open_ := _open(problem, linearise(problem, z)):
+        return f"{open_} is not determined"
+    values = dict(zip(problem.space.names, np.asarray(problem.space.physical(z)).tolist(), strict=True))
+    try:
+        found = weighted_least_squares(problem, values)
+    except SearchError as error:
+        return str(error).removesuffix(".")
+    return _objection(problem, found) or found
+
+
+def _open(problem: Problem, local: Local) -> str | None:
+    """A parameter that has no interval with two ends at the answer of least squares."""
+    names, linear = problem.space.names, local.linear
+    if linear is None:
+        return names[0]
+    for i, name in enumerate(names):
+        found = linear_range(linear, i)
+        if local.at_bound[i] or not (np.isfinite(found.low) and np.isfinite(found.high)):
+            return name
+    return None
+
+
+def _objection(problem: Problem, found: Weighted) -> str | None:
+    """Why the weighted answer is not taken."""
+    if found.difference is not None and found.difference.differs:
+        return "not all that is left is noise"
+    for n in found.noises:
+        if not enough(n.noise.degrees, n.samples):
+            return f"the residuals of {n.output} are worth {n.noise.degrees:.0f} independent samples"
+        if not by_chance(n.left, n.samples):
+            return f"the residuals of {n.output} stay correlated"
+    if not any(n.noise.order or n.noise.form for n in found.noises):
+        return "the residuals are white, so that it is least squares"
+    if any(None in ends for ends in found.interval.values()) or not np.all(np.isfinite(found.z)):
+        return f"{problem.space.names[0]} is not determined"
+    return None
+
+
+__all__ = ["weighable", "weighted_ranges", "weights_at", "with_noise_weights"]
