@@ -39,7 +39,8 @@ def identified_section(answer: Answer, truth: Mapping[str, float]) -> dict[str, 
             "3 V from rest: RMS current and the period of the encoder's pulses, with the faults of both sensors.",
             "Both look back, the RMS over its window and the period over its pulse: their samples are put at the times "
             "that they tell of. "
-            "A slot of the disc that is too wide is so in every turn; the intervals allow for it.",
+            "A slot of the disc that is too wide is so in every turn: the errors of its edges are estimated with the "
+            "constants (generalised least squares).",
             *outside,
         ],
         "tables": [{"caption": "Constants of the motor", "columns": columns, "rows": rows}],

@@ -28,7 +28,7 @@ ROUNDS, STEPS = 4, 20  # of the noise, and of Gauss-Newton with each
 ENDED = 1e-3  # standard errors that the last step, and the last noise, may move a value
 HALVED = 8  # times that a step is halved
 NORMAL = 1.959963984540054
-MEAN_OF_SQUARES = 0.25  # share to which the mean square of edges' errors is known that a mean speed was corrected by
+MEAN_OF_SQUARES = 0.5  # share to which the mean square of edges' errors is known that a mean speed was corrected by
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 NOTICED = 0.1  # standard errors that the two estimates differ by at least, for the difference to tell anything
 RANK = 1e-10  # of the largest eigenvalue of the scaled normal matrix
@@ -194,6 +194,8 @@ class _Fit:
         for o, noise in zip(self.outputs, noises, strict=True):
             middle = middle + noise.variance_of(weighted[o.places])
         inverse, _ = _inverse(own)
+        # by how much what shared errors add to the mean moves least squares is known: it is no difference
+        begun = begun + (inverse @ (weighted.T @ self.high))[: self.dimension]
         better, open_ = _inverse(self._normal(here, noises)[0])
         d = self.dimension
         inside = np.flatnonzero((np.minimum(begun, z) > EDGE) & (np.maximum(begun, z) < 1.0 - EDGE) & ~open_[:d])
