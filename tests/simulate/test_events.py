@@ -319,6 +319,20 @@ def test_a_step_is_traced_once_wherever_it_stands():
     assert len(calls) <= 2
 
 
+def test_a_place_is_searched_once_where_derivatives_are_taken():
+    """Backwards, the segments of a step are followed once more, with the places that were found."""
+    v = plant("x v", "F", "m Fc", lambda x, u, p: {"x": x["v"], "v": u["F"] / p["m"]})
+    dry = Friction("v", lambda x, u, p: p["Fc"], lambda x, u, p: p["Fc"], lambda x, u, p: {"v": 1.0 / p["m"]})
+    wall = Event("wall", lambda x, u, p: x["x"] + 1.0, lambda x, u, p: {"v": -0.5 * x["v"]})
+    x, u, p = (jnp.array(0.5), jnp.array(-1.0)), (jnp.array(0.2), jnp.array(0.0)), (jnp.array(1.3), jnp.array(0.1))
+    for step in (with_events(rk4, [bind_event(wall, v)]), with_friction(rk4, bind_friction(dry, v))):
+
+        def pulled(x, p, step=step):
+            return jax.vjp(lambda x, p: step.whole(v.rate, x, u, u, 0.01, p, True), x, p)[1]((1.0, 1.0))
+
+        assert str(jax.make_jaxpr(pulled)(x, p)).count("while[") == 1
+
+
 def test_a_matrix_exponential_is_refused_where_it_would_leave_friction_out():
     text = "v' = (F - friction(v, Fc))/m\ny = v"
     model = pf.equations(text, inputs=["F"], states=["v"], outputs=["y"], parameters=["Fc", "m"], check=False)
