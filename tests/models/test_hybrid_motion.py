@@ -21,9 +21,8 @@ import jax.numpy as jnp
 
 def states(model: Model, x0, p, times, inputs=()):
     """States (n, N) of a model at times (N,), with all that it declares; inputs are straight lines between times."""
-    vector, step = vectorise(model), rk4
-    for play in model.backlashes:
-        step = with_backlash(step, bind_backlash(play, vector))
+    vector = vectorise(model)
+    step = with_backlash(rk4, *(bind_backlash(play, vector) for play in model.backlashes))
     for friction in model.frictions:
         step = with_friction(step, bind_friction(friction, vector))
     step = with_events(step, [bind_event(e, vector) for e in model.events])

@@ -229,6 +229,12 @@ def test_bool_arithmetic():
     assert_close(*both(body, 0.0, (a, b)))
 
 
+def test_a_rounding_to_the_bits_of_float64_changes_nothing():
+    """As jax marks what `jax.checkpoint` keeps."""
+    native, plain = both(lambda c, x: (c + lax.reduce_precision(x, 11, 52),) * 2, 0.0, jnp.array([0.1, 1e-300, 3.0]))
+    assert_close(native, plain, rtol=0.0)
+
+
 def test_select_among_many():
     body = rowwise(lambda i, x: lax.select_n(i, x, 2 * x, 3 * x))
     assert_close(*both(body, 0.0, (np.array([0, 1, 2, 1], np.int32), np.arange(4.0))))

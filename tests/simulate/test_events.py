@@ -277,6 +277,31 @@ def test_backlash_is_the_play_operator():
     np.testing.assert_allclose(jax.jit(jax.jacrev(lambda b: run(b)[1]))(0.3)[15], -1.0)
 
 
+def test_a_play_may_drive_another_one():
+    """w follows y, which follows x; the mass z between them is driven by both, so that its rate sees them move."""
+    v = plant("w x y z", "u", "a b", lambda x, u, p: {"w": 0.0, "x": u["u"], "y": 0.0, "z": x["w"] + x["y"]})
+    plays = [
+        Backlash("y", lambda x, u, p: x["x"], lambda x, u, p: p["a"]),
+        Backlash("w", lambda x, u, p: x["y"], lambda x, u, p: p["b"]),
+    ]
+    times, u = 0.1 * np.arange(80), np.repeat([1.0, -1.0, 1.0, -1.0], 20)
+    gaps = 0.3, 0.2
+
+    def run(*p):
+        return march(with_backlash(rk4, *(bind_backlash(b, v) for b in plays)), v, (0.0,) * 4, (u, 0.0 * u), times, p)
+
+    w, x, y, z = np.array(jax.jit(run)(*gaps))
+    for driven, drive, gap in ((y, x, 0.3), (w, y, 0.2)):
+        expected = [0.0]
+        for d in drive[1:]:
+            expected.append(min(max(expected[-1], d - gap), d + gap))
+        np.testing.assert_allclose(driven, expected, atol=1e-12)
+    assert np.ptp(w) > 0.5
+    np.testing.assert_allclose(z, np.r_[0, np.cumsum(0.05 * (w[1:] + w[:-1] + y[1:] + y[:-1]))], atol=0.02)
+    # both gaps hold w back alike where it is pushed
+    np.testing.assert_allclose(np.array(jax.jit(jax.jacrev(lambda *p: run(*p)[0], (0, 1)))(*gaps))[:, 15], -1.0)
+
+
 def test_a_step_is_traced_once_wherever_it_stands():
     """Friction inside of events: a step is asked for at both, to look, to search, to go on, and with derivatives."""
     v = plant("x v", "F", "m Fc", lambda x, u, p: {"x": x["v"], "v": u["F"] / p["m"]})
@@ -292,6 +317,20 @@ def test_a_step_is_traced_once_wherever_it_stands():
     x, u, p = (jnp.array(0.5), jnp.array(-1.0)), (jnp.array(0.2), jnp.array(0.0)), (jnp.array(1.3), jnp.array(0.1))
     jax.make_jaxpr(lambda x, p: jax.vjp(lambda x, p: step(v.rate, x, u, u, 0.01, p, True), x, p)[1]((1.0, 1.0)))(x, p)
     assert len(calls) <= 2
+
+
+def test_a_place_is_searched_once_where_derivatives_are_taken():
+    """Backwards, the segments of a step are followed once more, with the places that were found."""
+    v = plant("x v", "F", "m Fc", lambda x, u, p: {"x": x["v"], "v": u["F"] / p["m"]})
+    dry = Friction("v", lambda x, u, p: p["Fc"], lambda x, u, p: p["Fc"], lambda x, u, p: {"v": 1.0 / p["m"]})
+    wall = Event("wall", lambda x, u, p: x["x"] + 1.0, lambda x, u, p: {"v": -0.5 * x["v"]})
+    x, u, p = (jnp.array(0.5), jnp.array(-1.0)), (jnp.array(0.2), jnp.array(0.0)), (jnp.array(1.3), jnp.array(0.1))
+    for step in (with_events(rk4, [bind_event(wall, v)]), with_friction(rk4, bind_friction(dry, v))):
+
+        def pulled(x, p, step=step):
+            return jax.vjp(lambda x, p: step.whole(v.rate, x, u, u, 0.01, p, True), x, p)[1]((1.0, 1.0))
+
+        assert str(jax.make_jaxpr(pulled)(x, p)).count("while[") == 1
 
 
 def test_a_matrix_exponential_is_refused_where_it_would_leave_friction_out():

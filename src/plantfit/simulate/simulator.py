@@ -372,8 +372,7 @@ def _step(vector: VectorModel, stepper: str) -> Callable:
         return exact_step(vector, p, h, varying)(x, u0, u1)
 
     model, step = vector.model, exact if stepper == EXACT else STEPPERS[stepper].step
-    for backlash in model.backlashes:
-        step = with_backlash(step, bind_backlash(backlash, vector))
+    step = with_backlash(step, *(bind_backlash(backlash, vector) for backlash in model.backlashes))
     for friction in model.frictions:
         step = with_friction(step, bind_friction(friction, vector))
     return with_events(step, [bind_event(e, vector) for e in model.events])

@@ -76,7 +76,11 @@ class Emitter(FunctionText):
         total = masks[0]
         for other in masks[1:]:
             total = self.put(f"or {self.vector('i1')} {total}, {other}")
-        return self.call("i1", f"llvm.vector.reduce.or.v{self.width}i1", (self.vector("i1"), total))
+        return self.some_lane(total)
+
+    def some_lane(self, mask: str) -> str:
+        """i1: whether a mask is true anywhere."""
+        return self.call("i1", f"llvm.vector.reduce.or.v{self.width}i1", (self.vector("i1"), mask))
 
     # -- one vector ---------------------------------------------------------------------------------
 
@@ -91,22 +95,25 @@ class Emitter(FunctionText):
         self._values.update(before)
 
     @contextmanager
-    def each_vector(self, wanted: Callable[[str], str]) -> Generator[str]:
-        """Within, one vector of a block after another is worked off, those for whose place `wanted` gives a true i1;
-        the place."""
-        (counter,) = self.filled_slots("i64", ["0"])
-        body, some, following, end = (self.name(stem) for stem in ("vector", "some", "next", "done"))
-        self.line(f"br label %{body}")
+    def each_vector(self, some: Lanes) -> Generator[str]:
+        """Within, one vector of a block after another is worked off, those whose i1 is true; the place."""
+        bits = self.put(f"zext i1 {some[0]} to i64")
+        for u, one in enumerate(some[1:], 1):
+            bit = self.put(f"select i1 {one}, i64 {1 << u}, i64 0")
+            bits = self.put(f"or i64 {bits}, {bit}")
+        # from bit to bit, so that no vector that is left out takes a branch
+        (left,) = self.filled_slots("i64", [bits])
+        head, body, end = (self.name(stem) for stem in ("vectors", "vector", "done"))
+        self.line(f"br label %{head}")
+        self.label(head)
+        bits = self.put(f"load i64, ptr {left}")
+        self.line(f"br i1 {self.put(f'icmp eq i64 {bits}, 0')}, label %{end}, label %{body}")
         self.label(body)
-        u = self.put(f"load i64, ptr {counter}")
-        self.line(f"br i1 {wanted(u)}, label %{some}, label %{following}")
-        self.label(some)
+        u = self.call("i64", "llvm.cttz.i64", ("i64", bits), ("i1", "true"))
         yield u
-        self.line(f"br label %{following}")
-        self.label(following)
-        more = self.put(f"add i64 {u}, 1")
-        self.line(f"store i64 {more}, ptr {counter}")
-        self.line(f"br i1 {self.put(f'icmp slt i64 {more}, {self.vectors}')}, label %{body}, label %{end}")
+        fewer = self.put(f"sub i64 {bits}, 1")
+        self.line(f"store i64 {self.put(f'and i64 {bits}, {fewer}')}, ptr {left}")
+        self.line(f"br label %{head}")
         self.label(end)
 
     # -- memory -------------------------------------------------------------------------------------

@@ -234,11 +234,7 @@ class RegionEmitter:
         mask, found = Row(e, BOOL, masks), [Row(e, get.dtype) for get in gets]
         before = self._ahead, self._apart
 
-        def wanted(u: str) -> str:
-            with e.one_vector({}), e.active(None):
-                return e.any_lane([mask.load(u)])
-
-        with e.each_vector(wanted) as u:
+        with e.each_vector([e.some_lane(mask) for mask in masks]) as u:
             self._ahead, self._apart = self._ahead | set(loads), True
             with e.one_vector({n: row.load(u) for n, row in given.items()}), e.active([mask.load(u)]):
                 self.emit(region)

@@ -95,7 +95,7 @@ class TablePlaces:
         def moved(u: str) -> str:
             return e.put(f"icmp ne {kind} {places.load(u)}, {before.load(u)}")
 
-        with e.each_vector(lambda u: e.any_lane([moved(u)])) as u:
+        with e.each_vector([e.any_lane([moved(str(u))]) for u in range(len(now))]) as u:
             if sums is not None:
                 self._sums.renew(sums, u, before.load(u), moved(u))
             if reads is not None:

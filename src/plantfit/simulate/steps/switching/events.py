@@ -19,7 +19,10 @@ from plantfit.simulate.steps.switching.crossings import (
     arrived,
     between,
     change,
+    close,
     fall,
+    kept,
+    searched,
     slope,
 )
 from plantfit.simulate.steps.switching.declared import Trigger
@@ -66,26 +69,29 @@ class _Cutter:
     def quiet(self, rate, x, u0, u1, h, p, varying, pattern=None):
         """The step as if no event were in it, and whether one may be."""
         end, may = switched.quiet_step(self.step)(rate, x, u0, u1, h, p, varying, pattern)
-        return end, may | self.possible(rate, x, end, u0, u1, h, p, varying, NEAR)
+        return end, may | self.possible(rate, x, end, u0, u1, h, p, varying, h)
 
-    def possible(self, rate, x, end, u0, u1, h, p, varying, near):
-        """Whether an event may be in the step from x to `end`."""
+    def possible(self, rate, x, end, u0, u1, h, p, varying, whole):
+        """Whether an event may be in the step from x to `end`, the rest of one of length `whole`."""
         may = jnp.zeros((), dtype=bool)
+        share = AROUND + _near(h, whole)
         for e in self.events:
             if e.straight:
                 may = may | _moment(e, x, u0, u1, h, p).passed
                 continue
-            side, moves = _side(e, rate, x, u0, u1, h, p, near), change(u0, u1, varying)
+            side, moves = _side(e, rate, x, u0, u1, h, p, whole), change(u0, u1, varying)
             g0, travel = slope(partial(_falling(e), side=side), rate, x, u0, moves, h, p)
             g1 = _falling(e)(x if e.timed else end, u1 if varying else u0, p, side)
-            room = (AROUND + near) * (jnp.abs(g1 - g0) + jnp.abs(travel))
-            may = may | ((g0 > -room) & (g1 < room))
+            # each value is held against a share of the travel and of the other value, which is more than the travel
+            # where it counts: as |g1 - g0| would be, with fewer operations
+            room = share * jnp.abs(travel)
+            may = may | ((g0 - share * g1 > -room) & (g1 - share * g0 < room))
         return may
 
     def cut(self, derived, rate, x, u0, u1, h, p, varying, pattern=None):
         """The step in segments that end at its events; `derived` where derivatives are taken of it."""
         within = _Within(self, derived, rate, u1, p, varying, pattern, jax.lax.stop_gradient(h))
-        return switched.segments(within.segment, self.most, x, u0, h, within.looked_at(x, u0, u1, h, p))[3]
+        return switched.segments(within.segment, self.most, derived, x, u0, h, within.looked_at(x, u0, u1, h, p))[3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,10 +118,6 @@ class _Within:
     def stepped(self, x, u0, u1, h, p):
         return self.of.step(self.rate, x, u0, u1, h, p, self.varying, self.pattern)
 
-    def near(self, h):
-        """`NEAR` as a share of what is left of the step."""
-        return NEAR * self.whole / jax.lax.stop_gradient(jnp.where(h == 0.0, 1.0, h))
-
     def segment(self, carry, last):
         """What is left of the step behind its next event, or its end where none is left."""
         x, u0, h, end = carry
@@ -141,14 +143,19 @@ class _Within:
 
     def _met(self, e, x, u0, h, end):
         """Whether an event is in the step, at which share of it, and the states there."""
-        given = x, u0, self.u1, h, self.p, _side(e, self.rate, x, u0, self.u1, h, self.p, self.near(h))
-        found = fall(self._surface(e), x, end, u0, self.u1, h, self.p, given[-1], self.near(h))
-        share, there = jax.lax.cond(
-            found.crossed,
-            lambda given: arrived(self._surface(e), given, found),
-            lambda given: (jnp.ones_like(h), given[0]),
-            given,
+        given = x, u0, self.u1, h, self.p, _side(e, self.rate, x, u0, self.u1, h, self.p, self.whole)
+        found = fall(self._surface(e), x, end, u0, self.u1, h, self.p, given[-1], self.whole)
+        surface = self._surface(e)
+
+        def nowhere(given, *_):
+            return jnp.ones_like(h), given[0]
+
+        place = jax.lax.cond(
+            found.crossed, lambda given: searched(surface, given, found), nowhere, jax.lax.stop_gradient(given)
         )
+        if self.derived:
+            place = jax.lax.cond(found.crossed, partial(arrived, surface), nowhere, given, kept(place))
+        share, there = place
         return found.crossed, share, there
 
     def _reset(self, moments, chosen, x, u0, h, first, there):
@@ -166,9 +173,7 @@ class _Within:
         left = (1.0 - first) * h
         given = there, at, self.u1, left, self.p
         end = self.looked_at(*given)
-        more = self.of.possible(
-            self.rate, *jax.lax.stop_gradient((there, end, *given[1:])), self.varying, self.near(left)
-        )
+        more = self.of.possible(self.rate, *jax.lax.stop_gradient((there, end, *given[1:])), self.varying, self.whole)
         return (
             there,
             at,
@@ -211,14 +216,20 @@ def _falling(event):
     return lambda x, u, p, side: (event.sign or side) * event.when(x, u, p)
 
 
-def _side(event, rate, x, u0, u1, h, p, share):
+def _side(event, rate, x, u0, u1, h, p, whole):
     """The sign of an event's function at the start of a step, where crossings both ways are events; None where one
     is."""
     if event.sign:
         return None
     value, travel = slope(event.when, rate, x, u0, change(u0, u1, True), h, p)
-    near = jnp.abs(value) <= share * jnp.abs(travel)
-    return jax.lax.stop_gradient(jnp.sign(jnp.where(near, travel, value)))
+    return jax.lax.stop_gradient(jnp.sign(jnp.where(close(value, travel, h, whole), travel, value)))
+
+
+def _near(h, whole):
+    """`NEAR` of a step of length `whole` as a share of one of length h."""
+    if h is whole:
+        return NEAR
+    return NEAR * jax.lax.stop_gradient(whole / jnp.where(h == 0.0, 1.0, h))
 
 
 def _soonest(found, x, h):

@@ -8,7 +8,7 @@ from typing import Any
 import plantfit.runtime  # noqa: F401
 from plantfit.simulate.steps.steppers import plus, times
 from plantfit.simulate.steps.switching import switched
-from plantfit.simulate.steps.switching.crossings import Fall, Surface, arrived, between, fall
+from plantfit.simulate.steps.switching.crossings import Surface, arrived, between, fall, kept, searched
 from plantfit.simulate.steps.switching.declared import DryFriction
 from plantfit.simulate.steps.switching.switched import Given, Stepper, Switching, either, parameters, values_of
 from plantfit.simulate.steps.vector import Scalars
@@ -67,7 +67,7 @@ class _Rubbing:
         within = _Within(self, derived, rate, u1, p, varying)
         way = self._way(rate, x, u0, p)
         return switched.segments(
-            within.segment, self.most, x, u0, h, within.looked_at(x, u0, u1, h, Given(p, way)), way
+            within.segment, self.most, derived, x, u0, h, within.looked_at(x, u0, u1, h, Given(p, way)), way
         )[3]
 
     def reserve(self, rate):
@@ -137,16 +137,35 @@ class _Within:
             self.stepped, self.looked_at, self.of.rubbed(self.rate), self.of.reserve(self.rate), self.varying
         )
         found = fall(surface, x, end, u0, self.u1, h, Given(self.p, way))
+        turns = found.crossed & ~last
 
-        def ended(x, u0, h, end, way):
+        def given(x, u0, h, way):
+            return x, u0, self.u1, h, Given(self.p, way), None
+
+        def turned(x, u0, h, end, way, place=None):
+            place = (
+                searched(surface, given(x, u0, h, way), found)
+                if place is None
+                else arrived(surface, given(x, u0, h, way), place)
+            )
+            return self._turned(u0, h, way, *place)
+
+        def ended(x, u0, h, end, way, *_):
             end = self.stepped(x, u0, self.u1, h, Given(self.p, way)) if self.derived else end
             return x, u0, jnp.zeros_like(h), self.of.at_zero(found.crossed, end), way
 
-        return either(found.crossed & ~last, partial(self._turned, surface, found), ended, *carry)
+        if not self.derived:
+            return either(turns, turned, ended, *carry)
+        place = jax.lax.cond(
+            turns,
+            lambda given: searched(surface, given, found),
+            lambda given: (jnp.ones_like(h), given[0]),
+            jax.lax.stop_gradient(given(x, u0, h, way)),
+        )
+        return either(turns, turned, ended, *carry, kept(place))
 
-    def _turned(self, surface: Surface, found: Fall, x, u0, h, _, way):
+    def _turned(self, u0, h, way, share, there):
         """What is left of the step behind the place where the mass came to rest or broke away."""
-        share, there = arrived(surface, (x, u0, self.u1, h, Given(self.p, way), None), found)
         at, there, left = between(u0, self.u1, share, self.varying), self.of.at_zero(True, there), (1.0 - share) * h
         later = Given(self.p, self.of._way(self.rate, there, at, self.p, way == 0.0))
         given = there, at, self.u1, left, later

@@ -11,6 +11,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import plantfit.runtime  # noqa: F401
+from plantfit.simulate.steps.switching.crossings import KEPT
 from plantfit.simulate.steps.vector import Scalars
 
 import jax
@@ -107,14 +108,23 @@ def once(step: Stepper) -> Stepper:
     return step if isinstance(step, Switching) else traced(step)
 
 
-def segments(segment: Callable[..., Any], most: int, x: Scalars, u0: Scalars, h: Any, *more: Any) -> Any:
-    """The carry after `most` + 1 segments of a step, one program for all."""
+def segments(segment: Callable[..., Any], most: int, derived: bool, x: Scalars, u0: Scalars, h: Any, *more: Any) -> Any:
+    """The carry after at most `most` + 1 segments of a step, one program for all; `derived` where derivatives are taken
+    of it."""
     carry = jax.tree.map(lambda v: jnp.asarray(v, dtype=float), (tuple(x), tuple(u0), h, *more))
+    if not derived:
+        # ends with the last lane that has something left, and hands its carry on without a selection
+        def next_one(counted):
+            count, carry = counted
+            return count + 1, segment(carry, count == most)
+
+        begin = jnp.zeros((), dtype=jnp.int32), carry
+        return jax.lax.while_loop(lambda counted: counted[1][2] != 0.0, next_one, begin)[1]
+
+    followed = jax.checkpoint(segment, prevent_cse=False, policy=jax.checkpoint_policies.save_only_these_names(KEPT))
 
     def needed(carry, last):
-        return jax.lax.cond(
-            carry[2] != 0.0, jax.checkpoint(segment, prevent_cse=False), lambda carry, _: carry, carry, last
-        ), None
+        return jax.lax.cond(carry[2] != 0.0, followed, lambda carry, _: carry, carry, last), None
 
     return jax.lax.scan(needed, carry, jnp.arange(most + 1) == most)[0]
 
