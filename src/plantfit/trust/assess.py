@@ -33,7 +33,7 @@ from plantfit.trust.intervals.follow.following import followed_ranges
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.misreadings import allowing_for_misreadings, claimed
-from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
+from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows, with_delays
 from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.looks import hold_looks, not_followed, problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
@@ -83,6 +83,7 @@ def assess(
     if local.linear is not None:
         ranges = followed_ranges(problem, best.x, local.linear, spent, _other_ends(runs, best))
     rows = parameter_rows(problem.space, local, unseen, ranges)
+    rows = with_delays(problem.model, rows)
     agreed = agreement(problem, runs)
     rows = opened(rows, agreed.ranges)
     rows, stepped = allowing_for_misreadings(as_known(problem), best.x, local, rows)
