@@ -189,3 +189,36 @@ def test_a_unit_is_spelled_like_the_declared_one(needed, like, text):
 
 def test_a_unit_of_another_size_than_any_that_is_known_is_not_spelled():
     assert spelled(form_of(units.parse("furlong^2/week")), "m^2") is None
+
+
+VALVE = """
+q = Kv*R^(u - 1)
+h' = (q - k*sqrt(max(h, 0)))/A
+y = h
+"""
+
+
+@pytest.mark.parametrize("exponent", ["u - 1", "u^2", "0.5*u - 1"])
+def test_a_parameter_whose_power_changes_is_a_number(exponent):
+    """Its unit was taken as unknown, and so was that of the flow: Kv of 0.25 L/s was given as 2.5e-4 "L/s"."""
+
+    def valve(unit, **more):
+        equations(
+            VALVE.replace("u - 1", exponent), inputs={"u": "1"}, states={"h": "m"}, outputs={"y": "m"},
+            parameters={"Kv": {"unit": unit, "bounds": (0, 1)}, "R": None, "k": "m^2.5/s", "A": "m^2", **more},
+        )  # fmt: skip
+
+    valve("m^3/s")
+    valve(None)
+    valve("L/s", k="L/s/m^0.5", A="L/m")
+    with pytest.raises(EquationError) as caught:
+        valve("L/s")
+    assert "Write unit = \"m^3/s\", bounds = [0, 0.001] for 'Kv'" in caught.value.reason
+
+
+def test_a_signal_with_a_fitted_power_may_have_a_hidden_unit():
+    """c h^n with h in m and n fitted: numbers are meant in metres, and c has a unit that nobody wrote."""
+    equations(
+        "h' = u - c*h^n; y = h", inputs={"u": "m/s"}, states={"h": None}, outputs={"y": None},
+        parameters={"c": None, "n": None},
+    )  # fmt: skip

@@ -90,6 +90,20 @@ def test_a_value_on_zero_is_not_to_be_made_negative_where_physics_forbids_it(zer
     found = static("y = a*x", y, {"a": Parameter((0.0, 5.0), limits=limits)})
     told = " ".join(s["sentence"] for s in found.findings["verdict"])
     assert "a ended on its lower bound, 0" in told
+    assert "cannot be told from zero" not in told
+    assert ("the data pull it below zero" in told) == zero_is_physical
+    assert ("the data pull it further. Widen the bound if physics allows" in told) != zero_is_physical
+
+
+@pytest.mark.parametrize("zero_is_physical", [True, False])
+def test_a_value_that_noise_puts_on_zero_may_be_taken_out(zero_is_physical):
+    """y = b + a x with a = 0 in truth, of which the noise makes a little less."""
+    noise = np.random.default_rng(3).normal(size=200)
+    y = 1.0 + 0.05 * (noise - 1.5 * (X - X.mean()) * np.abs(np.polyfit(X, noise, 1)[0]))
+    limits = (0.0, np.inf) if zero_is_physical else (-np.inf, np.inf)
+    found = static("y = b + a*x", y, {"a": Parameter((0.0, 5.0), limits=limits), "b": Parameter((-5.0, 5.0))})
+    told = " ".join(s["sentence"] for s in found.findings["verdict"])
+    assert "a ended on its lower bound, 0, and cannot be told from zero" in told
     assert "take it out of the model" in told
     assert ("or widen the bound where it may be negative" in told) != zero_is_physical
 

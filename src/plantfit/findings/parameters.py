@@ -59,6 +59,11 @@ class Parameter(Record):
     """How the search divides the range between the bounds."""
     at_bound: Literal["lower", "upper"] | None = None
     """The bound of the search that the value is pressed on."""
+    pulled: Number = None
+    """Share of the squares that are left which a value beyond that bound would explain, by the linearised problem; 0
+    where noise may take it there."""
+    delays: str | None = None
+    """The input or state that a dead time delays, of one at a bound."""
     status: Status = "determined"
     """How well the data fix the value: by its interval against its size, not against the bounds."""
     equal_answers: list[Number] | None = None

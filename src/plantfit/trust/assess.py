@@ -34,7 +34,7 @@ from plantfit.trust.intervals.follow.following import followed_ranges
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.misreadings import allowing_for_misreadings, claimed
-from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows
+from plantfit.trust.intervals.parameter_rows import NOT_VISITED, parameter_rows, table_rows, with_delays
 from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.looks import hold_looks, not_followed, problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
@@ -88,6 +88,7 @@ def assess(
     elif local.linear is not None:
         ranges = followed_ranges(problem, z, local.linear, spent, _other_ends(runs, best))
     rows = parameter_rows(problem.space, local, unseen, ranges)
+    rows = with_delays(problem.model, rows)
     agreed = agreement(problem, runs)
     rows = rows if weighted is not None else opened(rows, agreed.ranges)
     rows, stepped = allowing_for_misreadings(as_known(problem), z, local, rows)

@@ -11,7 +11,7 @@ from plantfit.problem.problem import Problem
 from plantfit.space import Coordinate, Parameter, Space
 from plantfit.trust.identify.table_visits import Visits
 from plantfit.trust.intervals.linearised import Local, natural_sizes
-from plantfit.trust.intervals.ranges import Range, linear_range
+from plantfit.trust.intervals.ranges import Range, linear_range, pulled_beyond
 
 Row = dict[str, Any]
 
@@ -44,6 +44,13 @@ def parameter_rows(
             values = np.broadcast_to(np.asarray(p.value, dtype=float), p.shape)
             rows += [_fixed(name, p, index, float(values[index])) for index in np.ndindex(p.shape)]
     return rows
+
+
+def with_delays(model: Model | Any, rows: Sequence[Row]) -> list[Row]:
+    """The rows, those of dead times at a bound with what they delay."""
+    late = {d.parameter: d.input for d in getattr(model, "delays", ())}
+    late |= {d.parameter: d.state for d in getattr(model, "state_delays", ())}
+    return [{**r, "delays": late.get(r["parameter"])} if r["at_bound"] else r for r in rows]
 
 
 def table_rows(problem: Problem, rows: Sequence[Row], visits: Sequence[Visits] = ()) -> list[OperatingTable]:
@@ -145,6 +152,7 @@ def _ranged(c: Coordinate, local: Local, i: int, found: Range) -> Row:
         "high": float(high),
         "open": None if not ends else ends[0] if len(ends) == 1 else "both",
         "limits": [float(v) if np.isfinite(v) else None for v in c.limits],
+        "pulled": pulled_beyond(local.linear, i, -1.0 if bound == "lower" else 1.0) if bound else None,
         "status": "at bound" if bound else judged(c, value, found, local.linear.sound),
     }
 

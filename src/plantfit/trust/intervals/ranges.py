@@ -31,6 +31,7 @@ SLOW = 0.99  # correlation from which on intervals are too short
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 MANY = 1e6  # degrees of freedom of a variance that is known
 HALVINGS = 40
+BY_CHANCE = 1.5  # standard errors beyond a bound, up to which noise may take a value there
 LOOSE = 0.25  # sizes, the standard error of a direction from which on what cancels along it is worked out apart
 
 
@@ -244,6 +245,25 @@ def linear_end(linear: Linear, i: int, sign: float, held: Sequence[int] = ()) ->
             guess = step * np.sqrt(top / growth) if growth > 0 and k % 2 else 0.5 * (inside + beyond)
             step = float(np.clip(guess, inside + 0.05 * (beyond - inside), beyond - 0.05 * (beyond - inside)))
     return inside, at
+
+
+def pulled_beyond(linear: Linear, i: int, sign: float) -> float:
+    """The share of the sum of squares that x_i would explain to one side beyond where it stands, the others inside
+    their limits, by the linearised problem; 0 where noise may take it there.
+
+    What a model lacks makes errors as large as the step beyond, so that these alone would hardly ever tell.
+    """
+    norms = np.maximum(np.linalg.norm(linear.rows, axis=0), 1e-300)
+    low, high = linear.least * norms - 1e-12, linear.most * norms + 1e-12
+    sums = []
+    for reach in (0.0, np.inf):
+        low[i], high[i] = -1e-12 - reach, 1e-12 + reach
+        found = lsq_linear(linear.rows / norms, -linear.rest, (low, high), method="bvls")
+        sums.append(2.0 * float(found.cost))
+    step = sign * float(found.x[i]) / float(norms[i])
+    if step < BY_CHANCE * float(np.sqrt(max(linear.spread[i, i], 1e-300))):
+        return 0.0
+    return max(0.0, 1.0 - sums[1] / max(sums[0], 1e-300))
 
 
 def linear_range(linear: Linear, i: int, held: Sequence[int] = ()) -> Range:

@@ -15,6 +15,7 @@ Row = Mapping[str, Any]
 LISTED = 8  # estimates in one sentence
 APART = 3  # parameters of one kind that have a sentence each; more share one
 HARDLY = 100.0  # times its lower end, from which on the upper end of a range leaves little known
+PULLED = 0.1  # share of what is left that a value beyond its bound would explain, from which on it is told
 UNEVEN = 1.5  # times as far as 1.96 standard errors, from which on an interval is told beside them
 
 
@@ -43,6 +44,8 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     yield from table_sentences(entries, findings.get("tables", ()))
     yield from smoothing_sentences(findings.get("smoothing", ()))
     needs = (findings.get("determined") or {}).get("only_if", {})
+    if failing(findings) or lacking(findings):
+        single = [dict[str, Any](p, lacking=True) for p in single]
     single = [{**p, "part_of": part} if (part := _part_of(p, findings)) else p for p in single]
     for status, one, many, all_of in (
         ("weak", _weak, _weaks, _all_weak), ("flat", _flat, _flats, _all_flat), ("at bound", _bound, _bounds, None),
@@ -383,21 +386,45 @@ def _flats(name: str, rows: Sequence[Row]) -> Sentence:
 
 
 def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
-    if (
-        p["at_bound"] == "lower" and p["lower_bound"] == 0.0 and not _point(p)
-    ):  # a dead time, a friction: usually nothing lies below
-        text = (
-            f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and cannot be told from "
-            f"zero{_at_most(p)}: "
-            f"take it out of the "
-            f"model{'' if (p.get('limits') or (None,))[0] == 0.0 else ', or widen the bound where it may be negative'}."
-        )
+    limited = (p.get("limits") or (None,))[0] == 0.0
+    if _on_zero(p) and (limited or not _is_pulled(p)):  # a dead time, a friction: usually nothing lies below
+        text = f"{p['name']} ended on its lower bound, {with_unit(0.0, p['unit'])}, and "
+        if _is_pulled(p):
+            return say("warning", text + _below_zero(p), value=p["value"], pulled=p["pulled"])
+        text += f"cannot be told from zero{_at_most(p)}"
+        if p.get("recording"):  # of one recording it cannot be taken out
+            text += ": there it may be zero."
+        elif p.get("lacking"):
+            text += ". The model lacks something: find that before you take it out."
+        else:
+            text += f": take it out of the model{'' if limited else ', or widen the bound where it may be negative'}."
         return say("warning", text, value=p["value"])
     text = (
         f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the "
         "data pull it further. Widen the bound if physics allows, else take it out of the model."
     )
     return say("warning", text, value=p["value"])
+
+
+def _on_zero(p: Row) -> bool:
+    return bool(p["at_bound"] == "lower" and p["lower_bound"] == 0.0 and not _point(p))
+
+
+def _is_pulled(p: Row) -> bool:
+    """Whether the data take a value beyond its bound by more than chance does."""
+    return (p.get("pulled") or 0.0) >= PULLED
+
+
+def _below_zero(p: Row) -> str:
+    """What the data say that pull a value to where physics has none."""
+    text = f"the data pull it below zero, where {100 * p['pulled']:.0f} % less would be left"
+    if p.get("delays"):
+        u = p["delays"]
+        return (
+            f"{text}: the plant moves before {u} does, as it is recorded. The clock of {u} may be another one, in one "
+            f"recording or in all: clock_shift = {{ {u} = [-T, T] }} under [model] tells by how much (s)."
+        )
+    return f"{text} and it means nothing: something else in the model is missing or wrong. Find that, and keep it."
 
 
 def _at_most(p: Row) -> str:
@@ -409,6 +436,10 @@ def _at_most(p: Row) -> str:
 
 
 def _bounds(name: str, rows: Sequence[Row]) -> Sentence:
+    if all(_on_zero(p) and not _is_pulled(p) for p in rows):
+        where = f"in {len(rows)} recordings ({_recordings(rows)})"
+        text = f"{name} ended on its lower bound, {with_unit(0.0, rows[0]['unit'])}, {where}, and there it may be zero."
+        return say("warning", text, recordings=len(rows))
     text = (
         f"{name} ended on a bound in {len(rows)} recordings ({_recordings(rows)}): the data pull it further. "
         "Widen the bounds if physics allows, else take it out of the model."

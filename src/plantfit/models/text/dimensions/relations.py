@@ -152,6 +152,10 @@ class Relations:
         if base is None or number is not None:
             return base if base is None else NUMBER.times(base, fraction(number))
         self.form(power)
+        if len(base.powers) == 1 and next(iter(base.powers))[0] == "parameter":
+            # a parameter with a power that changes is a number, as the rangeability of a valve
+            self.say(base, node.args[0], plain=True)
+            return NUMBER
         return self._fresh() if base.powers or not base.pure else NUMBER
 
     def _fresh(self) -> Form:

@@ -33,6 +33,7 @@ INSIDE = 1.3  # times the distance of a bound from the limit, where the effect o
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
 ENOUGH = 0.5  # of the threshold: a refit that has come so far is inside
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
+FARTHER = 10.0  # times the way so far at which it is tried whether the data stop a range that leans on a bound
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,8 @@ class Place:
 
     `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there.
     `settled`: the refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall
-    to the threshold beyond it; `limited`: where it leans, physics sets a limit somewhere beyond.
+    to the threshold beyond it; `limited`: where it leans, physics sets a limit somewhere beyond. `stopped`: it costs
+    more than the threshold wherever the coordinates on bounds may go.
     """
 
     at: float
@@ -52,6 +54,7 @@ class Place:
     settled: bool = True
     leans: bool = False
     limited: bool = True
+    stopped: bool = False
 
 
 class Followed:
@@ -273,7 +276,7 @@ class Followed:
             at, start = self._next(here, edge, inside, outside), None
         if outside is not None:
             if inside.leans and self._beyond_bounds(i, inside):
-                return float(self.limits[i][1 if sign > 0 else 0])  # what holds it so far out is a bound of the room
+                return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
             near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
             return self._value(i, self._between(inside, outside) if near else outside.at)
         return self._unstopped(i, sign, inside, end)
@@ -293,7 +296,38 @@ class Followed:
         if sign * (reached - end) <= 0.0:
             return end
         # a bound of the search stopped it there, and not the data
-        return limit if inside.share < 0.5 or inside.leans else reached
+        return self._farther(i, sign, inside) if inside.share < 0.5 or inside.leans else reached
+
+    def _farther(self, i: int, sign: float, inside: "Place") -> float:
+        """Where a range ends that a bound of the search stopped at a place `inside`: nowhere, but where the data stop
+        it a little farther out, wherever the coordinates on bounds may go.
+
+        Only where all of that is short beside the value: elsewhere parameters that grow together without end may look
+        alike. A refit that was led there from far away may have lost a valley, so that a place that is stopped is
+        looked for beside one that is not.
+        """
+        here, edge, limit = float(self.z[i]), 0.0 if sign < 0 else 1.0, float(self.limits[i][1 if sign > 0 else 0])
+        value = float(self.linear.values[i])
+        reach = abs(self._value(i, inside.at) - value)
+        last = min(FARTHER * reach, WIDE * float(self.linear.size[i]))
+        if last < 2.0 * reach:
+            return limit
+        at, outside = self._cube(i, value + sign * last, edge), None
+        for _ in range(PROBES):
+            self.left = max(self.left, 2 * STEPS)
+            found = self._grown(i, at, self._predicted(i, inside, at)) if at != inside.at else None
+            if found is None or (found.share > 1.0 and not found.settled):
+                return limit
+            if found.stopped:
+                outside = found
+            else:
+                inside = found if found.share <= 1.0 else replace(found, share=1.0)
+            if outside is None:
+                return limit
+            if abs(outside.at - inside.at) <= NEAR * abs(outside.at - here):
+                return self._value(i, outside.at)
+            at = self._next(here, edge, inside, outside)
+        return limit
 
     def _beyond_bounds(self, i: int, place: "Place") -> bool:
         """Whether coordinate i has left the bounds of the search."""
@@ -411,9 +445,10 @@ class Followed:
         scale = np.sqrt(self.count / len(r))
         return r * scale, j * self.room.width * scale
 
-    def _leans(self, point: np.ndarray, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool]:
+    def _leans(self, point: np.ndarray, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool, bool]:
         """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to
-        the threshold, and whether physics limits all of them.
+        the threshold, whether physics limits all of them, and whether the sum stays above the threshold wherever they
+        go, as far as the derivatives tell.
 
         By the gradient, which a convex sum never falls faster than, and by what is left of it where the coordinates off
         their bounds have moved to their best: a refit may end a little before, and they go along with those on bounds.
@@ -425,6 +460,7 @@ class Followed:
             block.residuals - inner @ np.linalg.lstsq(inner, block.residuals)[0] if inner.shape[1] else block.residuals
         )
         gradient, most, noticed = 2.0 * block.jacobian.T @ left, 0.0, []
+        moving = (block.x > EDGE) & (block.x < 1.0 - EDGE)
         for k, x, g in zip(places, block.x, gradient, strict=True):
             side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
             if side is None:
@@ -439,9 +475,14 @@ class Followed:
             if abs(g) / slope * min(room, max(abs(bound), self.linear.size[k])) > 0.1 * top:
                 noticed.append((int(k), side))
             most += abs(g) / slope * room
-        enough = block.cost - self.least - most <= top
-        leans = bool(noticed) and (enough or any(self._steep(point, *c) for c in noticed))
-        return leans, bool(not leans or np.isfinite(most))
+            moving |= places == k
+        above = block.cost - self.least - top
+        columns = block.jacobian[:, moving]
+        lowest = block.residuals - columns @ np.linalg.lstsq(columns, block.residuals)[0]
+        falls = min(most, block.cost - float(lowest @ lowest))
+        steep = bool(noticed) and above > falls and any(self._steep(point, *c) for c in noticed)
+        leans = bool(noticed) and (above <= most or steep)
+        return leans, bool(not leans or np.isfinite(most)), bool(above > falls and not steep)
 
     def _steep(self, point: np.ndarray, k: int, side: int) -> bool:
         """Whether what coordinate k does on its bound does not fade towards its physical limit: by its derivatives

@@ -1,0 +1,45 @@
+"""Ranges of what is measured, beside parameters that the data leave open and that stand on bounds of the search."""
+
+import numpy as np
+import pytest
+
+from plantfit import Parameter, Problem, Recording, Signal, equations
+from plantfit.fitting import fit
+
+
+def reaction(seed, start_bounds=(0.0, 400.0)):
+    """A reaction of first order at a nearly constant temperature, which tells its rate there and not what it changes
+    with; its start is measured."""
+    t = np.arange(150) * 1.0
+    temperature = 333.0 + 0.02 * np.sin(0.05 * t)
+    rate = 0.02 * np.exp(-8000.0 * (1 / temperature - 1 / 340.0))
+    x = 2.0 * np.exp(-np.concatenate([[0.0], np.cumsum(rate[:-1])]))
+    record = Recording(
+        t,
+        {"T": Signal(temperature), "y": Signal(x + 0.01 * np.random.default_rng(seed).normal(size=len(t)))},
+        "run",
+    )
+    model = equations(
+        "x' = -k*exp(-E*(1/T - 1/340))*x\ny = x",
+        states={"x": {"initial": "x0"}}, inputs=["T"], outputs=["y"], parameters=["k", "E", "x0"], name="batch",
+    )  # fmt: skip
+    box = {
+        "k": Parameter((1e-4, 1.0), scale="log"),
+        "E": Parameter((5000.0, 10000.0)),
+        "x0": Parameter(start_bounds),
+    }
+    return {row["name"]: row for row in fit(Problem(model, record, box), seed=1).findings["parameters"]}
+
+
+@pytest.mark.parametrize("seed", [1, 6, 10])
+def test_a_measured_start_has_ends_where_an_activation_energy_presses_on_its_bound(seed):
+    """It was "at least 1.995, and the data set no upper end": E presses on its bound, and might have paid for it."""
+    found = reaction(seed)
+    start = found["x0"]
+    assert start["status"] == "determined"
+    assert start["low"] < 2.0 < start["high"]
+    assert start["high"] - start["low"] < 0.02  # 0.0085 by its standard error alone
+    # what the same bound does hold stays open
+    assert found["E"]["status"] == "flat"
+    assert found["k"]["status"] == "weak"
+    assert found["k"]["high"] > 3.0 * found["k"]["value"]
