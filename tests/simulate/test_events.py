@@ -19,6 +19,7 @@ from plantfit.simulate.steps.switching import (
     with_events,
     with_friction,
 )
+from plantfit.simulate.steps.switching.switched import Switching
 
 import jax
 import jax.numpy as jnp
@@ -326,9 +327,10 @@ def test_a_place_is_searched_once_where_derivatives_are_taken():
     wall = Event("wall", lambda x, u, p: x["x"] + 1.0, lambda x, u, p: {"v": -0.5 * x["v"]})
     x, u, p = (jnp.array(0.5), jnp.array(-1.0)), (jnp.array(0.2), jnp.array(0.0)), (jnp.array(1.3), jnp.array(0.1))
     for step in (with_events(rk4, [bind_event(wall, v)]), with_friction(rk4, bind_friction(dry, v))):
+        assert isinstance(step, Switching)
 
-        def pulled(x, p, step=step):
-            return jax.vjp(lambda x, p: step.whole(v.rate, x, u, u, 0.01, p, True), x, p)[1]((1.0, 1.0))
+        def pulled(x, p, whole=step.whole):
+            return jax.vjp(lambda x, p: whole(v.rate, x, u, u, 0.01, p, True), x, p)[1]((1.0, 1.0))
 
         assert str(jax.make_jaxpr(pulled)(x, p)).count("while[") == 1
 
