@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -79,9 +79,9 @@ class ExperimentDesign:
             figures["distance"] = self.goal.distance(told, self.goal.other.trial.told(self.found.best.u))
             figures["against"] = self.against.problem.name if self.against else None
         signals: dict[str, Values] = {n: [float(np.min(y)), float(np.max(y))] for n, y in told.signals.items()}
-        seen: dict[str, Values] = {
-            n: list(_seen(trial.problem, n)) for n in model.outputs if n not in self.limits.signals
-        }
+        seen: dict[str, Values] = {n: list(_seen(trial.problem, n)) for n in model.outputs}
+        went: dict[str, Values] = {n: list(_went(trial.problem, n)) for n in model.inputs}
+        sides = {n: _without_limit(self.limits.signals.get(n)) for n in model.outputs}
         made = NextExperiment(
             name=self.answer.problem.name,
             samples=len(self.t),
@@ -89,13 +89,13 @@ class ExperimentDesign:
             seconds=float(np.median(np.diff(self.t))) * len(self.t),
             inputs=[
                 DesignedInput(name=n, unit=u, low=float(self.limits.low[k]), high=float(self.limits.high[k]),
-                              slew=self.limits.slew[k])
+                              slew=self.limits.slew[k], seen=went[n])
                 for k, (n, u) in enumerate(model.inputs.items())
             ],
             limits={n: SignalLimit(low=lo, high=hi, reached=signals[n], unit=_unit_of(model, n))
                     for n, (lo, hi) in self.limits.signals.items()},
-            outputs=[OutputWithoutLimit(name=n, unit=model.outputs[n], seen=s, reached=signals[n])
-                     for n, s in seen.items()],
+            outputs=[OutputWithoutLimit(name=n, unit=model.outputs[n], seen=seen[n], reached=signals[n], open=side)
+                     for n, side in sides.items() if side],
             criterion="difference" if isinstance(self.goal, Difference) else "A" if one.criterion == "A" else "D",
             chosen=[trial.problem.space.names[i] for i in np.flatnonzero(one.chosen)] if not np.all(one.chosen) else [],
             plants=len(trial.plants),
@@ -324,12 +324,24 @@ def _input_ranges(problem: Problem, model: Model, given: Mapping[str, Range] | N
     return tuple(np.array(found, dtype=float).T)
 
 
-def _seen(problem: Problem, output: str) -> tuple[float, float]:
-    """Lowest and highest value of an output in all recordings; of one that never moves a thousandth of it to each
+def _without_limit(limit: tuple[float | None, float | None] | None) -> Literal["lower", "upper", "both"] | None:
+    """The sides to which an output has no limit, None where it has both."""
+    low, high = limit or (None, None)
+    free = [side for side, v in (("lower", low), ("upper", high)) if v is None or not np.isfinite(v)]
+    return None if not free else "both" if len(free) == 2 else "lower" if free[0] == "lower" else "upper"
+
+
+def _seen(problem: Problem, signal: str) -> tuple[float, float]:
+    """Lowest and highest value of a signal in all recordings; of one that never moves a thousandth of it to each
     side."""
-    y = np.concatenate([e.recording[output] for e in problem.experiments.values()])
-    low, high = float(np.nanmin(y)), float(np.nanmax(y))
+    low, high = _went(problem, signal)
     return (low, high) if low < high else (low - 1e-3 * abs(low) - 1e-9, high + 1e-3 * abs(high) + 1e-9)
+
+
+def _went(problem: Problem, signal: str) -> tuple[float, float]:
+    """Lowest and highest value of a signal in all recordings."""
+    y = np.concatenate([e.recording[signal] for e in problem.experiments.values()])
+    return float(np.nanmin(y)), float(np.nanmax(y))
 
 
 def _far(problem: Problem, limited: Mapping[str, Any]) -> dict[str, tuple[float, float]]:

@@ -485,3 +485,22 @@ def test_a_loop_is_not_called_an_exchange():
     look = feedback_look(recorded(y, u), "u", "y")
     assert look is not None
     assert "exchanged" not in look.sentence
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_signal_that_is_measured_seldom_has_no_gaps_but_long_ones(seed):
+    rng, n = np.random.default_rng(seed), 361
+    y = np.full(n, np.nan)
+    y[rng.choice(n, 24, replace=False)] = rng.normal(size=24)
+
+    def told(values):
+        record = Recording(np.arange(n) * 30.0, {"c": Signal(values)}, "batch")
+        return [look.figures["samples"] for look in signal_looks(record, "c", True) if look.kind == "missing"]
+
+    assert told(y) == []
+    dead = np.where(np.arange(n) < 140, rng.normal(size=n), np.nan)  # most of its samples are missing as well
+    dead[-1] = 0.0
+    assert told(dead) == [220]
+    seldom = np.full(n, np.nan)
+    seldom[::10], seldom[100:290] = 1.0 + rng.normal(size=37), np.nan
+    assert told(seldom) == [199]

@@ -1,6 +1,8 @@
 """Inputs designed for a study's plant, against closed forms and against what fits of simulated recordings reach."""
 
 import re
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,12 +14,12 @@ from scipy.stats import multivariate_normal
 
 import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
-from plantfit.experiment_design import _times, at_once
+from plantfit.experiment_design import _times, _without_limit, at_once
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.report.pages.next_experiment import asked, write_next_experiment_page
 from plantfit.trust.experiment.criteria import Precision
 from plantfit.trust.experiment.shapes import kind_of, shapes
-from plantfit.trust.experiment.told import precision_sentences
+from plantfit.trust.experiment.told import _beyond, precision_sentences
 
 RATE = 0.1  # s
 ONE = {"u": "1", "y": "1"}
@@ -414,3 +416,29 @@ def test_a_rate_that_gives_too_few_or_too_many_samples_comes_with_one_that_does(
     rate = re.search(r"--rate (\S+)Hz", str(refused.value))
     assert rate is not None
     assert 16 <= len(_times(problem, "25 h", f"{rate[1]} Hz")[0]) <= 200_000
+
+
+def beyond(inputs=(), outputs=()):
+    made = (SimpleNamespace(**{"unit": "K", "slew": None, "open": "both", **r}) for r in [*inputs, *outputs])
+    made = list(made)
+    record: Any = SimpleNamespace(inputs=made[: len(inputs)], outputs=made[len(inputs) :])
+    return [s["sentence"] for s in _beyond(record)]
+
+
+def test_inputs_that_leave_the_recorded_range_are_told():
+    near = {"name": "Tj", "low": 320.0, "high": 360.0, "seen": [323.0, 353.0]}
+    still = {"name": "Tj", "low": 320.0, "high": 360.0, "seen": [330.0, 330.0]}
+    assert beyond([near]) == beyond([still]) == []
+    (text,) = beyond([{**near, "high": 400.0}])
+    assert text.startswith("Tj may go from 320 to 400 K, and the recordings hold 323 to 353 K")
+    assert "another unit" not in text
+    for seen in (near, still):
+        (text,) = beyond([{**seen, "low": 40.0, "high": 80.0}])
+        assert text.endswith("Are these numbers meant in another unit than K?")
+
+
+@pytest.mark.parametrize(("limit", "told"), [((None, 360.0), 1), ((30.0, np.inf), 0), ((30.0, 360.0), 0), (None, 1)])
+def test_an_output_with_a_limit_to_one_side_is_looked_at_to_the_other(limit, told):
+    side = _without_limit(limit)
+    rows = [{"name": "T", "seen": [300.0, 350.0], "reached": [40.0, 313.0], "open": side}] if side else []
+    assert len(beyond(outputs=rows)) == told

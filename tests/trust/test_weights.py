@@ -319,3 +319,16 @@ def test_more_points_than_parameters_show_their_errors(u, free):
     assert found.problem.scale_sources["y"] == UNIT
     assert all(row["standard_error"] for row in found.findings["parameters"])
     assert "shows nothing" not in " ".join(v["sentence"] for v in found.findings["verdict"])
+
+
+@pytest.mark.parametrize(("fits", "told"), [((99.99, 60.0), "y"), ((98.0, 60.0), None), ((), "y and z")])
+def test_what_still_changes_is_followed_exactly_or_not_said_to_be(fits, told):
+    row = {"scale": 1.0, "unit": None, "who": "estimated", "chosen": "residuals", "settled": False}
+    rows = [{**row, "output": o} for o in "yz"]
+    scores = [{"output": o, "part": "fit", "fit_percent": f} for o, f in zip("yz", fits, strict=False)]
+    (said,) = weight_sentences({"weights": rows, "scores": scores})
+    assert said["level"] == "warning"
+    assert ("grows without end" in said["sentence"]) == (told is not None)
+    assert f"Give a scale for {told}:" in said["sentence"] or told is None
+    (said,) = weight_sentences({"weights": [{**r, "settled": True} for r in rows], "scores": scores})
+    assert said["level"] == "info"

@@ -15,6 +15,8 @@ class DesignedInput(Record):
     high: float
     slew: Number
     """Fastest change per second; None for any."""
+    seen: Samples | None = None
+    """From where to where it went in the recordings."""
 
 
 class SignalLimit(Record):
@@ -27,12 +29,14 @@ class SignalLimit(Record):
 
 
 class OutputWithoutLimit(Record):
-    """From where to where an output went in the recordings, and where it will go."""
+    """From where to where an output without a limit to one side or both went in the recordings, and will go."""
 
     name: str
     unit: str | None
     seen: Samples
     reached: Samples
+    open: Literal["lower", "upper", "both"] = "both"
+    """Where it has no limit."""
 
 
 class InputGain(Record):

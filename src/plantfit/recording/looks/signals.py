@@ -24,6 +24,7 @@ LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantise
 LAGS, SURE, SHARE = (5, 1e-6, 0.05)
 # samples back of the input itself, and what outputs must tell of it at least, as a share of its deviation
 OWN, SMALL = (40, 0.02)
+RARE = 12.0  # times the usual gap between two measured samples, from which on a gap is told
 MOVED = 0.1  # of the samples that change, in a signal that stays level and jumps
 # of the test for late stamps: samples back, samples ahead and of the record at most
 NEAR, EARLIER, MOST = ((3, LAGS), 30, 20_000)
@@ -58,7 +59,9 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             figures={"value": low},
         )  # fmt: skip
         return
-    if missing and measured and (longest := _longest(~good)) >= STUCK:
+    # of what is measured seldom, as in a laboratory, a usual gap is no loss
+    usual = RARE * float(np.median(np.diff(np.flatnonzero(good)) - 1))
+    if missing and measured and (longest := _longest(~good)) >= max(STUCK, usual):
         begin = _begin_of_longest(~good)
         yield Look(
             "missing", "info", recording.name, name,

@@ -122,11 +122,26 @@ def _common(record: NextExperiment) -> list[Sentence]:
 
 
 def _beyond(record: NextExperiment) -> list[Sentence]:
-    """Outputs that would go where no recording has been."""
+    """Inputs and outputs that would go where no recording has been."""
     found = []
+    for i in record.inputs:
+        if i.seen is None:
+            continue
+        low, high = array(i.seen)
+        if _within((i.low, i.high), (low, high)) or (low == high and i.low <= low <= i.high):
+            continue  # of one that never moved only where it stands is asked
+        unit = f" {i.unit}" if i.unit not in (None, "1") else ""
+        sentence = (
+            f"{i.name} may go from {i.low:.4g} to {i.high:.4g}{unit}, and the recordings hold {low:.4g} to {high:.4g}"
+            f"{unit}: nobody knows yet that the model holds there."
+        )
+        if i.high < low or i.low > high:
+            sentence += f" Are these numbers meant in another unit than {i.unit or 'that of the study file'}?"
+        found.append(say("warning", sentence))
     for o in record.outputs:
         (low, high), (least, most) = array(o.seen), array(o.reached)
-        if least < low - BEYOND * (high - low) or most > high + BEYOND * (high - low):
+        down, up = o.open in ("lower", "both"), o.open in ("upper", "both")
+        if (down and least < low - BEYOND * (high - low)) or (up and most > high + BEYOND * (high - low)):
             unit = f" {o.unit}" if o.unit not in (None, "1") else ""
             sentence = (
                 f"{o.name} would go from {least:.4g} to {most:.4g}{unit}, and the recordings hold {low:.4g} to "
@@ -135,6 +150,12 @@ def _beyond(record: NextExperiment) -> list[Sentence]:
             )
             found.append(say("warning", sentence))
     return found
+
+
+def _within(reached: Sequence[float], seen: Sequence[float]) -> bool:
+    """Whether a signal stays near to where it has been."""
+    low, high = seen
+    return low - BEYOND * (high - low) <= reached[0] and reached[1] <= high + BEYOND * (high - low)
 
 
 def _scattering(record: NextExperiment) -> list[Sentence]:

@@ -1,11 +1,12 @@
 """What the verdict says about the weights of several outputs, and who chose them."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from plantfit.trust.verdict.words import Sentence, say, with_unit
+from plantfit.trust.verdict.words import Sentence, say, some, with_unit
 
 LISTED = 8  # outputs in one sentence
+EXACT = 99.9  # percent of fit, from which on an output may be followed as exactly as one wants
 
 
 def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
@@ -19,7 +20,13 @@ def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     changing = any(not row["settled"] for row in rows)
     text = f"Residuals that count as 1: {', '.join(told)}{more}."
     if changing:
-        text += " Give scales where an output can be followed exactly: its weight grows without end."
+        exact = _followed(findings, rows)
+        text += (
+            f" Give a scale for {some(exact)}: it can be followed exactly, so that its weight grows without end."
+            if exact
+            else " They still change after these rounds: the outputs pull the parameters to different places, as where "
+            "the model lacks something. Give scales of your own, or find what is missing."
+        )
     few = [row["output"] for row in rows if row.get("few")]
     if few:
         names, fix, scales = (
@@ -29,3 +36,12 @@ def weight_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         text += f" Nothing shows how large the errors of {names} are, so that {fix} no parameter."
         text += f" Give {scales} for {names} if you know the size of the errors."
     yield say("warning" if changing or few else "info", text)
+
+
+def _followed(findings: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Outputs whose fitted samples are followed so well that their weight may grow without end."""
+    fits: dict[str, list[float]] = {}
+    for row in findings.get("scores", ()):
+        if row["part"] == "fit" and row.get("fit_percent") is not None:
+            fits.setdefault(row["output"], []).append(row["fit_percent"])
+    return [row["output"] for row in rows if min(fits.get(row["output"], [100.0])) >= EXACT]
