@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
 from plantfit.estimate.methods.generalised import generalised_least_squares
+from plantfit.problem.correlated.least_squares import weighted_least_squares
 from plantfit.problem.correlated.limits import FEW
 from plantfit.problem.correlated.noise import Noise, Rows, drawn, estimated, in_basis, restricted, shares
 
@@ -59,6 +60,10 @@ def test_products_and_likelihood_are_those_of_dense_matrices(form):
     gram, logarithm = noise.products(columns)
     np.testing.assert_allclose(gram, columns.T @ np.linalg.solve(v, columns), rtol=1e-9, atol=1e-9)
     assert logarithm == pytest.approx(np.linalg.slogdet(v)[1], abs=1e-9)
+    rooted = noise.rooted(columns)
+    np.testing.assert_allclose(rooted.T @ rooted, gram, rtol=1e-9, atol=1e-9)
+    drawn_noise = np.linalg.cholesky(v) @ rng.normal(size=(n, 4000))
+    np.testing.assert_allclose(np.cov(noise.rooted(drawn_noise)), np.eye(n), atol=0.12)
     np.testing.assert_allclose(noise.variance_of(columns), 1.7 * columns.T @ v @ columns, rtol=1e-9)
     # restricted likelihood: the density of what is left of the samples when the columns are projected out
     slopes, values = columns[:, 1:], columns[:, 0]
@@ -200,6 +205,23 @@ def test_a_straight_line_is_the_closed_form_with_the_noise_that_was_found():
     columns = np.c_[x, np.ones(n)]
     exact = np.linalg.solve(columns.T @ np.linalg.solve(v, columns), columns.T @ np.linalg.solve(v, y))
     np.testing.assert_allclose(found.estimated[0].values, exact, atol=1e-3 * found.estimated[0].standard_error.min())
+
+
+def test_noise_that_is_larger_where_a_parameter_is_told_widens_its_interval():
+    """A step response whose noise is three times as large while it rises: tau is told there alone."""
+    rng, held, even = np.random.default_rng(11), [], []
+    model = pf.equations("y = K*(1 - exp(-late/tau))", inputs=["late"], outputs=["y"], parameters=["K", "tau"])
+    t = 0.1 * np.arange(300)
+    for _ in range(60):
+        size = np.where(t < 6.0, 0.09, 0.03) * autoregression(300, [0.4], rng)
+        signals = {"late": pf.Signal(t), "y": pf.Signal(2.0 * (1 - np.exp(-t / 2.0)) + size)}
+        problem = pf.Problem(model, pf.Recording(t, signals, "run"), {"K": (0.1, 10), "tau": (0.1, 20)})
+        found = weighted_least_squares(problem, {"K": 2.1, "tau": 1.9})
+        error = np.sqrt(np.diag(found.covariance))
+        held.append(np.abs(found.values - [2.0, 2.0]) <= 1.96 * error)
+        even.append(np.abs(found.values - [2.0, 2.0]) <= 1.96 * error / 1.69)
+    assert np.sum(held, axis=0).min() >= 52  # 57 expected; 51 come by chance in one of a hundred
+    assert np.sum(even, axis=0)[1] < 52  # as intervals of noise of one size would
 
 
 def test_a_gap_and_two_recordings_with_weights_and_units_of_their_own():

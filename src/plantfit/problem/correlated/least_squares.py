@@ -169,6 +169,7 @@ class _Fit:
             inverse, _ = _inverse(own)
             off = -inverse @ slope - centre
             spread += weight * (inverse + np.outer(off, off))
+        spread *= np.outer(uneven := self._uneven(here, noises, covariance), uneven)
         spread += self._gains(here, noises, covariance)
         freedom = [len(o.places) - d for o in self.outputs]
         wide = _widened(covariance, self._products(here.slopes, noises), freedom)
@@ -340,6 +341,16 @@ class _Fit:
                 moved = covariance @ noise.products(columns)[0][1:, 0] / noise.variance
                 found += size**2 * np.outer(moved, moved)
         return found
+
+    def _uneven(self, here: _Linear, noises: Sequence[Noise], covariance: np.ndarray) -> np.ndarray:
+        """How many times as large as by noise of one size standard errors (d + k,) are, where the samples that tell a
+        parameter have more of it than others (White, Econometrica 48 (1980) 817, eq. 3); never less than once."""
+        middle = here.known_slopes.T @ here.known_slopes
+        for o, noise in zip(self.outputs, noises, strict=True):
+            rows = noise.rooted(np.c_[here.residuals, here.slopes][o.places]) / np.sqrt(noise.variance)
+            middle = middle + (rows[:, 1:] * rows[:, :1]).T @ (rows[:, 1:] * rows[:, :1])
+        own = np.maximum(np.diag(covariance), 1e-300)
+        return np.sqrt(np.maximum(np.diag(covariance @ middle @ covariance) / own, 1.0))
 
     def _told(self, here: _Linear, noises: Sequence[Noise]) -> tuple[OutputNoise, ...]:
         found = []

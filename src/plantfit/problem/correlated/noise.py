@@ -29,6 +29,7 @@ FAINT, STRONG = -12.0, 14.0  # logarithms of the shared variance over the white 
 CURVED = 0.02  # step of second differences
 DRAWS, DEGREES, WIDER = 64, 5.0, 1.1  # of the noise, by Student's t a little wider than its likelihood
 FEWEST = 8.0  # effective draws, below which all count the same
+ROUNDED = 1e-12  # of the largest eigenvalue
 RANK = 1e-8  # of the largest singular value
 
 Form = Literal["edges in proportion", "edges", "own in proportion", "own"]
@@ -168,6 +169,19 @@ class Noise:
             return a
         b, root = self._shared_part(filtered)
         return a - b @ cho_solve((root, True), b.T @ a)
+
+    def rooted(self, columns: np.ndarray) -> np.ndarray:
+        """V^-1/2 columns for columns (n, k): rows that are independent and alike where the noise is as it is taken."""
+        filtered, _ = self._filtered()
+        a = filtered @ columns
+        if self.spread is None:
+            return a
+        b = (filtered @ self.spread) * np.sqrt(self.shared)
+        w, q = np.linalg.eigh((b.T @ b).toarray())
+        there = w > ROUNDED * max(float(w[-1]), 1.0)
+        # (1 + B B')^-1/2 = 1 - B Q ((1 - (1 + w)^-1/2)/w) Q' B' for B'B = Q w Q'
+        turned = q[:, there].T @ (b.T @ a)
+        return a - b @ (q[:, there] @ (((1.0 - 1.0 / np.sqrt(1.0 + w[there])) / w[there])[:, None] * turned))
 
     def _shared_part(self, filtered: sparse.csr_matrix) -> tuple[sparse.csr_matrix, np.ndarray]:
         """Shared errors after the filter, B (n, errors), and the lower root (errors, errors) of 1 + B'B."""
