@@ -212,6 +212,26 @@ def test_what_cannot_be_is_one_sentence(place, tuned, tmp_path, capsys, monkeypa
 
 
 @pytest.mark.slow
+def test_an_output_that_is_not_named_is_asked_for_before_anything_is_opened(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "tanks.csv").write_text("t,u,h1,h2\n0,1,0,0\n1,1,0.1,0\n2,1,0.2,0.1\n", "utf-8")
+    (tmp_path / "tanks.toml").write_text(
+        'name = "tanks"\n[recording.run]\nfile = "tanks.csv"\n[model]\n'
+        'equations = """\nh1\' = k*u - a*h1\nh2\' = a*(h1 - h2)\n"""\n'
+        'inputs = { u = "1" }\nstates = ["h1", "h2"]\noutputs = { h1 = "1", h2 = "1" }\n'
+        "[parameters]\nk = { bounds = [0.1, 1] }\na = { bounds = [0.1, 1] }\n",
+        "utf-8",
+    )
+    said = call(capsys, monkeypatch, "tune", "tanks.toml")
+    assert said.code == 7
+    assert "The model has the outputs h1, h2, and one loop has one" in said.err
+    said = call(capsys, monkeypatch, "tune", "tanks.toml", "--output", "h3")
+    assert "There is no output 'h3'; the model has h1, h2." in said.err
+    said = call(capsys, monkeypatch, "tune", "tanks.toml", "--output", "h2")
+    assert said.code == 10
+    assert "has not been run" in said.err
+
+
 def test_a_pendubot_is_held_upright_from_its_regression(tmp_path):
     """From a virtual record to page, JSON and C; without --hold, and held where nothing rests, one sentence."""
     for words in (

@@ -102,6 +102,10 @@ def test_sun_is_told_with_the_house_beside_it(tmp_path):
     # what is said of one place, of inputs that do not repeat, and of more than noise that is left
     alone = replace(d.repeating, places=d.repeating.places[:1], driven=(), times=1.2)
     plain = repeats(d, alone)["sentence"]
+    value = alone.values["Ria"][0]
+    hardly = replace(alone, values={**alone.values, "Ria": (value, 1.5 * abs(value))})
+    assert "Ria = " in plain
+    assert "Ria = " not in repeats(d, hardly)["sentence"]
     assert "cannot tell where" not in plain
     assert "as well, so that an error" not in plain
     assert "not quite the same every day" not in plain

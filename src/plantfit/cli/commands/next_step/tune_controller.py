@@ -39,7 +39,7 @@ def tune(
     ):
         return hold(spec, loaded, wishes, seed, study, out, c, store, json)
     from plantfit.cli.arguments.file_names import file_name
-    from plantfit.cli.commands.next_step.tuned_study import answer_for, named_file, refuse_regression
+    from plantfit.cli.commands.next_step.tuned_study import answer_for, check_signals, named_file, refuse_regression
     from plantfit.cli.terminal.out import progress_line
     from plantfit.control.tune.searching.parts import begins
     from plantfit.report.html import check_place
@@ -47,6 +47,8 @@ def tune(
     page = Path(out or file_name(f"{loaded.name}-tune", "html"))
     check_place(page)
     refuse_regression(loaded, spec)
+    with named_file(spec, loaded, wishes):
+        check_signals(loaded, wishes)
     with progress_line(quiet=json) as tell:
         begins(tell, "preparing the study")
         answer = answer_for(loaded, Path(spec), study, store)

@@ -121,6 +121,17 @@ def refuse_regression(table: SpecTable, spec: str) -> None:
         )
 
 
+def check_signals(table: SpecTable, wishes: Mapping[str, Any]) -> None:
+    """Raises SpecError where a model of equations has several outputs or inputs and none is named, or another one:
+    before the study is prepared, which may take long."""
+    if table.model.equations is None:
+        return
+    from plantfit.loop_of_study import signal_of
+
+    for what, names in (("output", table.model.outputs), ("input", table.model.inputs)):
+        signal_of(what, wishes.get(what) or getattr(table.control, what), tuple(names))
+
+
 def answer_for(table: SpecTable, spec: Path, number: int | None, store: str) -> "Answer":
     """The finished study of a study file. Raises StoreError with what to run where there is none, or where it was
     another problem."""

@@ -197,8 +197,10 @@ def stepping_record(d: Diagnosis) -> dict[str, Any] | None:
 
 
 def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating | Stepping) -> str:
-    """The parameters beside it."""
-    shown = [r for r in _values_beside(d, found) if r["name"] in d.carrier.given.space.names][:MOST_VALUES]
+    """The parameters beside it, those that are known then."""
+    own = [r for r in _values_beside(d, found) if r["name"] in d.carrier.given.space.names]
+    known = [r for r in own if r["standard_error"] is not None and r["standard_error"] <= abs(r["value"])]
+    shown = known[:MOST_VALUES]
     if not shown:
         return ""
     each = [estimate(r) for r in shown]
