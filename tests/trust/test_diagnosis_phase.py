@@ -282,3 +282,19 @@ def test_what_the_work_did_not_suffice_for_is_told(whole, untried, found, said):
     )
     told = [s["sentence"] for s in phase._cut(made, "do")]  # pyrefly: ignore[bad-argument-type]
     assert [t.startswith(said) for t in told] == ([True] if said else [])
+
+
+@pytest.mark.parametrize("agree", [True, False, None])
+@pytest.mark.parametrize("sure", ["very likely", "likely", "possibly", None])
+def test_where_recordings_disagree_and_nothing_is_likely_each_is_fitted_alone_next(monkeypatch, sure, agree):
+    change = SimpleNamespace(name="change of ua with t")
+    monkeypatch.setattr(phase, "changed", lambda found: [change])
+    monkeypatch.setattr(phase, "likelihood", lambda found, one: sure)
+    findings = {"heterogeneity": {"agree": agree}, "reproduction": {"command": "plantfit run my batch.toml"}}
+    found: Any = SimpleNamespace(rounds=[None])
+    told = phase._next(found, findings)
+    if agree is False and sure in ("possibly", None):
+        assert told == "plantfit compare-records 'my batch.toml'"
+    else:
+        assert told == "plantfit run 'my batch.toml' --try \"change of ua with t\""
+    assert phase._next(found, {**findings, "reproduction": {"command": ""}}) == ""

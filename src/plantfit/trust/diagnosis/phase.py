@@ -18,14 +18,14 @@ from plantfit.recording.clean.outliers import inline
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.regression import Regression
-from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record
+from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.finish.other_starts import OtherStarts, other_starts
 from plantfit.trust.intervals.first_values import outputs_begun_at
 from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
-from plantfit.trust.verdict.outputs import GOOD, forgotten, noise_rows
+from plantfit.trust.verdict.outputs import GOOD, disagree, forgotten, noise_rows
 from plantfit.trust.verdict.words import Sentence, number, say, some, study_file, with_unit
 
 Findings = dict[str, Any]
@@ -175,10 +175,13 @@ def _command(findings: Mapping[str, Any]) -> str:
 
 
 def _next(found: Diagnosis, findings: Mapping[str, Any]) -> str:
-    """The command that fits the model with what was found; "" without a study file."""
+    """The command that fits the model with what was found, or, where that is hardly sure and recordings disagree, the
+    one that fits each alone; "" without a study file."""
     file, changes = study_file(findings), changed(found)
     if not file or not changes:
         return ""
+    if disagree(findings) and all(likelihood(found, one) in ("possibly", None) for one in found.rounds):
+        return f"plantfit compare-records {shlex.quote(file)}"
     return " ".join(["plantfit run", shlex.quote(file), *(f'--try "{c.name}"' for c in changes)])
 
 
