@@ -94,6 +94,13 @@ def test_named_columns_win(tmp_path, capsys, monkeypatch):
     )
     told = json.loads(said.out)
     assert (told["inputs"], told["outputs"]) == (["Heater_2"], ["Temperature_2"])
+    turned = ["--input", "Temperature 2 (degC)", "--output", "Heater_2"]
+    said = call(capsys, monkeypatch, "init", "two.csv", "--json", "--force", *turned)
+    roles = {c["header"]: c["role"] for c in json.loads(said.out)["columns"]}
+    assert (roles["Temperature 2 (degC)"], roles["Heater 2 (%)"]) == ("input", "output")
+    said = " ".join(call(capsys, monkeypatch, "init", "two.csv", "--force", *turned).out.split())
+    assert "Temperature 2 (degC) input, named by --input" in said
+    assert "Heater 2 (%) output, named by --output" in said
     for words, message in (
         (["--input", "Heater 9"], "two.csv has no column of numbers 'Heater 9'; its columns of numbers are ["),
         (["--input", "Heater_1", "--output", "Heater_1"], "'Heater 1 (%)' is both input and output"),

@@ -77,9 +77,10 @@ def init(
         )
     if free is not None:
         roles = replace(roles, columns=tuple(_alone(r, free) for r in roles.columns))
+    as_named = replace(roles, columns=tuple(_as_named(r, inputs, outputs) for r in roles.columns))
     ask = not (yes or json) and sys.stdin.isatty() and sys.stdout.isatty()
     if not json:
-        _tell(source.name, found, roles)
+        _tell(source.name, found, as_named)
         if may_be_milliseconds(widened(content)):
             out.print(
                 f"The file names no unit of {found.time!r}: s, {found.period:.4g} s apart. If it counts ms or min, "
@@ -117,7 +118,7 @@ def init(
     if candidates:
         return _compared(list(targets.values()), json)
     if json:
-        return print_json(_record(str(target), links, found, roles))
+        return print_json(_record(str(target), links, found, as_named))
     _say_links(links, roles, sure=bool(inputs or outputs))
     if found.time is None and not found.period and rest is None:
         out.print(_NO_CLOCK, markup=False)
@@ -208,6 +209,12 @@ def _alone(role: "Role", free: str) -> "Role":
     if role.header == free:
         return replace(role, kind="output", why="nothing drives it", sure=True, answers=())
     return replace(role, kind="index", why="not asked for") if role.kind in ("input", "output") else role
+
+
+def _as_named(role: "Role", inputs: Sequence[str], outputs: Sequence[str]) -> "Role":
+    """The role that --input or --output gives a column."""
+    kind = next((k for k, own in (("input", inputs), ("output", outputs)) if {role.header, role.name} & {*own}), None)
+    return role if kind is None or kind == role.kind else replace(role, kind=kind, why=f"named by --{kind}")
 
 
 def _free_motion(
