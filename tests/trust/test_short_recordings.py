@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import plantfit as pf
+from plantfit.trust.diagnosis import asked_for
 from plantfit.trust.validate.residuals.residual_tests import short_recordings
 
 
@@ -61,8 +62,20 @@ def test_a_wrong_order_of_three_batches_is_told_and_a_right_one_is_not():
     assert "The residuals of y are not white: if the model lacks something" in wrong
     for seed in range(8):
         right = answer(1, seed)
+        assert not asked_for(right.findings)
         assert right.findings["short_recordings"][0]["white"]
         assert "not white" not in str(right.verdict)
+
+
+def test_what_such_recordings_lack_is_looked_for():
+    wrong = answer(2, 1)
+    assert not wrong.findings["residual_tests"]
+    assert asked_for(wrong.findings)
+    made = wrong.diagnose()
+    assert made is not None
+    first = made["rounds"][0]
+    assert set(first["found"]) == {"drag of c by its square", "change of k with c"}  # the truth, and what is as good
+    assert first["likely"] == "very likely"
 
 
 def test_what_a_solver_leaves_is_nothing_that_the_model_lacks():
