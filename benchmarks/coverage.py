@@ -200,7 +200,7 @@ def noise_of(rig: Rig, n: int, seed: int) -> np.ndarray:
 
 def fits(name: str, seeds: Sequence[int]) -> list[dict]:
     """Rows of the parameters of one rig for each seed, each from a start off the truth."""
-    from plantfit.problem.correlated.weighted import Weighted
+    from plantfit.problem.correlated.weighted_answer import Weighted
     from plantfit.trust.finish.descent import descent
     from plantfit.trust.finish.noise_weights import weighted_ranges, weights_at
     from plantfit.trust.finish.start_corrections import with_start_corrections

@@ -3,8 +3,8 @@ lack something."""
 
 import numpy as np
 import pytest
+from correlated_plants import autoregression, encoder, oven
 from scipy.linalg import toeplitz
-from scipy.signal import lfilter
 from scipy.stats import multivariate_normal
 
 import plantfit as pf
@@ -18,10 +18,6 @@ GLS = "generalised least squares"
 PARTIAL = np.array([0.7, -0.4])  # an autoregression of order 2: 0.98 and -0.4
 FILTER = np.array([0.7 * 1.4, -0.4])
 FORMS = ("edges in proportion", "edges", "own in proportion", "own")
-
-
-def autoregression(n, filter_, rng):
-    return lfilter([1.0], np.r_[1.0, -np.asarray(filter_)], rng.normal(size=n + 500))[500:]
 
 
 def covariance(n):
@@ -124,26 +120,6 @@ def test_draws_stand_for_what_is_known_of_the_noise():
 # -- on problems ------------------------------------------------------------------------------------
 
 
-def lag(seed, correlation=0.9, second=None, n=400, name="oven", errors=None):
-    """A first-order oven under steps, sampled every second; `second` is a second time constant that the model lacks."""
-    rng = np.random.default_rng(seed)
-    u = np.repeat(rng.choice([20.0, 40.0, 60.0, 80.0], size=n // 20), 20)
-    x, drive = np.zeros(n), u
-    if second:
-        p = np.exp(-1 / second)
-        drive = np.r_[0.0, lfilter([1 - p], [1, -p], u)[:-1]]
-    p = np.exp(-1 / 30.0)
-    x = np.r_[0.0, lfilter([1.7 * (1 - p)], [1, -p], drive)[:-1]]
-    e = 0.8 * np.sqrt(1 - correlation**2) * autoregression(n, [correlation], rng)
-    model = pf.equations(
-        "x' = (K*u - x)/tau\ny = x + c", inputs=["u"], states={"x": {"initial": 0}}, outputs=["y"],
-        parameters=["K", "tau", "c"],
-    )  # fmt: skip
-    recording = pf.Recording(np.arange(n) * 1.0, {"u": pf.Signal(u), "y": pf.Signal(x + 22.0 + e)}, name)
-    bounds = {"K": (0.1, 10), "tau": (1, 300), "c": (0, 50)}
-    return pf.Problem(model, recording, bounds, hold={"u": "previous"}, standard_errors=errors)
-
-
 def ends(found, name):
     """Both ends of an interval, which are known."""
     low, high = found.estimated[1][name]
@@ -158,7 +134,7 @@ TRUTH = {"K": 1.7, "tau": 30.0, "c": 22.0}
 def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_lacks_is_told():
     held, errors, alarms = [], [], 0
     for seed in range(24):
-        answer = pf.fit(lag(seed, n=600), runs=1, seed=seed)
+        answer = pf.fit(oven(seed, correlation=0.9, n=600), runs=1, seed=seed)
         found = generalised_least_squares(answer.problem, answer.values)
         estimate = found.estimated[0]
         held += [low <= v <= high for (low, high), v in ((ends(found, n), v) for n, v in TRUTH.items())]
@@ -173,7 +149,7 @@ def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_
     assert alarms <= 2
     told = 0
     for seed in range(8):
-        answer = pf.fit(lag(seed, correlation=0.5, second=5.0), runs=1, seed=seed)
+        answer = pf.fit(oven(seed, correlation=0.5, second=5.0, n=400), runs=1, seed=seed)
         found = generalised_least_squares(answer.problem, answer.values)
         slow = found.noises[0].independent < FEW
         assert (found.estimated[1]["K"][0] is None) == slow
@@ -182,7 +158,7 @@ def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_
 
 
 def test_white_noise_leaves_the_answer_where_least_squares_has_it():
-    answer = pf.fit(lag(5, correlation=0.0, errors="classical"), runs=1)
+    answer = pf.fit(oven(5, correlation=0.0, n=400, standard_errors="classical"), runs=1)
     found = generalised_least_squares(answer.problem, answer.values)
     assert found.noises[0].order == 0
     values = np.array([answer.values[n] for n in found.estimated[0].names])
@@ -225,9 +201,9 @@ def test_noise_that_is_larger_where_a_parameter_is_told_widens_its_interval():
 
 
 def test_a_gap_and_two_recordings_with_weights_and_units_of_their_own():
-    one, two = lag(7), lag(8, n=200)
-    first = one.experiments["oven"].recording
-    second = two.experiments["oven"].recording
+    one, two = oven(7, correlation=0.9, n=400), oven(8, correlation=0.9, n=200)
+    first = one.experiments["run 1"].recording
+    second = two.experiments["run 1"].recording
     gap = first.signals["y"].values.copy()
     gap[100:160] = np.nan
     first = pf.Recording(first.t, {**first.signals, "y": pf.Signal(gap)}, "a")
@@ -242,32 +218,6 @@ def test_a_gap_and_two_recordings_with_weights_and_units_of_their_own():
         assert low - 0.5 * (high - low) < v < high + 0.5 * (high - low)
     assert found.noises[0].samples == 540
     assert found.noises[0].correlation == pytest.approx(0.9, abs=0.1)
-
-
-def encoder(seed, correlated=True):
-    """A shaft that runs up, its speed by the slots of a disc of 30 whose edges lie wrong by 2 % of a slot."""
-    rng = np.random.default_rng(seed)
-    n, slots = 1200, 30
-    t = 0.01 * np.arange(n)
-    u = np.repeat(rng.choice([4.0, 8.0, 12.0], size=12), 100)
-    p = np.exp(-0.01 / 0.4)
-    w = np.r_[0.0, lfilter([5.0 * (1 - p)], [1, -p], u)[:-1]] + 1e-9
-    edges = 0.02 * rng.normal(size=slots)
-    turned = np.cumsum(w) * 0.01 / (2 * np.pi) * slots + slots
-    ends = np.arange(int(turned[-1]) + 2)
-    last = np.searchsorted(ends + edges[ends % slots], turned) - 1  # the last edge that has passed
-    number = (last - 1) % slots  # the slot before it is the one that was timed
-    share = edges[(number + 1) % slots] - edges[number] if correlated else 0.02 * rng.normal(size=n)
-    y = w / (1 + share) / (1 + (3 if correlated else 1) * 0.02**2) + 0.02 * rng.normal(size=n)  # as period_to_speed
-    model = pf.equations(
-        "w' = (K*u - w)/tau\nspeed = w", inputs=["u"], states={"w": {"initial": 0}}, outputs=["speed"],
-        parameters=["K", "tau"],
-    )  # fmt: skip
-    recording = pf.Recording(t, {"u": pf.Signal(u), "speed": pf.Signal(y), "slot": pf.Signal(number * 1.0)}, "run")
-    from plantfit.problem.measure.experiment import Experiment
-
-    taken = Experiment(recording, shared_errors={"speed": "slot"})
-    return pf.Problem(model, {"run": taken}, {"K": (0.1, 50), "tau": (0.01, 10)}, hold={"u": "previous"})
 
 
 def test_edges_of_a_disc_are_estimated_with_the_parameters():
@@ -292,7 +242,7 @@ def test_edges_of_a_disc_are_estimated_with_the_parameters():
 
 
 def test_the_table_the_sentences_and_the_page(tmp_path):
-    found = pf.estimate_parameters(lag(9), methods=[GLS], truth=TRUTH)
+    found = pf.estimate_parameters(oven(9, correlation=0.9, n=400), methods=[GLS], truth=TRUTH)
     assert found.record["methods"] == ["least squares", GLS]
     assert found.scales is None
     assert found.typed.correlated[0].output == "y"
@@ -306,7 +256,7 @@ def test_the_table_the_sentences_and_the_page(tmp_path):
 
 
 def test_what_a_model_lacks_is_a_warning_and_slow_noise_withdraws_the_intervals():
-    lacks = pf.estimate_parameters(lag(1, correlation=0.5, second=5.0), methods=[GLS])
+    lacks = pf.estimate_parameters(oven(1, correlation=0.5, second=5.0, n=400), methods=[GLS])
     warned = [s["sentence"] for s in lacks.record["verdict"] if s["level"] == "warning"]
     assert any("too few to know how slow" in s for s in warned)
     assert lacks.typed.parameters[0].estimates[GLS].low is None
@@ -332,7 +282,7 @@ def test_an_input_that_reaches_the_residuals_otherwise_is_told_by_hausmans_test(
 
 
 def test_beside_filters_it_is_one_more_row():
-    found = pf.estimate_parameters(lag(2, correlation=0.0, n=160), methods=[GLS, "maximum likelihood"])
+    found = pf.estimate_parameters(oven(2, correlation=0.0, n=160), methods=[GLS, "maximum likelihood"])
     assert found.record["methods"] == ["least squares", GLS, "maximum likelihood"]
     assert len(found.record["agreement"]) == 3
 
@@ -406,11 +356,11 @@ def test_numbers_do_not_depend_on_the_unit_of_the_output():
 
 
 def test_a_model_that_follows_exactly_and_few_samples_are_told():
-    clean = lag(1)
-    recording = clean.experiments["oven"].recording
+    clean = oven(1, correlation=0.9, n=400)
+    recording = clean.experiments["run 1"].recording
     exact = clean.predict(np.array([1.7, 30.0, 22.0]))["y"]
     problem = clean.with_recordings(
-        {"oven": pf.Recording(recording.t, {**recording.signals, "y": pf.Signal(exact)}, "oven")}
+        {"run 1": pf.Recording(recording.t, {**recording.signals, "y": pf.Signal(exact)}, "oven")}
     )
     with pytest.raises(SearchError, match="to rounding"):
         generalised_least_squares(problem, TRUTH)

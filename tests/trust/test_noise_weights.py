@@ -2,17 +2,18 @@
 not, and all that an answer tells is of one estimate."""
 
 import pickle
+import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "estimate"))
+from correlated_plants import autoregression, encoder, oven
 
 import plantfit as pf
 from plantfit.errors import SpaceError, SpecError
-from plantfit.problem.correlated.weighted import Weighted
-from plantfit.problem.measure.experiment import Experiment
+from plantfit.problem.correlated.weighted_answer import Weighted
 from plantfit.spec.reading import load
 from plantfit.trust.finish.noise_weights import weights_at
 from plantfit.trust.intervals.linearised import linearise
@@ -23,56 +24,6 @@ from plantfit.trust.verdict.correlated import weighted_sentences
 
 GLS, PLAIN = "generalised least squares", "least squares"
 TRUTH = {"K": 1.7, "tau": 30.0, "c": 22.0}
-
-
-def noise(n, correlation, rng):
-    return np.sqrt(1 - correlation**2) * lfilter([1.0], [1.0, -correlation], rng.normal(size=n + 500))[500:]
-
-
-def oven(seed, correlation=0.8, second=None, n=600, estimator: Any = GLS, recordings=1, extra=""):
-    """A first-order oven under steps with noise of 0.8 degC; `second` is a time constant that the model lacks."""
-    rng, made = np.random.default_rng(seed), {}
-    for k in range(recordings):
-        u = np.repeat(rng.choice([20.0, 40.0, 60.0, 80.0], size=n // 20), 20)
-        drive = u
-        if second:
-            p = np.exp(-1 / second)
-            drive = np.r_[0.0, lfilter([1 - p], [1, -p], u)[:-1]]
-        p = np.exp(-1 / 30.0)
-        x = np.r_[0.0, lfilter([1.7 * (1 - p)], [1, -p], drive)[:-1]]
-        y = x + 22.0 + 0.8 * noise(n, correlation, rng)
-        made[f"run {k + 1}"] = pf.Recording(np.arange(n) * 1.0, {"u": pf.Signal(u), "y": pf.Signal(y)}, f"run {k + 1}")
-    names = ["K", "tau", "c", *(["d"] if extra else [])]
-    model = pf.equations(
-        f"x' = (K*u - x)/tau\ny = x + c{extra}", inputs=["u"], states={"x": {"initial": 0}}, outputs=["y"],
-        parameters=names,
-    )  # fmt: skip
-    bounds = {"K": (0.1, 10), "tau": (1, 300), "c": (0, 50), **({"d": (-50, 50)} if extra else {})}
-    return pf.Problem(model, made, bounds, hold={"u": "previous"}, estimator=estimator)
-
-
-def encoder(seed, estimator=None):
-    """A shaft whose speed is told by the slots of a disc of 30 whose edges lie wrong by 2 % of a slot."""
-    rng = np.random.default_rng(seed)
-    n, slots = 1200, 30
-    u = np.repeat(rng.choice([4.0, 8.0, 12.0], size=12), 100)
-    p = np.exp(-0.01 / 0.4)
-    w = np.r_[0.0, lfilter([5.0 * (1 - p)], [1, -p], u)[:-1]] + 1e-9
-    edges = 0.02 * rng.normal(size=slots)
-    turned = np.cumsum(w) * 0.01 / (2 * np.pi) * slots + slots
-    ends = np.arange(int(turned[-1]) + 2)
-    number = (np.searchsorted(ends + edges[ends % slots], turned) - 2) % slots
-    share = edges[(number + 1) % slots] - edges[number]
-    y = w / (1 + share) / (1 + 3 * 0.02**2) + 0.02 * rng.normal(size=n)
-    model = pf.equations(
-        "w' = (K*u - w)/tau\nspeed = w", inputs=["u"], states={"w": {"initial": 0}}, outputs=["speed"],
-        parameters=["K", "tau"],
-    )  # fmt: skip
-    signals = {"u": pf.Signal(u), "speed": pf.Signal(y), "slot": pf.Signal(number * 1.0)}
-    recording = pf.Recording(0.01 * np.arange(n), signals, "run")
-    taken = Experiment(recording, shared_errors={"speed": "slot"})
-    bounds = {"K": (0.1, 50), "tau": (0.01, 10)}
-    return pf.Problem(model, {"run": taken}, bounds, hold={"u": "previous"}, estimator=estimator)
 
 
 def said(answer):
@@ -86,7 +37,7 @@ def intervals(answer):
 def test_with_correlated_noise_values_and_intervals_are_those_of_generalised_least_squares():
     held, shorter, nearer, taken = [], [], [], 0
     for seed in range(16):
-        answer = pf.fit(oven(seed), runs=1, seed=seed)
+        answer = pf.fit(oven(seed, estimator=GLS), runs=1, seed=seed)
         plain = answer.by_least_squares
         found = weights_at(answer.problem.with_answer(None), answer.best.x)
         if not isinstance(found, Weighted):  # by chance, as Hausman's test of a right model at 1 %
@@ -111,7 +62,7 @@ def test_errors_that_samples_share_are_weighed_without_asking():
     held, ratios = [], []
     for seed in range(5):
         answer = pf.fit(encoder(seed), runs=1)
-        least = pf.fit(encoder(seed, PLAIN), runs=1)
+        least = pf.fit(encoder(seed, estimator=PLAIN), runs=1)
         assert answer.problem.weighted is not None
         assert least.problem.weighted is None
         assert answer.by_least_squares.values == least.values
@@ -129,7 +80,7 @@ def test_errors_that_samples_share_are_weighed_without_asking():
 
 
 def test_all_that_an_answer_tells_is_of_one_estimate(tmp_path):
-    answer = pf.fit(oven(1), runs=1, store=tmp_path / "store.db")
+    answer = pf.fit(oven(1, estimator=GLS), runs=1, store=tmp_path / "store.db")
     weighted = answer.problem.weighted
     assert weighted is not None
     rows = {r["name"]: r for r in answer.findings["parameters"]}
@@ -149,7 +100,7 @@ def test_all_that_an_answer_tells_is_of_one_estimate(tmp_path):
     assert np.all(np.abs(middle - expected[1:]) < 0.35 * half)
     again = pickle.loads(pickle.dumps(answer))
     assert (again.values, again.findings) == (answer.values, answer.findings)
-    opened = pf.open_study(1, tmp_path / "store.db", problem=oven(1))
+    opened = pf.open_study(1, tmp_path / "store.db", problem=oven(1, estimator=GLS))
     assert opened.values == answer.values
     assert intervals(opened) == intervals(answer)
 
@@ -157,10 +108,11 @@ def test_all_that_an_answer_tells_is_of_one_estimate(tmp_path):
 def test_a_model_that_lacks_something_keeps_least_squares_and_says_why():
     kept = 0
     for seed in range(6):
-        answer = pf.fit(oven(seed, correlation=0.5, second=5.0, n=400), runs=1, seed=seed)
+        wrong = {"correlation": 0.5, "second": 5.0, "n": 400}
+        answer = pf.fit(oven(seed, **wrong, estimator=GLS), runs=1, seed=seed)
         if answer.problem.weighted is None:
             kept += 1
-            assert answer.values == pf.fit(oven(seed, 0.5, 5.0, 400, PLAIN), runs=1, seed=seed).values
+            assert answer.values == pf.fit(oven(seed, **wrong, estimator=PLAIN), runs=1, seed=seed).values
             [text] = [s for s in said(answer) if "was asked for" in s]
             assert text.startswith("Generalised least squares was asked for and is not the answer: ")
             assert answer.problem.not_weighted
@@ -177,14 +129,23 @@ def test_where_it_cannot_be_the_reason_is_named():
         ]
         return answer.problem.not_weighted
 
-    assert reason(oven(0, correlation=0.0)) == "the residuals are white, so that it is least squares"
-    assert reason(oven(2, extra=" + d")) in ("c is not determined", "d is not determined")
+    assert reason(oven(0, correlation=0.0, estimator=GLS)) == "the residuals are white, so that it is least squares"
+    assert reason(oven(2, extra=" + d", estimator=GLS)) in ("c is not determined", "d is not determined")
     stated = [SharedError(type_b("offset of y", 0.5), "offset", "y")]
-    assert reason(oven(1), errors=stated) == "errors of instruments are stated"
+    assert reason(oven(1, estimator=GLS), errors=stated) == "errors of instruments are stated"
+    assert reason(oven(3, correlation=0.98, estimator=GLS)).endswith(
+        " independent ones, too few to tell noise from what the model lacks"
+    )
     rng = np.random.default_rng(3)
+    tables = {"f": {"over": "x", "nodes": [0, 1, 2]}}
+    model = pf.equations("y = f(x)", inputs=["x"], outputs=["y"], tables=tables)
+    x = np.linspace(0.0, 2.0, 200)
+    signals = {"x": pf.Signal(x), "y": pf.Signal(x + 0.1 * autoregression(200, [0.8], rng))}
+    curve = pf.Problem(model, pf.Recording(0.1 * np.arange(200.0), signals, "rows"), {"f": (-9, 9)}, estimator=GLS)
+    assert reason(curve) == "tables and more than 60 parameters have least squares alone"
     model = pf.equations("y = a*x + b", inputs=["x"], outputs=["y"], parameters=["a", "b"])
     x = np.linspace(0.0, 4.0, 200)
-    signals = {"x": pf.Signal(x), "y": pf.Signal(2 * x + 1 + 0.1 * noise(200, 0.8, rng))}
+    signals = {"x": pf.Signal(x), "y": pf.Signal(2 * x + 1 + 0.1 * autoregression(200, [0.8], rng))}
     bounds = {"a": (-10, 10), "b": (-10, 10)}
     line = pf.Problem(model, pf.Recording(np.arange(200.0), signals, "rows"), bounds, estimator=GLS)
     answer = pf.fit(line, runs=1)
@@ -194,17 +155,18 @@ def test_where_it_cannot_be_the_reason_is_named():
 
 
 def test_recordings_that_agree_are_weighed_together_and_those_that_do_not_are_told():
-    answer = pf.fit(oven(5, recordings=3, n=400), runs=1)
+    answer = pf.fit(oven(5, recordings=3, n=400, estimator=GLS), runs=1)
     assert answer.problem.weighted is not None
     own = intervals(answer)
     for n, v in TRUTH.items():
         assert own[n][0] - 0.5 * (own[n][1] - own[n][0]) < v < own[n][1] + 0.5 * (own[n][1] - own[n][0])
     assert answer.findings["heterogeneity"]["agree"]
+    assert pf.compare_records(answer).typed.agree  # each alone by least squares, as all together there
     assert not [s for s in said(answer) if "too short" in s]
 
 
 def test_intervals_and_estimates_of_every_kind_begin_at_least_squares():
-    answer = pf.fit(oven(6), runs=1)
+    answer = pf.fit(oven(6, estimator=GLS), runs=1)
     least = answer.by_least_squares
     compared = pf.compare_intervals(answer, kinds=["covariance", "profile"])
     for row in compared.typed.parameters:
@@ -261,7 +223,7 @@ K = {{ bounds = [0.1, 10] }}
 tau = {{ bounds = [1, 300], unit = "s" }}
 c = {{ bounds = [0, 50] }}
 '''
-    record = oven(1).experiments["run 1"].recording
+    record = oven(1, estimator=GLS).experiments["run 1"].recording
     rows = "\n".join(f"{t:g},{u:g},{y:.9g}" for t, u, y in zip(record.t, record["u"], record["y"], strict=True))
     (tmp_path / "oven.csv").write_text(f"t,u,y\n{rows}\n", "utf-8")
     study = tmp_path / "oven.toml"
@@ -276,7 +238,7 @@ c = {{ bounds = [0, 50] }}
 
 
 def test_the_linearised_problem_is_the_weighted_one_at_its_answer_alone():
-    answer = pf.fit(oven(7), runs=1)
+    answer = pf.fit(oven(7, estimator=GLS), runs=1)
     weighted = answer.problem.weighted
     assert weighted is not None
     here = linearise(answer.problem, answer.z)

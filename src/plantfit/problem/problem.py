@@ -15,7 +15,7 @@ from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
 from plantfit.models.text.dimensions.said_later import check_said_later
 from plantfit.native.kept_programs import Kept, described
-from plantfit.problem.correlated.weighted import Weighted
+from plantfit.problem.correlated.weighted_answer import Weighted
 from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.problem.evaluate.evaluator import Evaluator
 from plantfit.problem.evaluate.moving_and_steady import MovingAndSteady
@@ -251,7 +251,7 @@ class Problem:
 
     def with_answer(self, weighted: Weighted | None, why_not: str = "") -> "Problem":
         """The same problem with the answer of generalised least squares, or with a sentence why it has none."""
-        return self._variant(weighted=weighted, not_weighted=why_not)
+        return self._variant(weighted=weighted, not_weighted=why_not, study_file=self.study_file)
 
     @cached_property
     def unsmoothed(self) -> "Problem":

@@ -21,9 +21,11 @@ from plantfit.findings.results.estimated import (
     NoiseLevel,
 )
 from plantfit.problem.correlated.limits import RARE
+from plantfit.problem.problem import GENERALISED as GENERALISED
+from plantfit.problem.problem import LEAST_SQUARES as LEAST_SQUARES
 from plantfit.problem.problem import Problem
 
-LEAST_SQUARES, GENERALISED, LIKELIHOOD = "least squares", "generalised least squares", "maximum likelihood"
+LIKELIHOOD = "maximum likelihood"
 
 
 def parameter_estimates(

@@ -12,7 +12,7 @@ from plantfit.estimate.methods.estimates_record import GENERALISED, LEAST_SQUARE
 from plantfit.findings.residuals import CorrelatedNoise
 from plantfit.findings.results.estimated import MethodPair
 from plantfit.problem.correlated.least_squares import weighted_least_squares
-from plantfit.problem.correlated.weighted import Difference
+from plantfit.problem.correlated.weighted_answer import Difference
 from plantfit.problem.problem import Problem
 
 

@@ -17,8 +17,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.problem.correlated.limits import FEW
 from plantfit.problem.correlated.noise import Noise, Rows, drawn, estimated, shares
-from plantfit.problem.correlated.weighted import Difference, OutputNoise, Weighted
+from plantfit.problem.correlated.weighted_answer import Difference, OutputNoise, Weighted
 from plantfit.problem.evaluate.points import residuals, residuals_and_jacobian
+from plantfit.problem.measure.long_run import NORMAL
 from plantfit.problem.problem import Problem
 
 GAP = 1.5  # sampling periods between two samples, from which on they are no neighbours
@@ -27,7 +28,6 @@ EXACT = 1e-10  # of the outputs' spread: residuals below are rounding
 ROUNDS, STEPS = 4, 20  # of the noise, and of Gauss-Newton with each
 ENDED = 1e-3  # standard errors that the last step, and the last noise, may move a value
 HALVED = 8  # times that a step is halved
-NORMAL = 1.959963984540054
 MEAN_OF_SQUARES = 0.4  # share to which the mean square of edges' errors is known that a mean speed was corrected by
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
 NOTICED = 0.1  # standard errors that the two estimates differ by at least, for the difference to tell anything

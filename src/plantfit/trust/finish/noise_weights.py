@@ -13,7 +13,7 @@ from plantfit.errors import SearchError
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.correlated.least_squares import weighted_least_squares
 from plantfit.problem.correlated.limits import MOST, by_chance, enough
-from plantfit.problem.correlated.weighted import SURE, Weighted
+from plantfit.problem.correlated.weighted_answer import SURE, Weighted
 from plantfit.problem.problem import GENERALISED, Problem
 from plantfit.study.comparing.basins import basins
 from plantfit.trust.finish.final_problem import REFUSED, rounding
@@ -39,12 +39,14 @@ def with_noise_weights(problem: Problem, runs: Sequence[RunResult]) -> Problem:
     return problem.with_answer(None, found) if problem.estimator == GENERALISED else problem
 
 
-def weighable(problem: Problem) -> bool:
-    """Whether weights can be found in reasonable time: samples in time, of known noise."""
-    count = sum(problem.parts.counts.values())
-    return (
-        (problem.in_time or timed(problem)) and not unknown_noise(problem) and count * problem.space.dimension <= MOST
-    )
+def unweighable(problem: Problem) -> str | None:
+    """Why no weights are looked for, as a clause: None for samples in time, of known noise and not too many."""
+    if not (problem.in_time or timed(problem)):
+        return "rows without times may stand in any order, so that neighbours tell nothing of each other"
+    if silent := unknown_noise(problem):
+        return f"nothing shows how large the errors of {silent[0]} are"
+    samples, d = sum(problem.parts.counts.values()), problem.space.dimension
+    return f"{samples} samples and {d} parameters would take too long" if samples * d > MOST else None
 
 
 def weighted_ranges(problem: Problem, weighted: Weighted) -> dict[int, Range]:
@@ -67,47 +69,44 @@ def _weighted(problem: Problem, runs: Sequence[RunResult]) -> Weighted | str:
 def weights_at(problem: Problem, z: np.ndarray) -> Weighted | str:
     """The answer of generalised least squares from that of least squares at the cube point z (d,), or a clause that
     says what stands against it."""
-    if not (problem.in_time or timed(problem)):
-        return "rows without times may stand in any order, so that neighbours tell nothing of each other"
-    if not weighable(problem):
-        return "the recordings have too many samples for it, or an output too few"
-    if open_ := _open(problem, linearise(problem, z)):
-        return f"{open_} is not determined"
+    if why := unweighable(problem) or _open(problem, linearise(problem, z)):
+        return why
     values = dict(zip(problem.space.names, np.asarray(problem.space.physical(z)).tolist(), strict=True))
     try:
         found = weighted_least_squares(problem, values)
     except SearchError as error:
         return str(error).removesuffix(".")
-    return _objection(problem, found) or found
+    return _objection(found) or found
 
 
 def _open(problem: Problem, local: Local) -> str | None:
-    """A parameter that has no interval with two ends at the answer of least squares."""
-    names, linear = problem.space.names, local.linear
-    if linear is None:
-        return names[0]
-    for i, name in enumerate(names):
-        found = linear_range(linear, i)
+    """Which parameter has no interval with two ends at the answer of least squares, as a clause."""
+    if local.linear is None:
+        return "tables and more than 60 parameters have least squares alone"
+    for i, name in enumerate(problem.space.names):
+        found = linear_range(local.linear, i)
         if local.at_bound[i] or not (np.isfinite(found.low) and np.isfinite(found.high)):
-            return name
+            return f"{name} is not determined"
     return None
 
 
-def _objection(problem: Problem, found: Weighted) -> str | None:
+def _objection(found: Weighted) -> str | None:
     """Why the weighted answer is not taken."""
     shared = any(n.noise.form for n in found.noises)
     if found.difference is not None and found.difference.p < (SHARED if shared else SURE):
         return "not all that is left is noise"
     for n in found.noises:
         if not enough(n.noise.degrees, n.samples):
-            return f"the residuals of {n.output} are worth {n.noise.degrees:.0f} independent samples"
+            return (
+                f"the {n.samples} residuals of {n.output} are worth {n.noise.degrees:.0f} independent ones, too few to "
+                "tell noise from what the model lacks"
+            )
         if not by_chance(n.left, n.samples):
             return f"the residuals of {n.output} stay correlated"
     if not any(n.noise.order or n.noise.form for n in found.noises):
         return "the residuals are white, so that it is least squares"
-    if any(None in ends for ends in found.interval.values()) or not np.all(np.isfinite(found.z)):
-        return f"{problem.space.names[0]} is not determined"
-    return None
+    loose = [name for name, ends in found.interval.items() if None in ends]
+    return f"{loose[0]} is not determined" if loose else None
 
 
-__all__ = ["weighable", "weighted_ranges", "weights_at", "with_noise_weights"]
+__all__ = ["unweighable", "weighted_ranges", "weights_at", "with_noise_weights"]

@@ -6,9 +6,10 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 import plantfit.runtime  # noqa: F401
-from plantfit.problem.correlated.weighted import Weighted
+from plantfit.problem.correlated.weighted_answer import Weighted
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.evaluate.triangle import triangle
+from plantfit.problem.measure.long_run import NORMAL
 from plantfit.problem.measure.scale_source import GIVEN
 from plantfit.problem.problem import Problem
 from plantfit.space import Space
@@ -27,7 +28,6 @@ from plantfit.trust.intervals.ranges import FAR, Linear, linear_problem, plain_s
 from plantfit.trust.intervals.robust_or_classical import robust_errors
 
 EDGE = 1e-6  # of the cube: closer to a bound counts as on it
-NORMAL = 1.959963984540054
 EXACT = 1e-14  # an eigenvalue of a correlation that is rounding
 MOST_BOUNDED = 40  # coordinates up to which the others' bounds are kept when one on its bound is judged
 OPEN = (

@@ -34,19 +34,14 @@ def misreading_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         f"times as wide as by the noise, {interval(worst['low'], worst['high'], worst['unit'])}{most}. "
         f"{_seen(looks)}; only {_better(kinds)} narrow the interval."
     )
-    guessed = [look for look in looks if look["kind"] == "rounded" and not look["figures"]["told"]]
-    if guessed:
-        name = guessed[0]["signal"]
-        text += (
-            f" If {name} was commanded and not measured, write {as_commanded(name)} under "
-            f"[recording.{guessed[0]['recording']}]."
-        )
-    shaking = [look for look in looks if look["kind"] == "noisy" and not look["figures"]["told"]]
-    if shaking:
-        name = shaking[0]["signal"]
-        text += (
-            f" If the plant got what is recorded, write {as_exact(name)} under [recording.{shaking[0]['recording']}]."
-        )
+    for kind, else_, key in (
+        ("rounded", "{} was commanded and not measured", as_commanded),
+        ("noisy", "the plant got what is recorded", as_exact),
+    ):
+        guessed = [look for look in looks if look["kind"] == kind and not look["figures"]["told"]]
+        if guessed:
+            name, where = guessed[0]["signal"], guessed[0]["recording"]
+            text += f" If {else_.format(name)}, write {key(name)} under [recording.{where}]."
     yield say("warning" if decided else "info", text, widening=_times(worst), outweighed=len(decided))
 
 

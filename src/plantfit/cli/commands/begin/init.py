@@ -213,8 +213,11 @@ def _alone(role: "Role", free: str) -> "Role":
 
 def _as_named(role: "Role", inputs: Sequence[str], outputs: Sequence[str]) -> "Role":
     """The role that --input or --output gives a column."""
-    kind = next((k for k, own in (("input", inputs), ("output", outputs)) if {role.header, role.name} & {*own}), None)
-    return role if kind is None or kind == role.kind else replace(role, kind=kind, why=f"named by --{kind}")
+    if role.kind != "input" and {role.header, role.name} & {*inputs}:
+        return replace(role, kind="input", why="named by --input")
+    if role.kind != "output" and {role.header, role.name} & {*outputs}:
+        return replace(role, kind="output", why="named by --output")
+    return role
 
 
 def _free_motion(

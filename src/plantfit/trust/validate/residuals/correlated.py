@@ -9,9 +9,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.findings.residuals import CorrelatedNoise, CorrelatedResiduals, ResidualTest, WeightedParameter
 from plantfit.problem.correlated.least_squares import weighted_least_squares
-from plantfit.problem.correlated.weighted import Weighted
+from plantfit.problem.correlated.weighted_answer import Weighted
 from plantfit.problem.problem import Problem
-from plantfit.trust.finish.noise_weights import weighable
+from plantfit.trust.finish.noise_weights import unweighable
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.ranges import linear_range
 
@@ -28,7 +28,7 @@ def correlated_residuals(
     coloured = [t for t in tests if not t.white]
     if not coloured or any(t.stretch or t.turned for t in coloured):
         return None
-    if local.linear is None or not local.linear.sound or not weighable(problem):
+    if local.linear is None or not local.linear.sound or unweighable(problem):
         return None
     names = problem.space.names
     try:
