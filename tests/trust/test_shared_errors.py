@@ -82,6 +82,8 @@ def test_samples_without_a_number_have_errors_of_their_own():
 
 def test_numbers_that_are_none_are_refused():
     with pytest.raises(RecordingError, match="'u' has others"):
-        linearise(Problem(LINE, Experiment(experiment(1).recording, shared_errors={"y": "u"})), np.array([0.5, 0.5]))
+        Experiment(experiment(1).recording, shared_errors={"y": "u"})
     with pytest.raises(RecordingError, match="name one of them"):
-        linearise(Problem(LINE, Experiment(experiment(1).recording, shared_errors={"y": "slot"})), np.array([0.5, 0.5]))
+        Experiment(experiment(1).recording, shared_errors={"y": "slot"})
+    with pytest.raises(RecordingError, match="names 'u', which is no output of the model; its outputs are y"):
+        Problem(LINE, Experiment(experiment(1).recording, shared_errors={"u": "place"}))

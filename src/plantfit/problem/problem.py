@@ -140,6 +140,7 @@ class Problem:
         if isinstance(model, Model):
             check_said_later(model, {n: p.unit for n, p in self.space.parameters.items()}, recorded)
         self._refuse_unfitted()
+        self._refuse_unshared()
         # by recording, the times (s) beside samples at which steps end; see problem/accuracy/mesh.py
         self.mesh: Mapping[str, np.ndarray] = {}
         self._compiled: dict[Any, Any] = {}  # shared by all variants of this problem
@@ -160,6 +161,15 @@ class Problem:
                 "fitted at all, so nothing gives its value there; fit a short first part of that "
                 "recording (fit = [start, stop], validate = [stop, end]) or share the parameter."
             )
+
+    def _refuse_unshared(self) -> None:
+        """Errors that samples of no output share would change nothing."""
+        for name, e in self.experiments.items():
+            if unknown := [o for o in e.shared_errors if o not in self.model.outputs]:
+                raise RecordingError(
+                    f"Recording {name!r}: shared_errors names {unknown[0]!r}, which is no output of the model; its "
+                    f"outputs are {', '.join(self.model.outputs)}."
+                )
 
     def _prepare(self) -> None:
         self.outputs = tuple(self.model.outputs)

@@ -51,6 +51,8 @@ class Experiment:
 
     def __post_init__(self) -> None:
         self._check_steps()
+        for output in self.shared_errors:
+            self.error_numbers(output)
         if self.initial_time is None:
             return
         if self.steady:
