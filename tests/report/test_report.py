@@ -284,3 +284,43 @@ def test_chromium_draws_every_figure_without_a_share_button(tmp_path):
     titles = [attrs.get("data-title") or "" for _, attrs in page.tags]
     assert any("Download plot" in title for title in titles)  # the bar is there, so that the next line can fail
     assert not any("share" in title.lower() or "cloud" in title.lower() for title in titles)
+
+
+def correlated(noise="correlated", taken=False):
+    """Findings whose residual of i is not white: noise explains it, or moves the parameters too far."""
+    findings = example(samples=50)
+    row = {"name": "a", "unit": "V", "value": 1.0, "low": 0.9, "high": 1.1}
+    findings["correlated"] = {
+        "noise": [
+            {"output": "i", "unit": "A", "deviation": 0.1, "order": 1, "correlation": 0.5, "samples": 300,
+             "independent": 100.0, "left": 0.01, "shared": None, "form": None},
+        ],
+        "parameters": [row], "p": 0.5 if noise == "correlated" else 1e-6, "moved": "a",
+        "differs": noise != "correlated", "least_squares": [row] if taken else None,
+    }  # fmt: skip
+    return findings
+
+
+MISSING = "the residuals follow a pattern that the model does not explain"
+LEFT_BY_NOISE = "noise that is correlated leaves such a pattern; the standard errors allow for that."
+BY_LEAST_SQUARES = "Searches are by least squares, and so are the costs and values of this section."
+
+
+def test_what_noise_leaves_is_no_fault_of_the_model_on_the_page_either():
+    assert MISSING in render_html(example(samples=50))
+    assert LEFT_BY_NOISE in render_html(correlated(taken=True))
+    wrong = render_html(correlated("a fault", taken=True))
+    assert MISSING in wrong
+    assert LEFT_BY_NOISE not in wrong
+    assert MISSING in render_html(correlated())  # before additions were tried, where nobody says that it is noise
+    shared = example(samples=50)
+    shared["residual_tests"][1]["shared"] = "i_slot"
+    text = render_html(shared)
+    assert "the errors of i come back with i_slot, which leaves such a pattern" in text
+    assert MISSING not in text
+
+
+def test_of_a_weighted_answer_the_search_is_said_to_be_by_least_squares():
+    assert BY_LEAST_SQUARES in render_html(correlated(taken=True))
+    assert BY_LEAST_SQUARES not in render_html(correlated())
+    assert BY_LEAST_SQUARES not in render_html(example(samples=50))

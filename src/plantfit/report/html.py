@@ -22,6 +22,7 @@ from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
 from plantfit.report.sections import comparison as comparison_section
 from plantfit.report.sections import missing, sentences, tables, uncertainty_tables
+from plantfit.trust.verdict.correlated import may_be_noise
 
 _UNUSED_BUTTONS = ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
 CONFIG = {
@@ -178,6 +179,7 @@ def _context(record: Findings) -> dict[str, Any]:
     """Everything that the template shows."""
     drawings = Drawings()
     named = record.diagnosis is not None and record.diagnosis.named
+    noisy = _left_by_noise(record)
     shown = {
         "record": record,
         "title": record.name,
@@ -191,7 +193,7 @@ def _context(record: Findings) -> dict[str, Any]:
         "no_validation": sentences.no_validation(record),
         "missing": missing.of_findings(record, drawings),
         "looks": missing.looks(record, drawings),
-        "tests": [_test(test, record, drawings, named) for test in record.residual_tests],
+        "tests": [_test(test, record, drawings, named, test.output in noisy) for test in record.residual_tests],
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),
@@ -268,7 +270,15 @@ def _fit(recording: Recording, drawings: Drawings, points: int) -> dict[str, Any
     }
 
 
-def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool) -> dict[str, Any]:
+def _left_by_noise(record: Findings) -> set[str]:
+    """Outputs whose residuals noise that is correlated may have left, as the verdict says."""
+    if record.correlated is None:
+        return set()
+    findings = record.plain()
+    return {n.output for n in record.correlated.noise if may_be_noise(findings, n.output)}
+
+
+def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool, noise: bool) -> dict[str, Any]:
     where = f"residual of {test.output} in {test.recording}"
     lags, bound = array(test.lags_s), test.bound
     later = lags > 0  # lag 0 is always 1
@@ -285,7 +295,7 @@ def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool)
         )
     named = named or test.stretch is not None or test.turned is not None
     said = [
-        sentences.whiteness(test),
+        sentences.whiteness(test, noise),
         *(sentences.independence(name, cross, named) for name, cross in test.cross.items()),
     ]
     if test.first:
@@ -364,6 +374,7 @@ def _search(record: Findings, drawings: Drawings) -> dict[str, Any]:
         "waterfall": waterfall,
         "runs": tables.runs_table(record.runs),
         "basins": tables.basins_table(record.basins),
+        "weighted": record.correlated is not None and record.correlated.least_squares is not None,
     }
 
 

@@ -67,12 +67,20 @@ def run_end(ended: str) -> str:
     return _ENDED.get(ended, ended)
 
 
-def whiteness(test: ResidualTest) -> str:
-    """Whether the residuals of one output still hold a pattern."""
+def whiteness(test: ResidualTest, noise: bool = False) -> str:
+    """Whether the residuals of one output still hold a pattern, and whether errors that samples share or `noise` that
+    is correlated leave such a one."""
     small = test.p_value is not None and test.p_value < 1e-6
     p = "" if test.p_value is None else " (p < 0.000001)" if small else f" (p = {significant(test.p_value, 2)})"
     if test.white:
         return f"White{p}: the residuals look like noise; the model explains what can be explained."
+    if test.shared:
+        return (
+            f"Not white{p}: the errors of {test.output} come back with {test.shared}, which leaves such a pattern; the "
+            "standard errors allow for that."
+        )
+    if noise:
+        return f"Not white{p}: noise that is correlated leaves such a pattern; the standard errors allow for that."
     return (
         f"Not white{p}: the residuals follow a pattern that the model does not explain; "
         "the standard errors allow for that, but something is missing."
