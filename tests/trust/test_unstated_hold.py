@@ -9,12 +9,20 @@ from plantfit.recording.record import Recording, Signal
 DEAD, K, T, DT, FINE = 27.0, 2.0, 60.0, 10.0, 100
 
 
-def recorded(seed: int, hold: str, noise: float = 0.02, n: int = 120, fine: int = FINE, level: int = 1) -> Recording:
+def recorded(
+    seed: int,
+    hold: str,
+    noise: float = 0.02,
+    n: int = 120,
+    fine: int = FINE,
+    level: int = 1,
+    dead: float = DEAD,
+) -> Recording:
     """Samples of a first-order plant under a wandering input, which stays for `level` samples, by exact steps of a
     hundredth of a sample."""
     rng = np.random.default_rng(seed)
     t, u = np.arange(n) * DT, np.repeat(np.cumsum(rng.normal(size=-(-n // level))), level)[:n] * 0.3
-    middle = (np.arange((n - 1) * fine) + 0.5) * DT / fine - DEAD
+    middle = (np.arange((n - 1) * fine) + 0.5) * DT / fine - dead
     at = np.interp(middle, t, u) if hold == "linear" else u[np.clip(np.floor(middle / DT).astype(int), 0, n - 1)]
     x, kept = K * u[0], [K * u[0]]
     for k, v in enumerate(at):
@@ -26,8 +34,9 @@ def recorded(seed: int, hold: str, noise: float = 0.02, n: int = 120, fine: int 
 
 
 def problem(recording: Recording, hold: dict[str, str] | None = None, late: bool = True) -> pf.Problem:
+    start = {"x": "K" if late else {"unit": "K", "initial": "y"}}
     model = pf.equations(
-        f"x' = (K*{'delay(u, Td)' if late else 'u'} - x)/T; y = x", states={"x": "K"}, inputs={"u": "V"},
+        f"x' = (K*{'delay(u, Td)' if late else 'u'} - x)/T; y = x", states=start, inputs={"u": "V"},
         outputs={"y": "K"}, parameters={"K": "K/V", "T": "s"} | ({"Td": "s"} if late else {}),
     )  # fmt: skip
     own = {"K": pf.Parameter((0.1, 10.0)), "T": pf.Parameter((5.0, 500.0))}
@@ -76,6 +85,57 @@ def test_what_is_stated_is_believed():
     assert problem(record).holds_stated == frozenset()
     for hold in ("previous", "linear"):
         assert told(pf.fit(problem(record, {"u": hold}), seed=1)) == []
+
+
+def without_dead_time(seed: int, hold: str, shift: int = 0) -> pf.Answer:
+    """A lag of 60 s under an input recorded every 10 s, `shift` samples late, fitted as held."""
+    record = recorded(seed, hold, n=600, fine=40, dead=0.0)
+    u = record["u"]
+    seen = np.concatenate([np.full(shift, u[0]), u[: len(u) - shift]])
+    signals = {"u": Signal(seen, "V"), "y": record.signals["y"]}
+    return pf.fit(problem(Recording(record.t, signals, "bench", ()), late=False), seed=1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_straight_lines_are_told_without_a_dead_time(seed):
+    answer = without_dead_time(seed, "linear")
+    [sentence] = told(answer)
+    assert sentence.startswith("u is held between its samples, as nobody said how it goes on, and straight lines fit")
+    assert "of what is left" in sentence
+    assert 'Write hold = { u = "linear" } under [model]' in sentence
+    [look] = [look for look in answer.findings["data"] if look["kind"] == "hold"]
+    assert look["figures"]["noise"] < 1.1
+    assert look["other"] == "T"
+    assert look["figures"]["linear"] == pytest.approx(T, rel=0.01)
+    tried = answer.diagnose()
+    assert tried is not None
+    assert tried["state"] == "left"
+    assert [s["sentence"].partition(";")[0] for s in tried["verdict"]] == [
+        "What may be missing was not tried, as straight lines between the samples of u leave hardly more than noise"
+    ]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_no_straight_lines_are_told_of_a_held_input_nor_of_a_clock_that_is_late(seed):
+    assert told(without_dead_time(seed, "previous")) == []
+    for shift in (1, 3):
+        assert told(without_dead_time(seed, "previous", shift)) == []
+
+
+def test_beside_something_else_that_is_missing_straight_lines_come_first():
+    record = recorded(1, "linear", n=600, fine=40, dead=0.0)
+    y = record["y"] + 0.1
+    both = Recording(record.t, {"u": record.signals["u"], "y": Signal(y, "K")}, "bench", ())
+    answer = pf.fit(problem(both, late=False), seed=1)
+    assert "straight lines fit better" in told(answer)[0]
+    made = answer.diagnose()
+    assert made is not None
+    assert made["state"] != "left"
+    assert made["next"] == ""
+    last = made["verdict"][-1]["sentence"]
+    assert last.startswith(
+        "Straight lines between the samples of u fit better, and what is said of what may be missing"
+    )
 
 
 def test_nothing_is_said_without_a_dead_time_nor_of_an_input_that_jumps_nor_where_the_interval_holds_both():

@@ -114,7 +114,7 @@ def assess(
         data=[
             *not_followed(problem_looks(problem, fixed), problem, z),
             *stepped,
-            *hold_looks(problem, z, rows),
+            *hold_looks(problem, z, rows, all(test.white for test in [*tests, *short])),
         ],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],

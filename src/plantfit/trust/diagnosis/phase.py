@@ -77,6 +77,12 @@ def with_diagnosis(
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)
+    if not whole and (straight := [look["signal"] for look in _held(findings) if _at_noise(look)]):
+        text = (
+            f"What may be missing was not tried, as straight lines between the samples of {some(straight)} leave "
+            f"hardly more than noise; {command} tries it all the same."
+        )
+        return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     if not whole and (problem.space.dimension > MOST or count > LONGEST):
         size = f"{problem.space.dimension} parameters on {count} samples"
         text = f"What may be missing was not tried, as {size} take long; {command} does it."
@@ -110,6 +116,16 @@ def _lost(findings: Mapping[str, Any]) -> bool:
     """Whether some record is not followed."""
     fits = [s["fit_percent"] for s in findings["scores"] if s["part"] == "fit"]
     return any(f is not None and f < GOOD for f in fits)
+
+
+def _held(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Looks at inputs that were held and go straight between their samples."""
+    return [look for look in findings.get("data", ()) if look["kind"] == "hold" and look["write"]]
+
+
+def _at_noise(look: Mapping[str, Any]) -> bool:
+    """Whether straight lines leave hardly more than noise."""
+    return look["figures"]["noise"] is not None and look["figures"]["noise"] < AT_NOISE
 
 
 def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:
@@ -203,8 +219,8 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
 
 
 def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, or beside a parameter on a bound
-    of the search, may stand for that; nothing where it finds none."""
+    """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, beside a wrong hold, or beside a
+    parameter on a bound of the search, may stand for that; nothing where it finds none."""
     if not (found.found or found.disturbed or found.drifting or found.repeating or found.stepping):
         return
     seldom = some(
@@ -216,6 +232,12 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
             "is said of what may be missing may stand for that: keep the "
         )
         yield say("warning", f"{text}fresh samples alone, as the look at {seldom} says, and run again.")
+    if straight := some([look["signal"] for look in _held(findings)] or [""]):
+        text = (
+            f"Straight lines between the samples of {straight} fit better, and what is said of what may be missing may "
+            "stand for that: state its hold first, "
+        )
+        yield say("warning", f"{text}as the sentence on {straight} says, and run again.")
     if pressed := _pressed(findings):
         one, command = len(pressed) == 1, _next(found, findings)
         text = (

@@ -1,7 +1,9 @@
-"""Dead times that rest on how an input goes on between its samples, which nobody stated.
+"""How an input goes on between its samples, where nobody stated it: dead times that rest on it, and residuals that
+straight lines explain.
 
 An input that is held looks like half a sample of dead time more than one that goes straight from sample to sample. A
-free dead time takes that up, so that the residuals of a wrong hold may be as white as those of the right one.
+free dead time takes that up, so that the residuals of a wrong hold may be as white as those of the right one. Without
+one it moves the other parameters, and what it leaves is told as something that the plant lacks.
 """
 
 from collections.abc import Mapping, Sequence
@@ -11,39 +13,46 @@ import numpy as np
 
 from plantfit.models.model import Model
 from plantfit.problem.evaluate.points import residuals_and_jacobian
+from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
+from plantfit.simulate.steps.grid import Held
+from plantfit.trust.intervals.linearised import named_blocks
 
 Row = Mapping[str, Any]
 LEVEL = 0.5  # of the samples that are those before them, from which on an input stays level and jumps
 LIKELY = 2.0  # standard errors by which the held input fits better, from which on straight lines are not spoken of
+# what straight lines gain over what they gain if nothing else is wrong; a late clock gains (2 n - 1) times as much by n
+# half samples
+ALONE = (0.5, 2.0)
 
 
-def hold_looks(problem: Problem, z: np.ndarray, rows: Sequence[Row]) -> list[Look]:
+def hold_looks(problem: Problem, z: np.ndarray, rows: Sequence[Row], white: bool) -> list[Look]:
     """One for each input whose hold is not stated, so that it is held, where straight lines between its samples move a
-    dead time out of its interval and fit as well or better.
+    dead time out of its interval and fit as well or better; and, unless residuals are `white`, where they fit better
+    by as much as they do if nothing else is wrong.
 
     `z` (d,) is the answer, `rows` its parameters. An input that stays level and jumps is held for sure.
     """
     model = problem.model
     if not isinstance(model, Model) or problem.smoothing is not None:
         return []
+    known = [r for r in rows if r["status"] in ("determined", "weak") and None not in (r["low"], r["high"])]
     late = {
         u: [
             row
-            for row in rows
+            for row in known
             if any(d.input == u and row["name"].partition("[")[0] == d.parameter for d in model.delays)
-            and row["status"] in ("determined", "weak")
-            and None not in (row["low"], row["high"])
         ]
         for u in model.inputs
         if u not in problem.holds_stated and _moves(problem, u)
     }
-    if not any(late.values()):
+    asked = {u: own for u, own in late.items() if own or not white}
+    if not asked:
         return []
     z = np.asarray(z, dtype=float)
     jacobian = residuals_and_jacobian(problem, z)[1]
-    looks = (_look(problem, z, jacobian, u, own) for u, own in late.items() if own)
+    looks = (_look(problem, z, jacobian, u, own, known) for u, own in asked.items())
     return [look for look in looks if look is not None]
 
 
@@ -53,32 +62,54 @@ def _moves(problem: Problem, u: str) -> bool:
     return len(steps) > 0 and float(np.mean(steps == 0.0)) < LEVEL
 
 
-def _look(problem: Problem, z: np.ndarray, jacobian: np.ndarray, u: str, late: Sequence[Row]) -> Look | None:
-    """Of the dead times `late` of the input the one that its hold moves most, in widths of its interval."""
+def _look(
+    problem: Problem, z: np.ndarray, jacobian: np.ndarray, u: str, late: Sequence[Row], known: Sequence[Row]
+) -> Look | None:
+    """Of the dead times `late` of the input the one that its hold moves most, in widths of its interval; without any,
+    of the parameters `known`."""
     from plantfit.problem.measure.hold_check import beside_linear  # a check before the fit needs nothing of scipy
 
-    fit, at = beside_linear(problem, z, jacobian, u)
+    fit, at, residuals = beside_linear(problem, z, jacobian, u)
+    if not late and not (fit.better == Held.LINEAR and ALONE[0] <= fit.standard_errors / fit.power <= ALONE[1]):
+        return None
     straight = dict(zip(problem.space.names, problem.space.physical(at).tolist(), strict=True))
 
     def moved(row: Row) -> float:
         return abs(straight[row["name"]] - row["value"]) / max(row["high"] - row["low"], 1e-300)
 
-    row = max(late, key=moved)
-    name, held, other = row["name"], row["value"], straight[row["name"]]
-    if row["low"] <= other <= row["high"] or fit.standard_errors < -LIKELY:
+    row = max(late or known, key=moved, default=None)
+    inside = row is None or row["low"] <= straight[row["name"]] <= row["high"]
+    if late and (inside or fit.standard_errors < -LIKELY):
         return None
-    unit = f" {row['unit']}" if row["unit"] else ""
-    text = (
-        f"The study does not say how {u} goes on between its samples: {name} is {held:.4g}{unit} if it is held until "
-        f"the next one, {other:.4g}{unit} if it goes straight to it."
-    )
+    figures: dict[str, int | float | None] = {
+        "previous": None, "linear": None, "standard_errors": fit.standard_errors, "power": fit.power,
+        "explained": 1.0 - fit.cost_linear / fit.cost_previous, "noise": _over_noise(problem, residuals),
+    }  # fmt: skip
+    text = f"The study does not say how {u} goes on between its samples: "
+    if row is None or inside:
+        name = None
+        text += f"straight lines explain {100 * (figures['explained'] or 0.0):.2g} % of what is left."
+    else:
+        name, held, other = row["name"], row["value"], straight[row["name"]]
+        unit = f" {row['unit']}" if row["unit"] else ""
+        figures |= {"previous": held, "linear": other}
+        text += (
+            f"{name} is {held:.4g}{unit} if it is held until the next one, {other:.4g}{unit} if it goes straight to it."
+        )
     first = next(iter(problem.experiments))
     t = problem.experiments[first].recording.t
-    figures: dict[str, int | float | None] = {
-        "previous": held, "linear": other, "standard_errors": fit.standard_errors, "power": fit.power
-    }  # fmt: skip
     write = "" if fit.better is None else f'hold = {{ {u} = "linear" }}'
     return Look("hold", "warning", first, u, text, float(t[0]), float(t[-1]), write, figures, other=name)
+
+
+def _over_noise(problem: Problem, residuals: np.ndarray) -> float | None:
+    """The most that residuals (m,) of an output in a recording are, in times of their noise from sample to sample."""
+    over = [
+        float(np.sqrt(np.mean(own**2))) / noise
+        for own in (residuals[block.rows] for _, _, block in named_blocks(problem))
+        if (noise := white_part(own)) > 0
+    ]
+    return max(over, default=None)
 
 
 __all__ = ["hold_looks"]

@@ -46,17 +46,24 @@ def misreading_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
 
 
 def hold_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """One sentence for every input whose hold nobody stated and a dead time rests on."""
+    """One sentence for every input whose hold nobody stated and a dead time rests on, or straight lines explain."""
     units = {p["name"]: p["unit"] for p in findings["parameters"]}
     for look in findings["data"]:
         if look["kind"] != "hold":
             continue
         u, name, figures = look["signal"], look["other"], look["figures"]
-        held, straight = (with_unit(figures[kind], units[name]) for kind in ("previous", "linear"))
+        held, straight = (
+            "" if name is None else with_unit(figures[kind], units[name]) for kind in ("previous", "linear")
+        )
         if look["write"]:
+            share = (
+                f"they explain {100 * figures['explained']:.2g} % of what is left" if figures["explained"] > 0 else ""
+            )
+            moved = f"{name} is then {straight}, and not {held}" if name is not None else ""
+            gained = " and ".join(filter(None, (share, moved)))
             text = (
                 f"{u} is held between its samples, as nobody said how it goes on, and straight lines fit better "
-                f"({number(figures['standard_errors'])} standard errors): {name} is then {straight}, and not {held}. "
+                f"({number(figures['standard_errors'])} standard errors): {gained}. "
                 f"Write {look['write']} under [model]."
             )
         else:
