@@ -20,6 +20,7 @@ from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood
 from plantfit.trust.diagnosis.treatment import changed
+from plantfit.trust.finish.other_columns import Change, OtherColumns, other_columns
 from plantfit.trust.finish.other_starts import OtherStarts, other_starts
 from plantfit.trust.intervals.first_values import outputs_begun_at
 from plantfit.trust.intervals.robust_or_classical import has_times
@@ -33,6 +34,7 @@ Findings = dict[str, Any]
 TIMES = 2.0  # the evaluations of the search
 FLOOR_SAMPLES = 2e6  # simulated samples that are allowed after the shortest search, a second or two
 MOST, LONGEST = 60, 100_000  # coordinates and residuals beyond which one evaluation is not what it costs
+HARDLY = 90.0  # percent: below that columns may be wrong
 DRAWN = 0.05  # of the mean square: what explains less is not drawn
 
 
@@ -69,6 +71,9 @@ def with_diagnosis(
         # a simulation that begins wrongly tells nothing of the model, nor of whether it forgets its start
         findings = {**findings, "simulation": {**findings["simulation"], "forgets": []}}
         return _said(findings, best, {"state": "left", "verdict": [_begun_wrongly(problem, starts)]})
+    if not whole and _lost(findings, HARDLY) and (columns := other_columns(problem, best.x)) is not None:
+        findings = {**findings, "simulation": {**findings["simulation"], "forgets": []}}
+        return _said(findings, best, {"state": "left", "verdict": [_otherwise_recorded(problem, columns)]})
     if not whole and forgotten(findings):
         text = (
             "What may be missing was not tried, as the simulation forgets "
@@ -112,10 +117,10 @@ def with_diagnosis(
     )
 
 
-def _lost(findings: Mapping[str, Any]) -> bool:
-    """Whether some record is not followed."""
+def _lost(findings: Mapping[str, Any], least: float = GOOD) -> bool:
+    """Whether some record is followed to less than this percentage."""
     fits = [s["fit_percent"] for s in findings["scores"] if s["part"] == "fit"]
-    return any(f is not None and f < GOOD for f in fits)
+    return any(f is not None and f < least for f in fits)
 
 
 def _held(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
@@ -154,6 +159,38 @@ def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:
         f"parameter: write {names} in the initial values, and under [parameters] {', '.join(lines)}."
     )
     return say("bad", text, **{f"rmse_{o}": v for o, v in found.after.items()})
+
+
+def _otherwise_recorded(problem: Problem, found: OtherColumns) -> Sentence:
+    """With which change of a column the model follows the record, and the line that makes it."""
+    units = {o: problem.model.outputs[o] for o in problem.outputs}
+    reached = some([f"{with_unit(v, units[o])} of {o} (now {number(found.before[o])})" for o, v in found.after.items()])
+    best, others = found.changes[0], [_as_change(c) for c in found.changes[1:]]
+    also = f". {some(others)} would do as well" if others else ""
+    if len(best.signals) == 2:
+        cause = f"the columns of {' and '.join(best.signals)} may be exchanged"
+        write = "exchange them under signals"
+    else:
+        [name] = best.signals
+        cause = f"the {'sign' if best.factor < 0 else 'unit'} of {name} may be wrong, in the recording or in the model"
+        step = {"step": "scale", "signal": name, "factor": float(f"{best.factor:.10g}")}
+        recordings = list(problem.experiments)
+        where = f"[recording.{recordings[0]}]" if len(recordings) == 1 else "every recording"
+        write = f"write clean = [{inline(step)}] under {where}, or mend the equation"
+    text = (
+        f"With {_as_change(best)} the model follows the record, with an RMSE of {reached}: {cause}{also}. Look at it, "
+        f"and {write}. Nothing else was tried."
+    )
+    return say("bad", text, **{f"rmse_{o}": v for o, v in found.after.items()})
+
+
+def _as_change(change: Change) -> str:
+    if len(change.signals) == 2:
+        return f"{' and '.join(change.signals)} exchanged"
+    [name] = change.signals
+    if change.units is None:
+        return f"the other sign of {name}"
+    return f"{name} taken as {change.units[0]} in place of {change.units[1]}"
 
 
 def _first_values(problem: Problem, z: np.ndarray, found: Diagnosis) -> Iterator[Sentence]:

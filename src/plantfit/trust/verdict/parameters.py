@@ -401,8 +401,9 @@ def _bound(p: Row, needs: Mapping[str, Any]) -> Sentence:
         return say("warning", text, value=p["value"])
     text = (
         f"{p['name']} ended on its {p['at_bound']} bound, {with_unit(p['value'], p['unit'])}: the "
-        "data pull it further. Widen the bound if physics allows, else take it out of the model."
+        "data pull it further. Widen the bound if physics allows, else "
     )
+    text += "find what the model lacks." if p.get("lacking") else "take it out of the model."
     return say("warning", text, value=p["value"])
 
 
