@@ -19,7 +19,7 @@ from plantfit.trust.diagnosis.candidates import CANDIDATES, Before, Behind
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 640, 170, 44, 10, 22
 PERIOD, SAMPLES, GAIN, LAG, FINE = 0.05, 240, 2.0, 0.5, 20
 SIZES = {
-    "dead_time": 0.4, "lag": 0.5, "dead_zone": 0.8, "saturation": 1.2, "backlash": 0.6, "input_offset": 0.6, "coulomb": 2.5, "quadratic": 0.5, "start": 2.5,
+    "dead_time": 0.4, "lag": 0.5, "dead_zone": 0.8, "saturation": 1.2, "backlash": 0.6, "input_offset": 0.6, "viscous": 1.0, "coulomb": 2.5, "quadratic": 0.5, "start": 2.5,
     "sensor_lag": 0.5, "offset": 0.8, "drift": 0.15, "sensor_high": 2.0, "sensor_low": -0.8, "stribeck": 4.0, "change": 0.25,
 }  # fmt: skip
 STYLE = (
@@ -76,7 +76,7 @@ def plant(u: np.ndarray, start: float = 0.0, braked: Mapping[str, float] | None 
         for _ in range(FINE):
             rate = (GAIN * (1.0 + own.get("change", 0.0) * v) * v - x) / LAG
             dry = own.get("coulomb", 0.0) + own.get("stribeck", 0.0) * np.exp(-((x / 0.5) ** 2))
-            x += h * (rate - dry * np.tanh(x / 0.02) - own.get("quadratic", 0.0) * x * abs(x))
+            x += h * (rate - dry * np.tanh(x / 0.02) - own.get("quadratic", 0.0) * x * abs(x) - own.get("viscous", 0.0) * x)
     return y
 
 

@@ -31,7 +31,9 @@ WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
 @pytest.mark.parametrize(
     "kind",
     [
-        *(k for k, own in KINDS.items() if k != "change" and not own.over),
+        *(
+            k for k, own in KINDS.items() if k not in ("change", "viscous") and not own.over
+        ),  # viscous: that of the plant
         "change k with x",
         "change b with t",
         "change m with t",
@@ -63,6 +65,18 @@ def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     error, effect = np.sqrt(np.mean((with_it - measured) ** 2)), np.sqrt(np.mean((without - measured) ** 2))
     assert error < 0.02 * np.std(measured)
     assert error < 0.2 * effect
+
+
+def test_viscous_friction_is_more_of_what_a_plant_has(tmp_path):
+    place = write(PLANTS["second"], "clean", 0.01, 0, tmp_path)
+    bare = load(place).problem
+    text = place.read_text().replace("[parameters]", "extensions = { viscous = { v = [0, 5] } }\n[parameters]\n")
+    place.write_text(text)
+    added = load(place).problem
+    values = {**TRUTH["second"], "viscous_v": 1.2}
+    with_it = added.predict(np.array([values[n] for n in added.space.names]))["y"]
+    more = {**TRUTH["second"], "b": TRUTH["second"]["b"] + 1.2 * TRUTH["second"]["m"]}
+    np.testing.assert_allclose(with_it, bare.predict(np.array([more[n] for n in bare.space.names]))["y"], atol=1e-9)
 
 
 def test_derivatives_by_additions_are_exact(tmp_path):

@@ -35,6 +35,7 @@ KINDS: dict[str, Kind] = {
         "changes", changes.change, "what a parameter or input is changes with a signal: {}", (changes.REFERENCE,)
     ),
     "start": Kind("states", states.start, "{} begins above its initial value"),
+    "viscous": Kind("states", states.viscous, "friction slows {}, in proportion to it"),
     "coulomb": Kind("states", states.coulomb, "dry friction slows {}", ("creep",)),
     "stribeck": Kind("states", states.stribeck, "friction that falls with speed slows {}", ("stribeck_speed", "creep")),
     "quadratic": Kind("states", states.quadratic, "a drag slows {}, with the square of it"),

@@ -1,5 +1,5 @@
-"""What may act on a state: dry friction, one that falls with speed, a drag that grows with the square, a pattern that
-repeats, another initial value."""
+"""What may act on a state: friction, viscous, dry or falling with speed, a drag that grows with the square, a pattern
+that repeats, another initial value."""
 
 from typing import Any
 
@@ -50,6 +50,13 @@ def _creep(model: Model, v: str) -> tuple[Declared, ...]:
         if had
         else (Declared(name, model.states[v], None, sentence=f"size of {v} from which on dry friction is whole"),)
     )
+
+
+def viscous(model: Model, v: str, bounds: Bounds, name: str) -> Model:
+    """v' less c v: viscous friction over inertia."""
+    made = _braked(model, v, lambda x, p: p[name] * x[v])
+    own = declared(model, name, "1/s", bounds, f"viscous friction of {v} over inertia")
+    return rewired(made, lambda x, c, p: (x, c), parameters=own)
 
 
 def quadratic(model: Model, v: str, bounds: Bounds, name: str) -> Model:

@@ -118,6 +118,11 @@ CANDIDATES: dict[str, Before | Inside | Behind] = {
         bounds=ranges.up_to_the_range,
         law=lambda t, u, value, held: effects.played(u, value),
     ),
+    "viscous": Inside(
+        article="", name="viscous friction of {}", phrase="viscous friction of {} on {}", low=0.0,
+        bounds=ranges.up_to_the_range, of_speeds=True, unit=lambda unit: "1/s",
+        size=lambda spread, rate: rate / max(spread, 1e-300),
+    ),
     "coulomb": Inside(
         article="", name="dry friction of {}", phrase="dry friction of {} on {}", low=0.0,
         bounds=ranges.up_to_the_range, of_speeds=True,
