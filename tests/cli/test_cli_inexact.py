@@ -51,6 +51,15 @@ def test_check_and_predict(study, k, said, capsys, monkeypatch):
     assert record["step_error"] == (1.0 if said else None)
 
 
+def test_check_says_of_the_middle_of_the_bounds_that_it_is_there(study, capsys, monkeypatch):
+    """k = 0.255 has its pole inside of the record, and a search finds k = 0.1."""
+    told = " ".join(call(capsys, monkeypatch, "check", str(study)).out.split())
+    assert "At the middle of the bounds no steps make the simulation exact to 0.2 %" in told
+    assert "do not use its numbers" not in told
+    study.write_text(STUDY.replace("0.5]", "0.15]"))
+    assert "no steps make" not in call(capsys, monkeypatch, "check", str(study)).out
+
+
 @pytest.mark.parametrize(
     ("error", "said"), [(None, ""), (0.123, "its error is about 12 % of the spread of an output"), (1.0, "as large as")]
 )

@@ -64,7 +64,7 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
         return print_json(record)
     _say_understood(problem, record)
     _say_simulated(problem, record, at, tolerance)
-    say_inexact(error)
+    say_inexact(error, middle=not at)
     say_looks(record["data"])
     for told in (record["identifiable"] or {}).get("sentences", []):
         say_looks([{**told, "write": None}])
@@ -132,9 +132,9 @@ def say_looks(looks: Sequence[Mapping[str, Any]]) -> None:
         out.print(look["sentence"] + more + (f" Write: {look['write']}" if look["write"] else ""), markup=False)
 
 
-def say_inexact(error: float | None) -> None:
+def say_inexact(error: float | None, middle: bool = False) -> None:
     """That no steps made a simulation as exact as they should; `error` is a share of the spread of an output, None
-    where they did."""
+    where they did. `middle`: it is one at the middle of the bounds, which nobody chose."""
     if error is None:
         return
     size = (
@@ -142,6 +142,13 @@ def say_inexact(error: float | None) -> None:
         if error < 1.0
         else "as large as the outputs move, or larger"
     )
+    if middle:
+        text = (
+            f"At the middle of the bounds no steps make the simulation exact to 0.2 %: its error is {size}. A state "
+            "may grow without bound there, or a part be very much quicker than the others. A run passes over such "
+            "points and checks its answer. Narrow the bounds if it finds none."
+        )
+        return say_looks([{"level": "warning", "sentence": text, "write": None}])
     text = (
         f"No steps make this simulation exact to 0.2 %: its error is {size}, so do not use its numbers. "
         "Look for a part that is very much quicker than the others, or for a state that grows without bound."
