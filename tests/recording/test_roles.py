@@ -379,3 +379,29 @@ def test_the_time_of_a_cycler_is_a_time_and_no_count_of_rows(tmp_path):
     assert kinds["Test_Time(s)"] == "time"
     assert kinds["Step_Time(s)"] != "time"
     assert kinds["Data_Point"] == "index"
+
+
+@pytest.mark.parametrize(
+    ("given", "answers"),
+    [("SteeringWheelAngle [deg]", "YawRate [deg/s]"), ("rudder_angle [deg]", "yaw_rate [deg/s]"),
+     ("T_ambient [degC]", "T_room [degC]"), ("Bremsdruck [bar]", "Geschwindigkeit [m/s]")],
+)  # fmt: skip
+def test_what_a_driver_or_the_weather_gives_is_an_input_though_it_moves_gradually(given, answers):
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        t = 0.02 * np.arange(2000)
+        waves = [rng.uniform(5, 20) * np.sin(w * t + rng.uniform(0, 6)) for w in (0.7, 1.9, 3.1)]
+        turned = np.sum(waves, axis=0)
+        follows = lag(turned, 0.35, 10.0) + rng.normal(0, 0.15, 2000)
+        roles = roles_of(in_a_table(**{given: np.round(turned, 1), answers: follows}))
+        assert headers(roles, "input") == {given}, seed
+        assert headers(roles, "output") == {answers}, seed
+
+
+def test_an_angle_that_is_measured_stays_an_output():
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        drive = steps(rng, 2000, 150, -3, 3)
+        answer = lag(drive, 0.5, 20.0) + rng.normal(0, 0.05, 2000)
+        for name in ("tilt_angle [deg]", "inclination [deg]", "wheel_angle [deg]"):
+            assert headers(roles_of(in_a_table(**{"motor [V]": drive, name: answer})), "output") == {name}, seed

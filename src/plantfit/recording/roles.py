@@ -31,10 +31,16 @@ _INPUT = re.compile(
     r"stellgröße|stellgrad|stellwert|leistung|lüfter|drehmoment|tension|commande|vanne|pompe|chauffage|puissance|entrée|entree)"
 )
 _OUTPUT = re.compile(
-    r"(?:y|out|temp|temperature|speed|rpm|velocity|vel|omega|w|position|pos|angle|theta|phi|level|height|pressure|flow|pv|"
+    r"(?:y|out|temp|temperature|yaw|gyro|speed|rpm|velocity|vel|omega|w|position|pos|angle|theta|phi|level|height|pressure|flow|pv|"
     r"response|tacho|encoder|enc|displacement|distance|dist|range|ultrasonic|sonar|lidar|tof|abstand|entfernung|acceleration|acc|concentration|ph|humidity|current|i|t|x|outlet|level|adc|"
     r"drehzahl|temperatur|geschwindigkeit|winkel|füllstand|niveau|druck|durchfluss|istwert|ist|ausgang|strom|lage|weg|"
     r"température|vitesse|mesure|sortie|pression|débit|courant|angle)"
+)
+# what a driver, a pilot, the road or the weather gives, also where it is measured and moves gradually
+_GIVEN = re.compile(
+    r"(?:steer|steering|steeringwheel|brake|braking|pedal|accelerator|rudder|aileron|grade|slope|"
+    r"ambient|amb|outdoor|irradiance|lenkrad|lenkwinkel|lenkradwinkel|lenkung|bremse|bremsdruck|gaspedal|"
+    r"steigung|außentemperatur|umgebung|umgebungstemperatur|volant|frein|pente|ambiante)"
 )
 _MEASURED = re.compile(r"(?:meas|measured|measurement|sensor|output)")  # where no other word tells
 _GOAL = re.compile(r"(?:sp|set|setpoint|setpt|ref|reference|target|desired|des|soll|sollwert|consigne|goal|setvalue)")
@@ -302,7 +308,7 @@ def _evidence(column: Column, v: np.ndarray, tells: np.ndarray, k: int) -> tuple
 
     named = _named(column)
     if named:
-        add(1.2 * named, "its name")
+        add((3.0 if _said(column, _GIVEN) else 1.2) * named, "its name")
     if column.unit in _IN_UNITS or column.unit in _OUT_UNITS:
         add(0.5 if column.unit in _IN_UNITS else -0.5, f"its unit {column.unit}")
     jumps = _jumps(v[:, k])
@@ -346,7 +352,7 @@ def _shakes_with(level: np.ndarray, other: np.ndarray) -> bool:
 
 def _named(column: Column) -> float:
     """1 where the name is that of an input, -1 of an output, 0 of neither."""
-    if _said(column, _GOAL):
+    if _said(column, _GOAL) or _said(column, _GIVEN):
         return 1.0
     words = [
         (1.0 if _INPUT.fullmatch(w) else -1.0)
