@@ -2,6 +2,8 @@
 
 import json
 
+import numpy as np
+import pytest
 from cli_call import call, heater
 
 from plantfit.spec import load
@@ -48,3 +50,43 @@ def test_what_cannot_be_tried_is_said(tmp_path, capsys, monkeypatch):
     assert said.code == 5
     assert "Did you mean 'dead time of u'" in said.err
     assert not list(tmp_path.glob("*-with-*"))
+
+
+CAR = """name = "car"
+[recording.road]
+file = "car.csv"
+time = "t"
+signals = { F = "F", grade = "grade", v = "v" }
+units = { F = "N", grade = "", v = "m/s" }
+[model]
+equations = "x' = F/m - 9.81*grade - r; v = x"
+check_units = false
+states = { x = { unit = "m/s", initial = "v" } }
+inputs = { F = "N", grade = "" }
+outputs = { v = "m/s" }
+[parameters]
+m = { bounds = [500, 5000], unit = "kg" }
+r = { bounds = [0, 1], unit = "m/s^2" }
+[search]
+budget = 600
+"""
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_column_with_a_wrong_sign_is_told_first(tmp_path, capsys, monkeypatch, sign):
+    rng = np.random.default_rng(2)
+    t = 0.5 * np.arange(400)
+    force, grade = np.repeat(rng.choice([0.0, 600.0, 1500.0], 20), 20), 0.04 * np.sin(t / 9)
+    v = 20 + 0.5 * np.concatenate([[0.0], np.cumsum((force / 1500 - 9.81 * np.interp(t + 0.25, t, grade) - 0.4)[:-1])])
+    rows = np.column_stack([t, force, sign * np.interp(t + 0.25, t, grade), v + 0.05 * rng.normal(size=400)])
+    np.savetxt(tmp_path / "car.csv", rows, delimiter=",", header="t,F,grade,v", comments="")
+    place = tmp_path / "car.toml"
+    place.write_text(CAR)
+    said = call(capsys, monkeypatch, "diagnose", place, "--force")
+    assert said.code == 0, said.err
+    told = "With the other sign of grade the model follows the record"
+    assert (told in said.out.splitlines()[0]) == (sign < 0)
+    assert (told in said.out) == (sign < 0)
+    assert "Nothing else was tried" not in said.out
+    asked = call(capsys, monkeypatch, "diagnose", place, "--try", "offset of v", "--force")
+    assert told not in asked.out

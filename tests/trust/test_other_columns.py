@@ -6,6 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import plantfit as pf
+from plantfit.trust.finish.other_columns import other_columns
 
 DT = 0.5
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
@@ -97,3 +98,13 @@ def test_two_columns_that_are_exchanged_are_told(seed):
         signals = {"q": pf.Signal(q, "m^3/s"), "a": pf.Signal(h[:, a], "m"), "b": pf.Signal(h[:, b], "m")}
         told = said(pf.fit(pf.Problem(model, pf.Recording(t, signals, "rig"), bounds), seed=1))
         assert [s.startswith("With a and b exchanged the model follows the record") for s in told] == [True] * swapped
+
+
+def test_what_is_tried_is_shown_and_can_be_stopped():
+    answer = fitted(driven(0), grade=-1.0)
+    best = min(answer.runs, key=lambda r: r.cost)
+    heard = []
+    assert other_columns(answer.problem, best.x, heard.append) is not None
+    assert heard[0] == "trying columns: F"
+    assert "trying columns: grade" in heard
+    assert other_columns(answer.problem, best.x, stop=lambda: True) is None

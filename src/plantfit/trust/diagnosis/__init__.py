@@ -3,7 +3,7 @@
 from plantfit.trust.diagnosis.candidates import Before, Behind, Inside
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose
 from plantfit.trust.diagnosis.meter import Meter, Stopped
-from plantfit.trust.diagnosis.phase import asked_for, with_diagnosis
+from plantfit.trust.diagnosis.phase import asked_for, misrecorded, with_diagnosis
 from plantfit.trust.diagnosis.ranges import Seen, Tried
 from plantfit.trust.diagnosis.rounds import Trial
 from plantfit.trust.diagnosis.sentences import diagnosis_record
@@ -27,5 +27,6 @@ __all__ = [
     "clean_steps",
     "diagnose",
     "diagnosis_record",
+    "misrecorded",
     "with_diagnosis",
 ]

@@ -12,6 +12,7 @@ from plantfit.errors import ModelError
 from plantfit.findings.diagnosis import Diagnosis as Section
 from plantfit.findings.diagnosis import ResidualChange
 from plantfit.models.library.regression import LinearModel
+from plantfit.models.model import Model
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.problem import Problem
 from plantfit.recording.clean.outliers import inline
@@ -20,7 +21,7 @@ from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood
 from plantfit.trust.diagnosis.treatment import changed
-from plantfit.trust.finish.other_columns import Change, OtherColumns, other_columns
+from plantfit.trust.finish.other_columns import Change, OtherColumns, other_columns, shares
 from plantfit.trust.finish.other_starts import OtherStarts, other_starts
 from plantfit.trust.intervals.first_values import outputs_begun_at
 from plantfit.trust.intervals.robust_or_classical import has_times
@@ -71,9 +72,12 @@ def with_diagnosis(
         # a simulation that begins wrongly tells nothing of the model, nor of whether it forgets its start
         findings = {**findings, "simulation": {**findings["simulation"], "forgets": []}}
         return _said(findings, best, {"state": "left", "verdict": [_begun_wrongly(problem, starts)]})
-    if not whole and _lost(findings, HARDLY) and (columns := other_columns(problem, best.x)) is not None:
+    ask = not whole and _lost(findings, HARDLY)
+    if ask and (columns := other_columns(problem, best.x, progress, stop)) is not None:
         findings = {**findings, "simulation": {**findings["simulation"], "forgets": []}}
-        return _said(findings, best, {"state": "left", "verdict": [_otherwise_recorded(problem, columns)]})
+        told = _otherwise_recorded(problem, columns)
+        told = {**told, "sentence": f"{told['sentence']} Nothing else was tried."}
+        return _said(findings, best, {"state": "left", "verdict": [told]})
     if not whole and forgotten(findings):
         text = (
             "What may be missing was not tried, as the simulation forgets "
@@ -115,6 +119,24 @@ def with_diagnosis(
         best,
         {**record, "verdict": record["verdict"] + first, **more, "next": "" if first else _next(found, findings)},
     )
+
+
+def misrecorded(
+    problem: Problem,
+    z: np.ndarray,
+    progress: Callable[[str], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> list[Sentence]:
+    """What a record that the answer z (d,) does not follow may be told wrongly, before anything is added to the model:
+    the first measured value that states begin at, else a column; empty where neither explains it."""
+    if not isinstance(problem.model, Model):
+        return []
+    least = 100.0 * (1.0 - max(shares(problem, z).values()))
+    if least < GOOD and (starts := other_starts(problem, z)) is not None:
+        return [_begun_wrongly(problem, starts)]
+    if least < HARDLY and (columns := other_columns(problem, z, progress, stop)) is not None:
+        return [_otherwise_recorded(problem, columns)]
+    return []
 
 
 def _lost(findings: Mapping[str, Any], least: float = GOOD) -> bool:
@@ -179,7 +201,7 @@ def _otherwise_recorded(problem: Problem, found: OtherColumns) -> Sentence:
         write = f"write clean = [{inline(step)}] under {where}, or mend the equation"
     text = (
         f"With {_as_change(best)} the model follows the record, with an RMSE of {reached}: {cause}{also}. Look at it, "
-        f"and {write}. Nothing else was tried."
+        f"and {write}."
     )
     return say("bad", text, **{f"rmse_{o}": v for o, v in found.after.items()})
 

@@ -1,7 +1,7 @@
 """Columns of a recording that are not followed as they stand, and are with the other sign, in another unit, or one in
 the place of the other."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -62,16 +62,27 @@ class OtherColumns:
     after: dict[str, float]
 
 
-def other_columns(problem: Problem, z: np.ndarray) -> OtherColumns | None:
+def other_columns(
+    problem: Problem,
+    z: np.ndarray,
+    progress: Callable[[str], None] | None = None,
+    stop: Callable[[], bool] | None = None,
+) -> OtherColumns | None:
     """With which changes of its columns a problem is followed whose answer z (d,) does not follow it; None where none
-    does, where the same searches follow it as it is, and where looking would take long."""
+    does, where the same searches follow it as it is, where looking would take long, and where `stop` ends it."""
     samples = sum(len(e.recording) for e in problem.experiments.values())
     if not isinstance(problem.model, Model) or samples > LONG or problem.space.dimension > MANY:
         return None
     if problem.smoothing is not None or problem.weighted is not None:
         return None
     before = min(_left(problem, z), _searched(problem, z)[0])
-    tried = [(*_searched(made, z), change, made) for change, made in _changed(problem)]
+    tried = []
+    for change, made in _changed(problem):
+        if stop is not None and stop():
+            return None
+        if progress is not None:
+            progress(f"trying columns: {' and '.join(change.signals)}")
+        tried.append((*_searched(made, z), change, made))
     tried = [one for one in tried if one[0] <= LEFT * before and _follows(one[3], one[1].z, one[0] <= SURELY * before)]
     if not tried:
         return None
@@ -146,7 +157,7 @@ def _finite(cost: float) -> float:
 
 def _follows(problem: Problem, z: np.ndarray, surely: bool) -> bool:
     """Whether every output is followed at z (d,), and unless `surely` down to near its noise."""
-    if max(_shares(problem, z).values()) > FOLLOWED:
+    if max(shares(problem, z).values()) > FOLLOWED:
         return False
     residuals = np.asarray(problem.residuals(z))
     parts = [residuals[block.rows] for _, _, block in named_blocks(problem)]
@@ -155,10 +166,10 @@ def _follows(problem: Problem, z: np.ndarray, surely: bool) -> bool:
 
 def _left(problem: Problem, z: np.ndarray) -> float:
     """The mean square that is left of all outputs, each relative to what it moves."""
-    return float(np.mean(np.square(list(_shares(problem, z).values()))))
+    return float(np.mean(np.square(list(shares(problem, z).values()))))
 
 
-def _shares(problem: Problem, z: np.ndarray) -> dict[str, float]:
+def shares(problem: Problem, z: np.ndarray) -> dict[str, float]:
     """RMSE of each output as a share of its standard deviation."""
     measured = {o: np.concatenate([m[o] for m in problem.data["measured"].values()]) for o in problem.outputs}
     return {o: r / max(float(np.std(measured[o])), 1e-300) for o, r in _rmse(problem, z).items()}
@@ -175,4 +186,4 @@ def _rmse(problem: Problem, z: np.ndarray) -> dict[str, float]:
     return {o: _finite(v) for o, v in size.items()}
 
 
-__all__ = ["Change", "OtherColumns", "other_columns"]
+__all__ = ["Change", "OtherColumns", "other_columns", "shares"]

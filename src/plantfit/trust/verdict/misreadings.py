@@ -56,9 +56,8 @@ def hold_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
             "" if name is None else with_unit(figures[kind], units[name]) for kind in ("previous", "linear")
         )
         if look["write"]:
-            share = (
-                f"they explain {100 * figures['explained']:.2g} % of what is left" if figures["explained"] > 0 else ""
-            )
+            explained = figures.get("explained") or 0.0  # which findings of earlier versions have not
+            share = f"they explain {100 * explained:.2g} % of what is left" if explained > 0 else ""
             moved = f"{name} is then {straight}, and not {held}" if name is not None else ""
             gained = " and ".join(filter(None, (share, moved)))
             text = (

@@ -16,6 +16,7 @@ from plantfit.errors import SpecError
 if TYPE_CHECKING:
     from plantfit.spec.study import Study
     from plantfit.trust.diagnosis import Change, Diagnosis
+    from plantfit.trust.verdict.words import Sentence
 
 SHOWN = 12  # rows of the table of what was tried
 
@@ -30,10 +31,11 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     from plantfit.trust.diagnosis import diagnosis_record
     from plantfit.trust.looks import not_followed, problem_looks
 
-    found = _tried(study, only, json)
+    found, wrong = _tried(study, only, json)
     given = found.carrier.given
     looks = [look.record for look in not_followed(problem_looks(given), given, found.carrier.z)]
-    record = {**diagnosis_record(found, linear=linear_beside), "data": looks}
+    record = diagnosis_record(found, linear=linear_beside)
+    record |= {"verdict": [*wrong, *record["verdict"]], "data": looks}
     if json:
         return print_json({**record, **_written(study, found, place, force, only)})
     say_looks(looks)
@@ -62,18 +64,19 @@ def added(path: str, names: Sequence[str], json: bool) -> str:
     from plantfit.trust.diagnosis import asked_changes, clean_steps
 
     study = spec.load(path)
-    found = _tried(study, names, json)
+    found, _ = _tried(study, names, json)
     if not all(r.trials for r in found.rounds):
         raise SpecError(f"{study.path.name} cannot be simulated with {' and '.join(names)}; try something else.")
     changes, clean = asked_changes(found), clean_steps(found)
     return written_beside(_target(study, changes, bool(clean)), _text(study, changes, clean))
 
 
-def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
-    """Fit a study and try additions: those asked for, which are looked up before the fit, else all."""
+def _tried(study: "Study", only: Sequence[str], json: bool) -> "tuple[Diagnosis, list[Sentence]]":
+    """Fit a study and try additions: those asked for, which are looked up before the fit, else all, and then also what
+    the record may be told wrongly, which comes as sentences."""
     from plantfit.fitting import fit
     from plantfit.spec import before_filter
-    from plantfit.trust.diagnosis import Meter
+    from plantfit.trust.diagnosis import Meter, misrecorded
     from plantfit.trust.diagnosis.diagnose import additions, chosen, demand_treatable
     from plantfit.trust.diagnosis.diagnose import diagnose as tried
 
@@ -90,8 +93,12 @@ def _tried(study: "Study", only: Sequence[str], json: bool) -> "Diagnosis":
         said_line(json) as say,
         stoppable("Stopping; what was tried until now is told. Ctrl-C again stops at once.") as stop,
     ):
+        wrong = [] if only else misrecorded(answer.problem, answer.best.x, say, stop)
         meter = Meter(stop=stop, winds_up=True)
-        return tried(answer.problem, answer.best.x, progress=say, only=only or None, regression=regression, meter=meter)
+        found = tried(
+            answer.problem, answer.best.x, progress=say, only=only or None, regression=regression, meter=meter
+        )
+        return found, wrong
 
 
 def _written(study: "Study", found: "Diagnosis", place: str | None, force: bool, only: Sequence[str]) -> dict[str, Any]:
