@@ -414,12 +414,6 @@ def test_names_are_others_when_programs_have_gone(tmp_path, monkeypatch):
     assert age(tmp_path) not in ("", before)
 
 
-def test_an_xla_that_does_not_know_an_option_compiles_all_the_same(monkeypatch):
-    lowered = jax.jit(lambda x: 2.0 * x).lower(np.ones(3))
-    monkeypatch.setattr(kept_programs, "NO_FUSION_EMITTERS", {"xla_option_of_another_time": 1})
-    assert np.array_equal(kept_programs.compiled(lowered, fused=False)(np.ones(3)), np.full(3, 2.0))
-
-
 def test_without_a_cache_folder_the_bits_are_the_same(folder, monkeypatch):
     own = problem()
     z = np.full(own.space.dimension, 0.4)

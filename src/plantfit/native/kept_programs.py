@@ -24,11 +24,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import plantfit
-import plantfit.runtime
 from plantfit.folders import code_folder
 from plantfit.native.compile.compilation import read_object, write_object
 from plantfit.native.compile.processor import available, host
 from plantfit.native.primitive import libm_of, register_kept
+from plantfit.runtime import compiler_options
 
 # isort: split
 import jax
@@ -39,11 +39,6 @@ from jax.experimental.serialize_executable import deserialize_and_load, serializ
 # and stays in XLA's cache under its old name for good, so that a bound which a day's work passes several times costs
 # disk too.
 MOST_FILES = 10_000
-# Around a native loop little is left to XLA: without the emitters of fused arithmetic it compiles in half to nine
-# tenths of the time, and the program is as fast (`python -m benchmarks.compile_time`). The arithmetic of an optimizer
-# is worth them, and costs have the same bits in its blocks and apart.
-NO_FUSION_EMITTERS = {"xla_cpu_use_fusion_emitters": False}
-FUSED = {"generations", "evaluated"}
 AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {
@@ -145,6 +140,12 @@ def _sources() -> bytes:
     return repr(sorted(found)).encode()
 
 
+def _options() -> dict[str, Any]:
+    """How XLA compiles: quickly around native loops, where little is left to it; all programs of a search alike, so
+    that its costs have the same bits in blocks of generations and apart."""
+    return compiler_options() if available() else {}
+
+
 @cache
 def _machine() -> bytes:
     """What XLA's executables depend on beside their text: versions, processor and flags."""
@@ -156,7 +157,7 @@ def _machine() -> bytes:
             version("jaxlib"),
             own,
             *map(os.environ.get, ("XLA_FLAGS", "PLANTFIT_NATIVE")),
-            NO_FUSION_EMITTERS,
+            _options(),
         )
     ).encode()
 
@@ -208,9 +209,7 @@ class Kept:
             return self._plain
         folder = code_folder("programs")
         if folder is None or self.description is None:  # the same bits as where it is kept
-            lowered = self._plain.lower(*args)
-            fused = self.name in FUSED or not _NATIVE.search(lowered.as_text())
-            return self._plain if fused else compiled(lowered, fused=False)
+            return self._plain.lower(*args).compile(_options())
         key = hashlib.sha256(repr((self.name, shapes)).encode() + self.description).hexdigest()
         return _read(folder, key, args) or _made(folder, key, self.name, self._plain, args)
 
@@ -308,7 +307,7 @@ def _made(folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...])
         program = _loaded(folder, kept, args)
     if program is None:
         before = _seen.hits
-        program = compiled(lowered, fused=not natives or name in FUSED)
+        program = lowered.compile(_options())
         # XLA does not write down a program that it has read itself, nor one that calls back into this process
         if _seen.hits > before or _CALLBACK.search(text):
             return program
@@ -321,16 +320,6 @@ def _made(folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...])
     with suppress(Exception):  # results of other classes than tuples, lists and dictionaries
         write_object(folder / key, key, pickle.dumps(tuple(kept)))
     return program
-
-
-def compiled(lowered: Any, *, fused: bool) -> Any:
-    """The program that `jax.jit(...).lower(...)` gave, with XLA's fusion emitters or without."""
-    if fused:
-        return lowered.compile()
-    try:
-        return lowered.compile(NO_FUSION_EMITTERS)
-    except jax.errors.JaxRuntimeError:  # an XLA that does not know the option
-        return lowered.compile()
 
 
 class _Seen(threading.local):

@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError, SimulationError, SpaceError
 from plantfit.problem.measure.experiment import Experiment, before_in_units, in_units
 from plantfit.problem.predictor import Predictor
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
+from plantfit.runtime import jit
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steps.registry import STEPPERS
 
-import jax
 import jax.numpy as jnp
 
 SMALL = 0.001  # step error, as a share of the spread of an output
@@ -138,7 +137,7 @@ class NewRecording:
 
 @lru_cache(maxsize=16)  # bands ask for thousands of draws, with the same few steps
 def _compiled(predictor: Predictor) -> Any:
-    return jax.jit(predictor.outputs)
+    return jit(predictor.outputs)
 
 
 @lru_cache(maxsize=16)  # a new predictor would be compiled anew

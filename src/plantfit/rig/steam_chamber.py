@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from scipy.signal import lfilter
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
 from plantfit.models.library.steam_chamber import steam_chamber
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.run import RigRun
+from plantfit.runtime import jit
 from plantfit.simulate.simulator import Simulator
-
-import jax
 
 OPENINGS = tuple(range(10, 101, 10))  # %
 DURATIONS = (450.0, 400.0, 350.0, 300.0, 250.0, 200.0, 160.0, 130.0, 110.0, 90.0)  # s, of the openings
@@ -217,4 +215,4 @@ def simulated(p: Mapping[str, Any], t: np.ndarray, opening: np.ndarray, substeps
 @lru_cache(maxsize=4)
 def _compiled(substeps: int) -> tuple[Simulator, Any]:
     simulator = Simulator.of(steam_chamber(nodes=NODES.tolist()), substeps=substeps)
-    return simulator, jax.jit(partial(simulator.outputs))
+    return simulator, jit(partial(simulator.outputs))

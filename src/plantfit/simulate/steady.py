@@ -11,8 +11,8 @@ from collections.abc import Mapping
 from functools import partial, reduce
 from typing import Any
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
+from plantfit.runtime import jit
 from plantfit.simulate.steps.steppers import factored
 from plantfit.simulate.steps.vector import Scalars, VectorModel
 
@@ -79,7 +79,7 @@ def steady_outputs(
     return {name: jnp.broadcast_to(y, shape) for name, y in zip(vector.outputs, vector.output(x, u, p), strict=True)}
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def _jitted(vector, u, p, guess):
     return _solved(vector, u, p, guess)
 

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
-import plantfit.runtime  # noqa: F401
 from plantfit.cases.steam.whole_plant import FINE, whole_plant
 from plantfit.control import (
     Demand,
@@ -27,6 +26,7 @@ from plantfit.control import (
 )
 from plantfit.errors import SimulationError
 from plantfit.rig.steam_chamber import NODES, OPENINGS
+from plantfit.runtime import jit
 from plantfit.simulate.loop.closed_loop import ClosedLoop, closed_loop
 from plantfit.simulate.loop.sensors import Actuator, Sensor
 from plantfit.space import Parameter
@@ -80,7 +80,7 @@ class Bench:
         return loop.period * np.arange(len(self.noise)), np.asarray(y), np.asarray(u)
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def _simulated(loop: ClosedLoop, parameters: Any, plants: Any, reference: Any, noise: Any) -> Any:
     def one(plant):
         seen = loop.simulate(parameters, plant, reference, noise=noise)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.control.catching import _farthest
 from plantfit.control.holding.linear_loop import controller_of, largest_sensitivity, near, poles
 from plantfit.control.holding.point import held_point
@@ -19,6 +18,7 @@ from plantfit.control.linear.lqr import lqr
 from plantfit.errors import SimulationError
 from plantfit.findings.results.held_plant import HoldWishes
 from plantfit.models.model import Model
+from plantfit.runtime import jit
 from plantfit.simulate.loop.sensors import Actuator, Sensor
 
 import jax
@@ -230,7 +230,7 @@ def _caught(
         start = x0 | {wishes.along: x0[wishes.along] + distance}
         return loop.observe(watch, parameters, p, {}, samples=samples, x0=start)
 
-    every = jax.jit(jax.vmap(lambda d: jax.vmap(lambda p: jax.vmap(lambda far: one(d, p, far))(ways))(p)))
+    every = jit(jax.vmap(lambda d: jax.vmap(lambda p: jax.vmap(lambda far: one(d, p, far))(ways))(p)))
     good = np.asarray(every(stacked)) <= wishes.tolerance  # nan is not caught
     good = good.reshape(*good.shape[:-1], 2, len(distances))
     reached = np.cumprod(good, axis=-1).sum(axis=-1)

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import scipy
 
-import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Model
+from plantfit.runtime import jit
 from plantfit.simulate.steps.vector import vectorise
 
 import jax
@@ -41,7 +41,7 @@ def near(model: Model, plants: Mapping[str, np.ndarray], x0: np.ndarray, u0: np.
         a, b = jax.jacfwd(rate, (0, 1))(jnp.asarray(x0), jnp.asarray(u0))
         return a, b, *jax.jacfwd(out, (0, 1))(jnp.asarray(x0), jnp.asarray(u0))
 
-    a, b, c, d = (np.asarray(v) for v in jax.jit(jax.vmap(local))(p))
+    a, b, c, d = (np.asarray(v) for v in jit(jax.vmap(local))(p))
     n, s, m = b.shape
     big = np.zeros((n, s + m, s + m))
     big[:, :s, :s], big[:, :s, s:] = a, b

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
+from plantfit.runtime import jit
 from plantfit.simulate.steps.vector import VectorModel
 
 import jax
@@ -41,7 +41,7 @@ class Equations:
         return self.vector.output(tuple(x), self.channels(ways), p)[self.output]
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def solved(key: Equations, begin: Any, level: Any, rows: Any) -> Any:
     """States and input (starts, n, s + 1) at rest where the output is `level`, and what is left of the equations
     (starts, n), from starts (starts, s + 1)."""

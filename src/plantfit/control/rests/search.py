@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.control.rests.equations import Equations, solved
+from plantfit.runtime import jit
 from plantfit.simulate.steady import steady_states
 from plantfit.simulate.steps.vector import VectorModel
 
@@ -82,7 +82,7 @@ def _first(key: Equations, begin: np.ndarray, level: float, row: Any, middle: fl
     return _nearest(solved(key, ends, float(level), row), middle)[0] if len(ends) else found
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def _brought(key: Equations, begin: Any, level: Any, p: Any) -> Any:
     """Starts (starts, s + 1) with states moved as little as gives the output the level."""
     n, kept = len(key.vector.states), np.isin(np.arange(len(key.vector.states)), key.kept)

@@ -5,11 +5,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
+from plantfit.runtime import jit
 from plantfit.simulate.loop.closed_loop import Observer
 
-import jax
 import jax.numpy as jnp
 from jax import lax
 
@@ -79,7 +78,7 @@ def step_metrics(
     return StepMetrics(*map(float, _fold(step_observer(band, rise), t, y, float(reference))))
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def _fold(observer: Observer, t, y, reference):
     def step(seen, row):
         return observer.update(seen, row[0], row[1], 0.0, reference), None

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
+from plantfit.runtime import jit
 from plantfit.simulate.loop.closed_loop import Observer
 
 import jax
@@ -78,7 +78,7 @@ def profile_scores(profile: StepProfile, t: Any, y: Any, u: Any) -> StepScores:
     return StepScores(*(np.asarray(v).reshape(*y.shape[:-1], len(profile.times)) for v in found))
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def _fold(profile: StepProfile, t: Any, ys: Any, us: Any) -> StepScores:
     observer = _observer(profile)
 

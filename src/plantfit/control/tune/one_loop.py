@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.control.rests.equations import Equations
 from plantfit.control.rests.search import at_level, settled_range
 from plantfit.errors import SimulationError
 from plantfit.models.model import Declared, Model, Named
+from plantfit.runtime import jit
 from plantfit.simulate.loop.closed_loop import ClosedLoop, Controller, closed_loop
 from plantfit.simulate.loop.sensors import Sensor
 from plantfit.simulate.steps.vector import VectorModel, vectorise
@@ -43,7 +43,7 @@ class Rest:
     late: np.ndarray
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def _local(key: Equations, x: Any, u: Any, rows: Any) -> Any:
     """A, B, C, D of every plant."""
 

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.optimize.contract import CostOfData, Facts, KeptCosts, Objective, Population
+from plantfit.runtime import jit
 
 import jax
 import jax.numpy as jnp
@@ -141,7 +141,7 @@ def _state_bytes(method: Population, known: _Known) -> int:
 
 @lru_cache(maxsize=32)
 def _begin(method: Population, known: _Known) -> Callable:
-    return jax.jit(lambda keys: lax.map(partial(first_carry, method, known.facts), keys))
+    return jit(lambda keys: lax.map(partial(first_carry, method, known.facts), keys))
 
 
 @lru_cache(maxsize=32)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.optimize.contract import Facts, Population
 from plantfit.optimize.loop.counter import Counter
 from plantfit.optimize.loop.generations import strong
+from plantfit.runtime import jit
 
 import jax
 from jax import Array
@@ -23,7 +23,7 @@ def _compiled(
         return method.ask(jax.random.fold_in(key, g), state)
 
     refresh, live = (getattr(method, name, None) for name in ("refresh", "live"))
-    return jax.jit(ask), jax.jit(method.tell), refresh and jax.jit(refresh), live and jax.jit(live)
+    return jit(ask), jit(method.tell), refresh and jit(refresh), live and jit(live)
 
 
 class Nested:

@@ -22,9 +22,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.problem.accuracy.course import Course
 from plantfit.problem.problem import Problem
+from plantfit.runtime import jit
 from plantfit.simulate.check.tight import follow
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steps.array_steppers import Rates, Step, propagator
@@ -114,10 +114,10 @@ def _compiled(vector: VectorModel, stepper: str, interpolated: tuple[str, ...]) 
     return _Compiled(
         Rates(vector),
         Course(vector, stepper),
-        jax.jit(jax.vmap(lambda p, *first: jnp.stack(simulator.initial(p, *first)), in_axes=(0, None, None))),
-        jax.jit(jax.vmap(steps, in_axes=(0, None))),
-        jax.jit(jax.vmap(jax.vmap(both, in_axes=(0, 0, None)))),
-        jax.jit(jax.vmap(lambda p, drive: stacked(simulator.channels(p, drive), drive.t), in_axes=(0, None))),
+        jit(jax.vmap(lambda p, *first: jnp.stack(simulator.initial(p, *first)), in_axes=(0, None, None))),
+        jit(jax.vmap(steps, in_axes=(0, None))),
+        jit(jax.vmap(jax.vmap(both, in_axes=(0, 0, None)))),
+        jit(jax.vmap(lambda p, drive: stacked(simulator.channels(p, drive), drive.t), in_axes=(0, None))),
     )
 
 

@@ -10,10 +10,10 @@ from functools import lru_cache
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.native.kept_programs import Kept
 from plantfit.problem.evaluate.triangle import compressed as compressed_blocks
 from plantfit.problem.problem import Problem
+from plantfit.runtime import jit
 from plantfit.simulate.simulator import Drive
 
 import jax
@@ -28,9 +28,7 @@ SMALL = 50_000
 def several(function: Callable) -> Callable:
     """Of one compiled function of (z, arguments) that for several z."""
     many = jax.vmap(function, in_axes=(0, None))
-    return (
-        Kept(many, f"{function.name} of several", function.description) if isinstance(function, Kept) else jax.jit(many)
-    )
+    return Kept(many, f"{function.name} of several", function.description) if isinstance(function, Kept) else jit(many)
 
 
 def shared(problem: Problem) -> bool:

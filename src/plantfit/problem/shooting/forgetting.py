@@ -5,13 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, SimulationError
 from plantfit.problem.problem import Problem
 from plantfit.problem.shooting.start import LOOSE, Shooting
+from plantfit.runtime import jit
 from plantfit.simulate.simulator import Drive
-
-import jax
 
 DEVIATION = 1e-7  # of the spread of each state, at the first sample
 FORGOTTEN = (
@@ -65,7 +63,7 @@ def forgetting(problem: Problem, z: np.ndarray) -> list[Forgetting]:
     if not problem.predictor.has_steps or problem.predictor.stepping().vector.model.state_delays:
         return []
     simulator, values = problem.predictor.stepping(), problem.space.physical(z)
-    states = jax.jit(simulator.states)
+    states = jit(simulator.states)
     found = []
     for name, drive in problem.data["drive"].items():
         if not isinstance(drive, Drive):

@@ -12,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError, SimulationError
 from plantfit.problem.problem import Problem
 from plantfit.problem.shooting.climb import Point, descend
 from plantfit.problem.shooting.elimination import Linear
 from plantfit.problem.shooting.one_segment import Local
 from plantfit.problem.shooting.segments import Cut, cut
+from plantfit.runtime import jit
 from plantfit.simulate.simulator import Drive
 
 import jax
@@ -75,7 +75,7 @@ class Shooting:
         samples = sum(int(np.sum(s)) for s in pieces.segments.scored)
         local = Local(problem, tuple(1.0 / (problem.scales[o] * unit * np.sqrt(samples)) for o in problem.outputs))
         names = ("initial", "inverted", "linearised", "simulated")
-        return cls(problem, pieces, unit, {n: jax.jit(jax.vmap(getattr(local, n))) for n in names})
+        return cls(problem, pieces, unit, {n: jit(jax.vmap(getattr(local, n))) for n in names})
 
     def solve(self, z: Any, *, rounds: int = ROUNDS, weights: Sequence[float] = WEIGHTS) -> Shot:
         """Close the gaps from a cube point (d,), with at most `rounds` steps for each weight of continuity.

@@ -6,12 +6,10 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
+from plantfit.runtime import jit
 from plantfit.simulate.check.tight import EVALUATIONS, Stopped, Tight, follow, simulated
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steps.registry import STEPPERS
-
-import jax
 
 
 @dataclass(frozen=True)
@@ -72,5 +70,5 @@ def doubling_error(simulator: Simulator, p: Mapping[str, Any], drive: Drive) -> 
     """Estimated error (N,) of each output: its change when every step is halved, times q / (q - 1), q = 2 ** order."""
     q = 2.0 ** STEPPERS[simulator.stepper].order
     finer = simulator.refined(2)
-    coarse, fine = jax.jit(simulator.outputs)(p, drive), jax.jit(finer.outputs)(p, drive)
+    coarse, fine = jit(simulator.outputs)(p, drive), jit(finer.outputs)(p, drive)
     return {k: np.abs(np.asarray(coarse[k]) - np.asarray(fine[k])) * q / (q - 1.0) for k in coarse}

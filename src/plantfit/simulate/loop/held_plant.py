@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
+from plantfit.runtime import jit
 from plantfit.simulate.loop.dead_time import DeadTimes, Piece
 from plantfit.simulate.steps.linear import ExactStep, advance, exact_maps
 from plantfit.simulate.steps.registry import EXACT, FIXED, STEPPERS
@@ -119,7 +119,7 @@ class HeldPlant:
         return stepped
 
 
-@partial(jax.jit, static_argnums=0)
+@partial(jit, static_argnums=0)
 def _maps(vector: VectorModel, p: tuple[Any, ...], lengths: Any) -> ExactStep:
     return exact_maps(vector, p, lengths, varying=vector.uses_time)
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SimulationError
+from plantfit.runtime import jit
 from plantfit.simulate.steps.dependencies import dependencies
 from plantfit.simulate.steps.vector import VectorModel, placeholders
 
@@ -91,7 +91,7 @@ def _passed(guard: Callable, vector: VectorModel, t: np.ndarray) -> np.ndarray:
     if straight(guard, vector):
         when, slope = moment(guard, tuple(map(jnp.asarray, u)), p, x)
         return np.array([float(when)]) if float(slope) != 0.0 else np.zeros(0)
-    value = jax.jit(jax.vmap(lambda t: guard(x, (*u[:-1], t), p)))
+    value = jit(jax.vmap(lambda t: guard(x, (*u[:-1], t), p)))
     fine = np.unique(np.concatenate([t, *(t[:-1] + np.diff(t) * k / FINE for k in range(1, FINE))]))
     sign = np.sign(np.asarray(value(fine)))
     low, high = fine[:-1][sign[:-1] * sign[1:] < 0], fine[1:][sign[:-1] * sign[1:] < 0]

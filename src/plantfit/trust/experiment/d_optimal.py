@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.optimize import minimise
 from plantfit.optimize.contract import Objective
+from plantfit.runtime import jit
 from plantfit.trust.verdict.words import number, some
 
 import jax
@@ -86,7 +86,7 @@ def d_optimal(
             "widen the limits or give a start that keeps them."
         )
     design = low + (high - low) * run.x
-    matrix, log_det, total = (np.asarray(v) for v in jax.jit(measured)(jnp.asarray(design)))
+    matrix, log_det, total = (np.asarray(v) for v in jit(measured)(jnp.asarray(design)))
     return Experiment(design, matrix, float(log_det), float(total), run.evaluations)
 
 

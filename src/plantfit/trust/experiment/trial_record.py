@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
 from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
+from plantfit.runtime import jit
 from plantfit.simulate.simulator import Simulator
 from plantfit.simulate.steps.dependencies import dependencies
 from plantfit.simulate.steps.grid import Pieces
@@ -134,12 +134,12 @@ class TrialRecord:
     @cached_property
     def _simulate(self) -> Any:
         predictor = self.problem.predictor.with_simulator(self._own_simulator)
-        return jax.jit(jax.vmap(predictor.outputs, in_axes=(0, None)))
+        return jit(jax.vmap(predictor.outputs, in_axes=(0, None)))
 
     @cached_property
     def _follow(self) -> Any:
         predictor = self.problem.predictor.with_simulator(self._own_simulator)
-        return jax.jit(jax.vmap(predictor.trajectories, in_axes=(0, None)))
+        return jit(jax.vmap(predictor.trajectories, in_axes=(0, None)))
 
     def drive(self, u: np.ndarray) -> Any:
         """The numbers of a recording with these inputs (N, inputs)."""
@@ -189,7 +189,7 @@ class TrialRecord:
         p = {n: jnp.asarray(v[0]) for n, v in self._parameters.items()}
         while True:
             twice = simulator.refined(2)
-            coarse, fine = (jax.jit(predictor.with_simulator(s).outputs) for s in (simulator, twice))
+            coarse, fine = (jit(predictor.with_simulator(s).outputs) for s in (simulator, twice))
             error = max(
                 _step_error(coarse(p, self.drive(u)), fine(p, self.drive(u)), STEPPERS[simulator.stepper].order)
                 for u in trials

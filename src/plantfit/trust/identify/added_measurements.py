@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
+from plantfit.runtime import jit
 from plantfit.trust.identify.combinations import Combinations, stacked
 from plantfit.trust.verdict.words import number, some
 
@@ -158,7 +158,7 @@ def _rows(m: Measurement, names: Sequence[str], point: np.ndarray) -> np.ndarray
         made = m.function(p)
         return made if isinstance(made, (Mapping, list, tuple)) else list(jnp.atleast_1d(made))
 
-    gradient = np.asarray(jax.jit(jax.jacfwd(stacked(listed, names)))(jnp.asarray(point)))
+    gradient = np.asarray(jit(jax.jacfwd(stacked(listed, names)))(jnp.asarray(point)))
     sd = (
         np.broadcast_to(np.asarray(m.sd, dtype=float), len(gradient))
         if np.size(m.sd) in (1, len(gradient))

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
+from plantfit.runtime import jit
 from plantfit.trust.identify.base_parameters import base_parameters
 from plantfit.trust.identify.formulas import polynomial, polynomial_text
 from plantfit.trust.verdict.words import some
@@ -96,7 +96,7 @@ def combinations(
         )
     vector = stacked(base, names)
     points = np.random.default_rng(seed).uniform(low, high, (POINTS, len(names)))
-    slopes = np.asarray(jax.jit(jax.vmap(jax.jacfwd(vector)))(points))
+    slopes = np.asarray(jit(jax.vmap(jax.jacfwd(vector)))(points))
     if not np.all(np.isfinite(slopes)):
         raise ModelError(
             "The map from parameters to coefficients is not finite everywhere in the box; narrow the bounds."
@@ -126,8 +126,8 @@ def combinations(
 def _chosen(
     vector: Any, mix: np.ndarray, names: Any, low: Any, high: Any, labels: list[str], formulas: list[str], ranks: Any
 ) -> Combinations:
-    function = jax.jit(lambda point: jnp.asarray(mix) @ vector(point))
-    jacobian = jax.jit(jax.jacfwd(function))
+    function = jit(lambda point: jnp.asarray(mix) @ vector(point))
+    jacobian = jit(jax.jacfwd(function))
     texts = tuple(f"{label} = {text}" if text else label for label, text in zip(labels, formulas, strict=True))
     return Combinations(
         names, low, high, len(mix), tuple(labels), texts, ranks,
@@ -145,7 +145,7 @@ def _formulas(
     constants: Mapping[str, float],
 ) -> list[str]:
     """The combinations `mix` (r, k) of the coefficients as polynomials, "" for those that are none."""
-    many = jax.jit(jax.vmap(vector))
+    many = jit(jax.vmap(vector))
     terms = [polynomial(lambda p, row=row: np.asarray(many(p)) @ row, low, high) for row in mix]
     return ["" if t is None else polynomial_text(t, names, constants) for t in terms]
 

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import ModelError
 from plantfit.problem.evaluate.compress import Compressed
+from plantfit.runtime import jit
 from plantfit.trust.identify.combinations import Base, stacked
 from plantfit.trust.rigid_body.convex_bound import ConvexProblem, lower_bound
 from plantfit.trust.rigid_body.feasibility import LinkNames
@@ -114,7 +114,7 @@ def _affine(vector: Any, places: Places, ends: Box) -> tuple[np.ndarray, np.ndar
         return vector(p)
 
     points = np.random.default_rng(0).uniform(*ends, (8, len(ends[0])))
-    values, slopes = jax.jit(jax.vmap(lambda v: (coefficients(v), jax.jacfwd(coefficients)(v))))(jnp.asarray(points))
+    values, slopes = jit(jax.vmap(lambda v: (coefficients(v), jax.jacfwd(coefficients)(v))))(jnp.asarray(points))
     slope = np.asarray(slopes)[0]
     constant = np.asarray(values)[0] - slope @ points[0]
     size = np.abs(slope) @ ends[1] + np.abs(constant)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import minimize, nnls
 
-import plantfit.runtime  # noqa: F401
+from plantfit.runtime import jit
 
 import jax
 import jax.numpy as jnp
@@ -51,13 +51,13 @@ class Solver:
 
     def __init__(self, program: Program):
         self.program = program
-        self.value = jax.jit(jax.value_and_grad(program.objective))
-        self.constraints = jax.jit(lambda z: (program.inequalities(z), jax.jacfwd(program.inequalities)(z)))
+        self.value = jit(jax.value_and_grad(program.objective))
+        self.constraints = jit(lambda z: (program.inequalities(z), jax.jacfwd(program.inequalities)(z)))
 
         def lagrangian(z: Any, unit: Any, weights: Any) -> Any:
             return program.objective(z, unit) - weights @ program.inequalities(z)
 
-        self.curvature = jax.jit(jax.hessian(lagrangian))
+        self.curvature = jit(jax.hessian(lagrangian))
 
     def solve(self, start: np.ndarray, unit: float = 1.0) -> Stationary:
         """A local minimum from `start` (d,): sequential quadratic programming (Kraft's SLSQP in scipy), then Newton's

@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-import plantfit.runtime  # noqa: F401
 from plantfit.errors import RecordingError
 from plantfit.models.model import Model
 from plantfit.problem.measure.experiment import Experiment, in_units
 from plantfit.problem.predictor import predictor_of
 from plantfit.recording.clean.sampling import period_of
 from plantfit.recording.record import Recording, Signal
+from plantfit.runtime import jit
 
 # isort: split
 import jax
@@ -60,7 +60,7 @@ def simulate_windows(
     named = {
         p.name: jnp.asarray([float(own[n][p.name]) for n, many in rows.items() for _ in many]) for p in model.parameters
     }
-    made = {o: np.asarray(v) for o, v in jax.jit(jax.vmap(predictor.outputs))(named, stacked).items()}
+    made = {o: np.asarray(v) for o, v in jit(jax.vmap(predictor.outputs))(named, stacked).items()}
     result, start = {}, 0
     for name, many in rows.items():
         part, r = slice(start, start + len(many)), given[name]
