@@ -23,7 +23,7 @@ def disturbed_problem(place, plant, fault, seed, size=1.0):
     return problem.with_recordings({name: Recording(e.recording.t, signals, name)}), 0.01 * float(np.std(y))
 
 
-@pytest.mark.parametrize("plant", ["first", "second", "tanks"])
+@pytest.mark.parametrize("plant", ["first", "second", pytest.param("tanks", marks=pytest.mark.slow)])
 def test_parameters_beside_a_disturbance_are_those_of_the_plant(tmp_path, plant):
     told, errors, least_squares, held = 0, [], [], []
     for seed in range(3):

@@ -17,7 +17,6 @@ from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.recording.looks import Look
 from plantfit.simulate.steps.grid import Held
-from plantfit.trust.intervals.linearised import named_blocks
 
 Row = Mapping[str, Any]
 LEVEL = 0.5  # of the samples that are those before them, from which on an input stays level and jumps
@@ -104,6 +103,8 @@ def _look(
 
 def _over_noise(problem: Problem, residuals: np.ndarray) -> float | None:
     """The most that residuals (m,) of an output in a recording are, in times of their noise from sample to sample."""
+    from plantfit.trust.intervals.linearised import named_blocks  # a check before the fit needs nothing of scipy
+
     over = [
         float(np.sqrt(np.mean(own**2))) / noise
         for own in (residuals[block.rows] for _, _, block in named_blocks(problem))
