@@ -86,17 +86,18 @@ def check_holds(problem: Problem, z: np.ndarray, inputs: Sequence[str] | None = 
 
 
 def beside_linear(
-    problem: Problem, z: np.ndarray, jacobian: np.ndarray, name: str
+    problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, name: str
 ) -> tuple[HoldFit, np.ndarray, np.ndarray]:
     """Both holds of an input that was held when the problem was fitted to z (d,): what they tell, and the answer (d,)
     and scaled residuals (m,) with straight lines.
 
-    `jacobian` (m, d) is that of the fit. It serves the other hold too, so that only residuals are compiled.
+    `residuals` (m,) and `jacobian` (m, d) are those of the fit. The derivatives serve the other hold too, so that only
+    its residuals are compiled.
     """
     own = dict.fromkeys(problem.predictor.stepping().interpolated, Held.LINEAR)
     linear = _held(problem, {**own, name: Held.LINEAR})
-    residuals, at = _followed(linear, z, jacobian)
-    return _compared(name, np.asarray(problem.unsmoothed.residuals(z)), residuals), at, residuals
+    straight, at = _followed(linear, z, jacobian)
+    return _compared(name, residuals, straight), at, straight
 
 
 def _followed(problem: Problem, z: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

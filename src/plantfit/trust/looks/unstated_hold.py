@@ -50,8 +50,8 @@ def hold_looks(problem: Problem, z: np.ndarray, rows: Sequence[Row], white: bool
     if not asked:
         return []
     z = np.asarray(z, dtype=float)
-    jacobian = residuals_and_jacobian(problem, z)[1]
-    looks = (_look(problem, z, jacobian, u, own, known) for u, own in asked.items())
+    fitted = residuals_and_jacobian(problem, z)
+    looks = (_look(problem, z, fitted, u, own, known) for u, own in asked.items())
     return [look for look in looks if look is not None]
 
 
@@ -62,13 +62,18 @@ def _moves(problem: Problem, u: str) -> bool:
 
 
 def _look(
-    problem: Problem, z: np.ndarray, jacobian: np.ndarray, u: str, late: Sequence[Row], known: Sequence[Row]
+    problem: Problem,
+    z: np.ndarray,
+    fitted: tuple[np.ndarray, np.ndarray],
+    u: str,
+    late: Sequence[Row],
+    known: Sequence[Row],
 ) -> Look | None:
     """Of the dead times `late` of the input the one that its hold moves most, in widths of its interval; without any,
     of the parameters `known`."""
     from plantfit.problem.measure.hold_check import beside_linear  # a check before the fit needs nothing of scipy
 
-    fit, at, residuals = beside_linear(problem, z, jacobian, u)
+    fit, at, residuals = beside_linear(problem, z, *fitted, u)
     if not late and not (fit.better == Held.LINEAR and ALONE[0] <= fit.standard_errors / fit.power <= ALONE[1]):
         return None
     straight = dict(zip(problem.space.names, problem.space.physical(at).tolist(), strict=True))
