@@ -43,3 +43,49 @@ def test_a_measured_start_has_ends_where_an_activation_energy_presses_on_its_bou
     assert found["E"]["status"] == "flat"
     assert found["k"]["status"] == "weak"
     assert found["k"]["high"] > 3.0 * found["k"]["value"]
+
+
+# the law, and the number before v
+LAWS = {
+    # k/R is known, and so is what b is the rest of
+    "square": ("y = (k*k/R + b)*v + (k/R)*u", lambda k, R, b: k * k / R + b),
+    "inverse": ("y = (1/R + b)*v + (k/R)*u", lambda k, R, b: 1 / R + b),
+    # b is anything, with k and R in proportion
+    "divided": ("y = (b/R)*v + (k/R)*u", lambda k, R, b: b / R),
+    "product": ("y = k*b*v + (k/R)*u", lambda k, R, b: k * b),
+}
+
+
+def friction(law, key):
+    """What a fit says of b beside k and R, which leave the box together; the number that the data know with it; b."""
+    text, known = LAWS[law]
+    rng = np.random.default_rng([key, 7])
+    p = {n: float(np.exp(rng.uniform(np.log(0.1), np.log(10.0)))) for n in ("k", "R", "b")}
+    u, v = rng.normal(size=(2, 200))
+    y = known(**p) * v + p["k"] / p["R"] * u
+    y = y + 0.01 * np.std(y) * rng.normal(size=len(y))
+    box = {
+        n: Parameter((p[n] / np.exp(rng.uniform(0.5, 3.0)), p[n] * np.exp(rng.uniform(0.5, 3.0))), scale="log")
+        for n in p
+    }
+    model = equations(text, inputs=["u", "v"], outputs=["y"], parameters=list(p))
+    record = Recording(np.arange(200.0), {"u": Signal(u), "v": Signal(v), "y": Signal(y)})
+    row = {r["name"]: r for r in fit(Problem(model, record, box), seed=key).findings["parameters"]}["b"]
+    return row, known(**p), p["b"]
+
+
+@pytest.mark.parametrize("key", [6, 8, 10, 18, 22])
+@pytest.mark.parametrize("law", ["square", "inverse"])
+def test_a_rest_ends_where_two_others_leave_the_box_together(law, key):
+    """It was "any value above 0": a resistance near zero changes anything, and its motor constant takes it back."""
+    row, most, truth = friction(law, key)
+    assert row["status"] != "flat"
+    assert truth < row["high"]
+    assert 0.95 * most < row["high"] < 1.5 * most
+
+
+@pytest.mark.parametrize("key", range(6))
+@pytest.mark.parametrize("law", ["divided", "product"])
+def test_what_goes_with_two_others_stays_open(law, key):
+    row, _, _ = friction(law, key)
+    assert row["status"] == "flat"

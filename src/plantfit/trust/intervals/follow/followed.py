@@ -2,6 +2,7 @@
 compared."""
 
 from collections.abc import Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -31,6 +32,8 @@ OPENS = 2.5  # times as far a range may reach there before it is taken to open
 AROUND = 4  # refits to each side of another answer
 INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
+WIDER, LEVELS = 4, 3  # tries of wider rooms for one end, and how many rooms one try goes through
+FALLS = 0.5  # of a growth over the threshold: one that keeps more in a wider room does not come down to it
 ENOUGH = 0.5  # of the threshold: a refit that has come so far is inside
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 FARTHER = 10.0  # times the way so far at which it is tried whether the data stop a range that leans on a bound
@@ -43,7 +46,7 @@ class Place:
     `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there.
     `settled`: the refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall
     to the threshold beyond it; `limited`: where it leans, physics sets a limit somewhere beyond. `stopped`: it costs
-    more than the threshold wherever the coordinates on bounds may go.
+    more than the threshold wherever the coordinates on bounds may go, and `held`: that was tried in wider rooms.
     """
 
     at: float
@@ -55,6 +58,7 @@ class Place:
     leans: bool = False
     limited: bool = True
     stopped: bool = False
+    held: bool = False
 
 
 class Followed:
@@ -75,6 +79,8 @@ class Followed:
         self.limits = np.array([c.limits for c in space.coordinates]).reshape(-1, 2)
         self.lower, self.upper = self.room.lower, self.room.upper
         self.times = 1.0  # the threshold, how much an answer may cost
+        # wider rooms that may be tried for a coordinate and side; none in such a room
+        self.tries: dict[tuple[int, bool], int] | None = {}
         self.met: list[np.ndarray] = []
         # of the sum of squares over the variance, at every point that a refit ended at
         self.growths = {self.z.tobytes(): 0.0}
@@ -235,7 +241,7 @@ class Followed:
             if found is None or (
                 found.share > 1.0 and not (found.settled and found.limited)
             ):  # too far for one refit, or for the box
-                if found is not None and found.leans:
+                if found is not None and found.leans and not (outside is not None and outside.held):
                     outside = None  # what was found further out, from another place, says nothing
                     if self._beyond_bounds(i, inside) and inside.share < 0.5:
                         break  # far enough
@@ -250,7 +256,8 @@ class Followed:
                 if at == edge:
                     return float(self.limits[i][1 if sign > 0 else 0])
                 # a refit further out, from another place, says nothing beyond it
-                inside, outside = (replace(found, share=1.0), None)
+                inside = replace(found, share=1.0)
+                outside = outside if outside is not None and outside.held else None
                 self.left = max(self.left, STEPS)
             else:
                 outside = found
@@ -435,9 +442,47 @@ class Followed:
         point[places] = block.x
         share = (block.cost - self.least) / top
         self.growths[point.tobytes()] = float(share) * top / self.linear.variance
-        return Place(
+        place = Place(
             at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(point, places, block, top)
         )
+        return (
+            replace(place, leans=False, limited=True, stopped=True, held=True) if self._held_anyway(i, place) else place
+        )
+
+    def _held_anyway(self, i: int, place: Place) -> bool:
+        """Whether a place that leans stays above the threshold where coordinates may go `FACTOR` times as near to their
+        limits, so that the data hold it and not the room.
+
+        Two that leave the room together, as a gain and the resistance that divides it, may pull without end there and
+        change nothing.
+        """
+        side = i, bool(place.at > self.z[i])
+        if self.tries is None or not place.leans or not place.settled or place.share <= 1.0:
+            return False
+        if self.tries.setdefault(side, WIDER) == 0:
+            return False
+        walk: Followed = self
+        held, before = False, place
+        for _ in range(LEVELS):
+            start = walk.room.outer(before.point)
+            walk = walk._wider(i)
+            found = walk._grown(i, float(walk.room.inner(start)[i]), walk.room.inner(start), 0.0)
+            if found is None or not found.settled or found.share <= 1.0:
+                break
+            held = not found.leans or found.share >= 1.0 + FALLS * (before.share - 1.0)
+            if held:
+                break
+            before = found
+        self.tries[side] -= not held
+        return held
+
+    def _wider(self, i: int) -> "Followed":
+        """The same in a room that is wider for all coordinates but i."""
+        wide = copy(self)
+        wide.room = self.room.wider(i)
+        wide.z, wide.tries, wide.growths = wide.room.inner(self.room.outer(self.z)), None, {}
+        wide.lower, wide.upper, wide.left = wide.room.lower, wide.room.upper, 2 * STEPS
+        return wide
 
     def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Residuals and derivatives in few rows whose squares sum to those of all samples."""

@@ -1,7 +1,7 @@
 """Where ranges are followed: the box of the search and some way beyond it, as far as physics and the simulation
 allow."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,23 @@ class Room:
         first, last = space.cube(lower), space.cube(upper)
         first, last = np.where(lower == space.lower, 0.0, first), np.where(upper == space.upper, 1.0, last)
         return cls(problem, first, last - first, lower, upper)
+
+    def wider(self, i: int) -> "Room":
+        """A room that reaches farther for all coordinates but i, wherever this one reaches beyond the bounds: `FACTOR`
+        times as near to a physical limit, else as many times as far."""
+        space = self.problem.space
+        least, most = np.array([c.limits for c in space.coordinates]).reshape(-1, 2).T
+        width, moved = self.upper - self.lower, np.arange(len(self.first)) != i
+        with np.errstate(invalid="ignore", over="ignore"):
+            down = np.where(space.log, self.lower / FACTOR, self.lower - FACTOR * width)
+            up = np.where(space.log, self.upper * FACTOR, self.upper + FACTOR * width)
+            down = np.fmax(down, least + (self.lower - least) / FACTOR)
+            up = np.fmin(up, most - (most - self.upper) / FACTOR)
+        below, above = moved & (self.lower < space.lower), moved & (self.upper > space.upper)
+        lower, upper = np.where(below, down, self.lower), np.where(above, up, self.upper)
+        first, last = space.cube(lower), space.cube(upper)
+        first, last = np.where(below, first, self.first), np.where(above, last, self.first + self.width)
+        return replace(self, first=first, width=last - first, lower=lower, upper=upper)
 
     def inner(self, z: np.ndarray) -> np.ndarray:
         """Points (..., d) of the problem's cube in this one."""
