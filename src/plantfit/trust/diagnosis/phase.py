@@ -86,9 +86,10 @@ def with_diagnosis(
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)
-    if not whole and (straight := [look["signal"] for look in _held(findings) if _at_noise(look)]):
+    if not whole and _at_noise(straight := _held(findings)):
+        names = some([look["signal"] for look in straight])
         text = (
-            f"What may be missing was not tried, as straight lines between the samples of {some(straight)} leave "
+            f"What may be missing was not tried, as straight lines between the samples of {names} leave "
             f"hardly more than noise; {command} tries it all the same."
         )
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
@@ -150,9 +151,9 @@ def _held(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [look for look in findings.get("data", ()) if look["kind"] == "hold" and look["write"]]
 
 
-def _at_noise(look: Mapping[str, Any]) -> bool:
-    """Whether straight lines leave hardly more than noise."""
-    return look["figures"]["noise"] is not None and look["figures"]["noise"] < AT_NOISE
+def _at_noise(straight: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether straight lines of all these inputs leave hardly more than noise, by the look that left the least."""
+    return any(look["figures"]["noise"] is not None and look["figures"]["noise"] < AT_NOISE for look in straight)
 
 
 def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:
@@ -291,12 +292,13 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
             "is said of what may be missing may stand for that: keep the "
         )
         yield say("warning", f"{text}fresh samples alone, as the look at {seldom} says, and run again.")
-    if straight := some([look["signal"] for look in _held(findings)] or [""]):
+    if held := [look["signal"] for look in _held(findings)]:
+        straight, its = some(held), "its hold" if len(held) == 1 else "their holds"
         text = (
             f"Straight lines between the samples of {straight} fit better, and what is said of what may be missing may "
-            "stand for that: state its hold first, "
+            f"stand for that: state {its} first, "
         )
-        yield say("warning", f"{text}as the sentence on {straight} says, and run again.")
+        yield say("warning", f"{text}as the sentence on {held[-1]} says, and run again.")
     if pressed := _pressed(findings):
         one, command = len(pressed) == 1, _next(found, findings)
         text = (
