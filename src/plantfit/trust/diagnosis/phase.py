@@ -185,25 +185,30 @@ def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:
 
 
 def _otherwise_recorded(problem: Problem, found: OtherColumns) -> Sentence:
-    """With which change of a column the model follows the record, and the line that makes it."""
+    """With which change of a column the model follows the record, or with which several, and the line that makes the
+    first."""
     units = {o: problem.model.outputs[o] for o in problem.outputs}
     reached = some([f"{with_unit(v, units[o])} of {o} (now {number(found.before[o])})" for o, v in found.after.items()])
-    best, others = found.changes[0], [_as_change(c) for c in found.changes[1:]]
-    also = f". {some(others)} would do as well" if others else ""
+    best = found.changes[0]
     if len(best.signals) == 2:
-        cause = f"the columns of {' and '.join(best.signals)} may be exchanged"
-        write = "exchange them under signals"
+        names = " and ".join(best.signals)
+        cause = f"the columns of {names} may be exchanged"
+        write = f"exchange {names} under signals"
     else:
         [name] = best.signals
         cause = f"the {'sign' if best.factor < 0 else 'unit'} of {name} may be wrong, in the recording or in the model"
         step = {"step": "scale", "signal": name, "factor": float(f"{best.factor:.10g}")}
         recordings = list(problem.experiments)
         where = f"[recording.{recordings[0]}]" if len(recordings) == 1 else "every recording"
-        write = f"write clean = [{inline(step)}] under {where}, or mend the equation"
-    text = (
-        f"With {_as_change(best)} the model follows the record, with an RMSE of {reached}: {cause}{also}. Look at it, "
-        f"and {write}."
-    )
+        write = (
+            f"write clean = [{inline(step)}] under {where} (after its other steps, if it has any), or mend the equation"
+        )
+    them, look = _as_change(best), f"Look at it, and {write}"
+    if len(found.changes) > 1:
+        *others, last = (_as_change(c) for c in found.changes)
+        them = f"{', '.join(others)} or {last}"
+        cause, look = "the record does not tell which of them is wrong", f"Look at them, and for the first {write}"
+    text = f"With {them} the model follows the record, with an RMSE of {reached}: {cause}. {look}."
     return say("bad", text, **{f"rmse_{o}": v for o, v in found.after.items()})
 
 
