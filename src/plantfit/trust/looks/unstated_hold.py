@@ -124,7 +124,7 @@ def _look(
         "explained": 1.0 - fit.cost_linear / fit.cost_previous, "noise": _over_noise(problem, beside.residuals),
     }  # fmt: skip
     text = f"The study does not say how {u} goes on between its samples: "
-    text += f"beside straight lines of {some(found)}, " if found else ""
+    text += f"beside those of {some(found)}, " if found else ""
     if row is None or inside:
         name, left = None, "then left" if found else "left"
         text += f"straight lines explain {100 * (figures['explained'] or 0.0):.2g} % of what is {left}."
