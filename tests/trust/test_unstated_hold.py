@@ -145,10 +145,9 @@ def driven_by(seed: int, linear: tuple[str, ...], stated: dict[str, str], n: int
     t, gains = np.arange(n) * DT, {"u": 2.0, "v": 1.0, "w": 1.5}
     inputs = {name: 0.3 * np.cumsum(rng.normal(size=n)) for name in gains}
     middle = (np.arange((n - 1) * fine) + 0.5) * DT / fine
-    at = sum(
-        gains[name] * (np.interp(middle, t, u) if name in linear else u[np.floor(middle / DT).astype(int)])
-        for name, u in inputs.items()
-    )
+    at = np.zeros(len(middle))
+    for name, u in inputs.items():
+        at += gains[name] * (np.interp(middle, t, u) if name in linear else u[np.floor(middle / DT).astype(int)])
     x = sum(gains[name] * u[0] for name, u in inputs.items())
     kept = [x]
     for k, v in enumerate(at):

@@ -9,7 +9,7 @@ Of several inputs that go straight the clearest is found first, and the next one
 already.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -75,14 +75,14 @@ def hold_looks(problem: Problem, z: np.ndarray, rows: Sequence[Row], white: bool
         straight[clearest] = told.pop(clearest)
         _, now, at, residuals = beside[clearest]
         del asked[clearest]
-    write = _line(problem, straight)
+    write = _line(problem, model.inputs, straight)
     return [*(replace(look, write=write) for look in straight.values()), *told.values()]
 
 
-def _line(problem: Problem, straight: Mapping[str, Any]) -> str:
+def _line(problem: Problem, inputs: Iterable[str], straight: Mapping[str, Any]) -> str:
     """The line that holds these inputs as straight lines and those that are stated as they are."""
     linear = {*straight, *problem.predictor.stepping().interpolated}
-    named = [u for u in problem.model.inputs if u in straight or u in problem.holds_stated]
+    named = [u for u in inputs if u in straight or u in problem.holds_stated]
     rows = ", ".join(f'{u} = "{Held.LINEAR if u in linear else Held.PREVIOUS}"' for u in named)
     return f"hold = {{ {rows} }}"
 
