@@ -1,5 +1,5 @@
 """`python -m benchmarks.compile_time`: programs around native loops and generations of searches, compiled as
-`runtime.jit` does and as XLA does by itself.
+`runtime.jit` does ("quick"), as XLA does by itself in one part ("plain") and in its 32 parts ("parts").
 
 Compiled anew in turns, with XLA's cache off, and called in turns: a motor under a held voltage (1500 samples), the
 steam chamber (ten openings of 2440 samples, 310 parameters), and methods in ten dimensions. Seconds and milliseconds
@@ -24,16 +24,22 @@ import jax.numpy as jnp
 
 TURNS, CALLS = 3, 30
 CANDIDATES = 20
-OPTIONS: dict[str, dict[str, Any]] = {"quick": compiler_options(), "plain": {}}
+OPTIONS: dict[str, dict[str, Any]] = {
+    "quick": compiler_options(),
+    "plain": {},
+    "parts": {"xla_cpu_parallel_codegen_split_count": 32},
+}
 SEARCHES, DIMENSION = ("pso", "cga", "cmaes", "shade", "jso"), 10
 
 
 def run(quick: bool) -> dict[str, float]:
-    """Print the table and return the figures: compiled as plantfit does over compiled as XLA does."""
+    """Print the table and return the figures: quick over plain to compile and to call, and plain over parts to compile
+    (`whole`)."""
     jax.config.update("jax_enable_compilation_cache", False)
     figures: dict[str, float] = {}
-    print(f"{'':38}{'compile, s':^29}{'call, ms':^29}")
-    print(f"{'program':38}" + 2 * f"{'quick':>10}{'plain':>11}{'ratio':>8}")
+    print(f"{'':38}{'compile, s':^43}{'call, ms':^35}")
+    kinds = "".join(f"{kind:>9}" for kind in OPTIONS)
+    print(f"{'program':38}{kinds}{'q/pl':>8}{'pl/pa':>8}{kinds}{'q/pl':>8}")
     for name, function, args in (*_programs(), *_generations()):
         made: dict[str, list[float]] = {kind: [] for kind in OPTIONS}
         called: dict[str, list[float]] = {kind: [] for kind in OPTIONS}
@@ -50,10 +56,18 @@ def run(quick: bool) -> dict[str, float]:
                 began = time.process_time()
                 jax.block_until_ready(program(*args))
                 called[kind].append(1e3 * (time.process_time() - began))
-        (a, b), (c, d) = ([float(np.median(found[kind])) for kind in OPTIONS] for found in (made, called))
-        print(f"{name:38}{a:10.2f}{b:11.2f}{a / b:8.2f}{c:10.3f}{d:11.3f}{c / d:8.2f}", flush=True)
-        plain = name.replace(",", "").replace(":", "").replace(" ", "_")
-        figures |= {f"compile_{plain}": a / b, f"call_{plain}": c / d}
+        compiled, calls = ({kind: float(np.median(found[kind])) for kind in OPTIONS} for found in (made, called))
+        ratios = {
+            "compile": compiled["quick"] / compiled["plain"],
+            "whole": compiled["plain"] / compiled["parts"],
+            "call": calls["quick"] / calls["plain"],
+        }
+        row = "".join(f"{seconds:9.2f}" for seconds in compiled.values())
+        row += f"{ratios['compile']:8.2f}{ratios['whole']:8.2f}"
+        row += "".join(f"{milliseconds:9.3f}" for milliseconds in calls.values())
+        print(f"{name:38}{row}{ratios['call']:8.2f}", flush=True)
+        brief = name.replace(",", "").replace(":", "").replace(" ", "_")
+        figures |= {f"{what}_{brief}": ratio for what, ratio in ratios.items()}
     return figures
 
 

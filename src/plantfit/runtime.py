@@ -69,5 +69,4 @@ def jit(function: Callable, **options: Any) -> Any:
         traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((args, named)))
         return (part if traced else alone)(*args, **named)
 
-    called.lower = alone.lower  # pyrefly: ignore[missing-attribute]
     return called

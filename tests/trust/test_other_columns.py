@@ -1,12 +1,16 @@
 """Columns with a wrong sign, in a wrong unit or exchanged are told by their names, and nothing is told of a model that
 lacks something, nor of records that are as they say."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import plantfit as pf
-from plantfit.trust.finish.other_columns import other_columns
+from plantfit.spec import load
+from plantfit.trust.diagnosis.phase import misrecorded
+from plantfit.trust.finish.other_columns import Change, other_columns
 
 DT = 0.5
 SEEDS = [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2))]
@@ -98,6 +102,25 @@ def test_two_columns_that_are_exchanged_are_told(seed):
         signals = {"q": pf.Signal(q, "m^3/s"), "a": pf.Signal(h[:, a], "m"), "b": pf.Signal(h[:, b], "m")}
         told = said(pf.fit(pf.Problem(model, pf.Recording(t, signals, "rig"), bounds), seed=1))
         assert [s.startswith("With a and b exchanged the model follows the record") for s in told] == [True] * swapped
+
+
+@pytest.mark.parametrize("factor", [1000.0, 1.0])
+def test_a_published_reference_in_mm_is_told(factor):
+    """The drive of the EMPS benchmark in its loop: 24 841 samples."""
+    whole = load(Path(pf.__file__).parent / "cases" / "emps" / "closed_loop.toml").problem
+    change = Change(("reference",), factor)
+    answer = pf.fit(
+        whole.with_recordings({n: change.of(e.recording) for n, e in whole.experiments.items()}), budget=300, seed=1
+    )
+    z = min(answer.runs, key=lambda r: r.cost).x
+    told = [s["sentence"] for s in misrecorded(answer.problem, z)]
+    if factor == 1.0:
+        assert told == []
+        assert other_columns(answer.problem, z) is None
+        return
+    [sentence] = told
+    assert sentence.startswith("With reference taken as mm in place of m the model follows the record")
+    assert 'clean = [{ step = "scale", signal = "reference", factor = 0.001 }] under [recording.emps]' in sentence
 
 
 def test_what_is_tried_is_shown_and_can_be_stopped():

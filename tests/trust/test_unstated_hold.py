@@ -138,6 +138,69 @@ def test_beside_something_else_that_is_missing_straight_lines_come_first():
     )
 
 
+def driven_by(seed: int, linear: tuple[str, ...], stated: dict[str, str], n: int = 600, fine: int = 40) -> pf.Problem:
+    """A lag of 60 s under three wandering inputs that are recorded every 10 s; those of `linear` go straight, the
+    others jump."""
+    rng = np.random.default_rng(seed)
+    t, gains = np.arange(n) * DT, {"u": 2.0, "v": 1.0, "w": 1.5}
+    inputs = {name: 0.3 * np.cumsum(rng.normal(size=n)) for name in gains}
+    middle = (np.arange((n - 1) * fine) + 0.5) * DT / fine
+    at = np.zeros(len(middle))
+    for name, u in inputs.items():
+        at += gains[name] * (np.interp(middle, t, u) if name in linear else u[np.floor(middle / DT).astype(int)])
+    x = sum(gains[name] * u[0] for name, u in inputs.items())
+    kept = [x]
+    for k, v in enumerate(at):
+        x += (v - x) * -np.expm1(-DT / fine / T)
+        if (k + 1) % fine == 0:
+            kept.append(x)
+    y = np.array(kept) + 0.02 * rng.normal(size=n)
+    signals = {name: Signal(u, "V") for name, u in inputs.items()} | {"y": Signal(y, "K")}
+    model = pf.equations(
+        "x' = (Ku*u + Kv*v + Kw*w - x)/T; y = x", states={"x": {"unit": "K", "initial": "y"}},
+        inputs=dict.fromkeys(inputs, "V"), outputs={"y": "K"},
+        parameters=dict.fromkeys(("Ku", "Kv", "Kw"), "K/V") | {"T": "s"},
+    )  # fmt: skip
+    own = dict.fromkeys(("Ku", "Kv", "Kw"), pf.Parameter((0.1, 10.0))) | {"T": pf.Parameter((5.0, 500.0))}
+    return pf.Problem(model, {"bench": Recording(t, signals, "bench", ())}, own, hold=stated)
+
+
+@pytest.mark.parametrize("stated", [{}, {"w": "previous"}], ids=["alone", "stated"])
+def test_two_inputs_that_go_straight_are_written_in_one_line(stated):
+    answer = pf.fit(driven_by(1, ("u", "v"), stated), seed=1)
+    first, second = told(answer)
+    assert first.startswith(
+        "u is held between its samples, as nobody said how it goes on, and straight lines fit better"
+    )
+    assert "of what is left" in first
+    assert second.startswith("v is held between its samples, as nobody said how it goes on, and straight lines fit")
+    assert "fit better beside those of u (" in second
+    assert "of what is then left" in second
+    line = 'hold = { u = "linear", v = "linear"' + (', w = "previous" }' if stated else " }")
+    assert f"Write {line} under [model]" in second
+    assert "Write hold" not in first
+    looks = [look for look in answer.findings["data"] if look["kind"] == "hold"]
+    assert [look["write"] for look in looks] == [line, line]
+    assert looks[0]["figures"]["noise"] > looks[1]["figures"]["noise"]
+    assert looks[1]["figures"]["noise"] < 1.1
+    tried = answer.diagnose()
+    assert tried is not None
+    assert [s["sentence"].partition(";")[0] for s in tried["verdict"]] == [
+        "What may be missing was not tried, as straight lines between the samples of u and v leave hardly more than "
+        "noise"
+    ]
+    mended = pf.fit(driven_by(1, ("u", "v"), {"u": "linear", "v": "linear", **stated}), seed=1)
+    assert told(mended) == []
+    assert all(test["white"] for test in mended.findings["residual_tests"])
+    assert mended.values["T"] == pytest.approx(T, rel=0.01)
+
+
+def test_nothing_is_told_of_two_inputs_that_are_held():
+    assert told(pf.fit(driven_by(1, (), {}), seed=1)) == []
+    [sentence] = told(pf.fit(driven_by(1, ("u",), {}), seed=1))
+    assert 'Write hold = { u = "linear" } under [model]' in sentence
+
+
 def test_nothing_is_said_without_a_dead_time_nor_of_an_input_that_jumps_nor_where_the_interval_holds_both():
     assert told(pf.fit(problem(recorded(0, "previous"), late=False), seed=1)) == []
     for seed in (0, 2):

@@ -8,6 +8,7 @@ K. D. West, Econometrica 55 (1987) 703).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -85,19 +86,26 @@ def check_holds(problem: Problem, z: np.ndarray, inputs: Sequence[str] | None = 
     return found
 
 
-def beside_linear(
-    problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, name: str
-) -> tuple[HoldFit, np.ndarray, np.ndarray]:
-    """Both holds of an input that was held when the problem was fitted to z (d,): what they tell, and the answer (d,)
-    and scaled residuals (m,) with straight lines.
+class Straight(NamedTuple):
+    """What straight lines between the samples of an input tell: both holds compared, and with straight lines the
+    problem, its answer (d,) and the scaled residuals (m,) there. Of the last three the next input can be looked at."""
 
-    `residuals` (m,) and `jacobian` (m, d) are those of the fit. The derivatives serve the other hold too, so that only
-    its residuals are compiled.
+    fit: HoldFit
+    problem: Problem
+    at: np.ndarray
+    residuals: np.ndarray
+
+
+def beside_linear(problem: Problem, z: np.ndarray, residuals: np.ndarray, jacobian: np.ndarray, name: str) -> Straight:
+    """Both holds of an input that is held where the problem has these residuals (m,) at z (d,).
+
+    `jacobian` (m, d) is that of the fit. The derivatives serve the other hold too, so that only its residuals are
+    compiled.
     """
     own = dict.fromkeys(problem.predictor.stepping().interpolated, Held.LINEAR)
     linear = _held(problem, {**own, name: Held.LINEAR})
     straight, at = _followed(linear, z, jacobian)
-    return _compared(name, residuals, straight), at, straight
+    return Straight(_compared(name, residuals, straight), linear, at, straight)
 
 
 def _followed(problem: Problem, z: np.ndarray, jacobian: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -163,4 +171,4 @@ def _standard_error(values: np.ndarray) -> float:
     return float(np.sqrt(max(total, 0.0))) / n
 
 
-__all__ = ["HoldFit", "beside_linear", "check_holds"]
+__all__ = ["HoldFit", "Straight", "beside_linear", "check_holds"]

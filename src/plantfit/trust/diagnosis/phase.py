@@ -86,9 +86,10 @@ def with_diagnosis(
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)
-    if not whole and (straight := [look["signal"] for look in _held(findings) if _at_noise(look)]):
+    if not whole and _at_noise(straight := _held(findings)):
+        names = some([look["signal"] for look in straight])
         text = (
-            f"What may be missing was not tried, as straight lines between the samples of {some(straight)} leave "
+            f"What may be missing was not tried, as straight lines between the samples of {names} leave "
             f"hardly more than noise; {command} tries it all the same."
         )
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
@@ -150,9 +151,9 @@ def _held(findings: Mapping[str, Any]) -> list[Mapping[str, Any]]:
     return [look for look in findings.get("data", ()) if look["kind"] == "hold" and look["write"]]
 
 
-def _at_noise(look: Mapping[str, Any]) -> bool:
-    """Whether straight lines leave hardly more than noise."""
-    return look["figures"]["noise"] is not None and look["figures"]["noise"] < AT_NOISE
+def _at_noise(straight: Sequence[Mapping[str, Any]]) -> bool:
+    """Whether straight lines of all these inputs leave hardly more than noise, by the look that left the least."""
+    return any(look["figures"]["noise"] is not None and look["figures"]["noise"] < AT_NOISE for look in straight)
 
 
 def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:
@@ -184,25 +185,30 @@ def _begun_wrongly(problem: Problem, found: OtherStarts) -> Sentence:
 
 
 def _otherwise_recorded(problem: Problem, found: OtherColumns) -> Sentence:
-    """With which change of a column the model follows the record, and the line that makes it."""
+    """With which change of a column the model follows the record, or with which several, and the line that makes the
+    first."""
     units = {o: problem.model.outputs[o] for o in problem.outputs}
     reached = some([f"{with_unit(v, units[o])} of {o} (now {number(found.before[o])})" for o, v in found.after.items()])
-    best, others = found.changes[0], [_as_change(c) for c in found.changes[1:]]
-    also = f". {some(others)} would do as well" if others else ""
+    best = found.changes[0]
     if len(best.signals) == 2:
-        cause = f"the columns of {' and '.join(best.signals)} may be exchanged"
-        write = "exchange them under signals"
+        names = " and ".join(best.signals)
+        cause = f"the columns of {names} may be exchanged"
+        write = f"exchange {names} under signals"
     else:
         [name] = best.signals
         cause = f"the {'sign' if best.factor < 0 else 'unit'} of {name} may be wrong, in the recording or in the model"
         step = {"step": "scale", "signal": name, "factor": float(f"{best.factor:.10g}")}
         recordings = list(problem.experiments)
         where = f"[recording.{recordings[0]}]" if len(recordings) == 1 else "every recording"
-        write = f"write clean = [{inline(step)}] under {where}, or mend the equation"
-    text = (
-        f"With {_as_change(best)} the model follows the record, with an RMSE of {reached}: {cause}{also}. Look at it, "
-        f"and {write}."
-    )
+        write = (
+            f"write clean = [{inline(step)}] under {where} (after its other steps, if it has any), or mend the equation"
+        )
+    them, look = _as_change(best), f"Look at it, and {write}"
+    if len(found.changes) > 1:
+        *others, last = (_as_change(c) for c in found.changes)
+        them = f"{', '.join(others)} or {last}"
+        cause, look = "the record does not tell which of them is wrong", f"Look at them, and for the first {write}"
+    text = f"With {them} the model follows the record, with an RMSE of {reached}: {cause}. {look}."
     return say("bad", text, **{f"rmse_{o}": v for o, v in found.after.items()})
 
 
@@ -291,12 +297,13 @@ def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sente
             "is said of what may be missing may stand for that: keep the "
         )
         yield say("warning", f"{text}fresh samples alone, as the look at {seldom} says, and run again.")
-    if straight := some([look["signal"] for look in _held(findings)] or [""]):
+    if held := [look["signal"] for look in _held(findings)]:
+        straight, its = some(held), "its hold" if len(held) == 1 else "their holds"
         text = (
             f"Straight lines between the samples of {straight} fit better, and what is said of what may be missing may "
-            "stand for that: state its hold first, "
+            f"stand for that: state {its} first, "
         )
-        yield say("warning", f"{text}as the sentence on {straight} says, and run again.")
+        yield say("warning", f"{text}as the sentence on {held[-1]} says, and run again.")
     if pressed := _pressed(findings):
         one, command = len(pressed) == 1, _next(found, findings)
         text = (

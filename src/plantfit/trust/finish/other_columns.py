@@ -8,12 +8,11 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.models.model import Model
-from plantfit.problem.measure.sample_noise import white_part
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.sobol import Sobol
 from plantfit.trust.finish.descent import Descent, descent
-from plantfit.trust.intervals.linearised import named_blocks
+from plantfit.trust.finish.other_starts import rmse_and_noise
 from plantfit.units import compatible, dimension, equal, factor_offset, parse
 
 POINTS, SEARCHES = 64, 3  # random points of the box, and searches from the best of these and the answer
@@ -22,7 +21,7 @@ LEFT = 0.1  # of the mean square, relative to what each output moves, at most, t
 NOISES, SURELY = 3.0, 0.01  # ... down to so many times the sample-to-sample noise; more may be left below this share
 FOLLOWED = 0.2  # of the standard deviation of every output, at most, that it leaves
 ALIKE = 1.2  # times the least that a change leaves, up to which another one is named beside it
-LONG, MANY = 20_000, 30  # samples of all records, and coordinates, beyond which that takes too long
+LONG, MANY = 700_000, 30  # samples of all records times changes, and coordinates, beyond which that takes too long
 # what a number in the first unit is multiplied by to be one in the second
 CONFUSED = (
     ("deg", "rad"), ("turn", "rad"), ("deg/s", "rad/s"), ("turn/s", "rad/s"), ("rpm", "rad/s"), ("rpm", "turn/s"),
@@ -70,18 +69,21 @@ def other_columns(
 ) -> OtherColumns | None:
     """With which changes of its columns a problem is followed whose answer z (d,) does not follow it; None where none
     does, where the same searches follow it as it is, where looking would take long, and where `stop` ends it."""
-    samples = sum(len(e.recording) for e in problem.experiments.values())
-    if not isinstance(problem.model, Model) or samples > LONG or problem.space.dimension > MANY:
+    if not isinstance(problem.model, Model) or problem.space.dimension > MANY:
         return None
     if problem.smoothing is not None or problem.weighted is not None:
         return None
+    changes = _changes(problem)
+    if sum(len(e.recording) for e in problem.experiments.values()) * len(changes) > LONG:
+        return None
     before = min(_left(problem, z), _searched(problem, z)[0])
     tried = []
-    for change, made in _changed(problem):
+    for change in changes:
         if stop is not None and stop():
             return None
         if progress is not None:
             progress(f"trying columns: {' and '.join(change.signals)}")
+        made = problem.with_recordings({n: change.of(e.recording) for n, e in problem.experiments.items()})
         tried.append((*_searched(made, z), change, made))
     tried = [one for one in tried if one[0] <= LEFT * before and _follows(one[3], one[1].z, one[0] <= SURELY * before)]
     if not tried:
@@ -89,16 +91,13 @@ def other_columns(
     tried.sort(key=lambda one: one[0])
     best = tried[0]
     alike = tuple(change for left, _, change, _ in tried if left <= ALIKE * best[0])
-    return OtherColumns(alike, _rmse(problem, z), _rmse(best[3], best[1].z))
-
-
-def _changed(problem: Problem) -> Iterator[tuple[Change, Problem]]:
-    """The problem with each change of its recordings that is another problem."""
-    for change in _changes(problem):
-        yield change, problem.with_recordings({n: change.of(e.recording) for n, e in problem.experiments.items()})
+    return OtherColumns(alike, rmse_and_noise(problem, z)[0], rmse_and_noise(best[3], best[1].z)[0])
 
 
 def _changes(problem: Problem) -> list[Change]:
+    """The other sign of every input, and of every output that has negative values; two inputs or two outputs of one
+    unit exchanged; every signal in the units that its own is mistaken for. Only signals that all recordings have, and
+    that move in some."""
     model, records = problem.model, [e.recording for e in problem.experiments.values()]
     assert isinstance(model, Model)
     names = [
@@ -157,11 +156,10 @@ def _finite(cost: float) -> float:
 
 def _follows(problem: Problem, z: np.ndarray, surely: bool) -> bool:
     """Whether every output is followed at z (d,), and unless `surely` down to near its noise."""
-    if max(shares(problem, z).values()) > FOLLOWED:
+    size, noise = rmse_and_noise(problem, z)
+    if max(_shares(problem, size).values()) > FOLLOWED:
         return False
-    residuals = np.asarray(problem.residuals(z))
-    parts = [residuals[block.rows] for _, _, block in named_blocks(problem)]
-    return surely or all(np.sqrt(np.mean(r**2)) <= NOISES * white_part(r) for r in parts)
+    return surely or all(size[o] <= NOISES * noise[o] for o in size)
 
 
 def _left(problem: Problem, z: np.ndarray) -> float:
@@ -170,20 +168,14 @@ def _left(problem: Problem, z: np.ndarray) -> float:
 
 
 def shares(problem: Problem, z: np.ndarray) -> dict[str, float]:
-    """RMSE of each output as a share of its standard deviation."""
-    measured = {o: np.concatenate([m[o] for m in problem.data["measured"].values()]) for o in problem.outputs}
-    return {o: r / max(float(np.std(measured[o])), 1e-300) for o, r in _rmse(problem, z).items()}
+    """RMSE of each output that has fitted samples as a share of its standard deviation; infinite where it cannot be
+    simulated."""
+    return _shares(problem, rmse_and_noise(problem, z)[0])
 
 
-def _rmse(problem: Problem, z: np.ndarray) -> dict[str, float]:
-    """RMSE of each output over all recordings, in its unit; infinite where it cannot be simulated."""
-    residuals = np.asarray(problem.residuals(z))
-    rows: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
-    for _, output, block in named_blocks(problem):
-        rows[output].append(residuals[block.rows] * problem.scales[output])
-    with np.errstate(all="ignore"):
-        size = {o: float(np.sqrt(np.mean(np.concatenate(r) ** 2))) for o, r in rows.items() if r}
-    return {o: _finite(v) for o, v in size.items()}
+def _shares(problem: Problem, size: dict[str, float]) -> dict[str, float]:
+    measured = {o: np.concatenate([m[o] for m in problem.data["measured"].values()]) for o in size}
+    return {o: _finite(r) / max(float(np.std(measured[o])), 1e-300) for o, r in size.items()}
 
 
 __all__ = ["Change", "OtherColumns", "other_columns", "shares"]

@@ -70,19 +70,24 @@ def other_starts(problem: Problem, z: np.ndarray) -> OtherStarts | None:
     made, end = with_starts_from_afar(*found)
     if end.cost > LEFT * before:
         return None
-    after, noise = _rmse(made, end.z)
-    if any(after[o] > NOISES * noise[o] for o in problem.outputs if noise[o] > 0):
+    after, noise = rmse_and_noise(made, end.z)
+    if any(after[o] > NOISES * noise[o] for o in after if noise[o] > 0):
         return None
     corrections = made.start_corrections
     instead = {k: v + corrections.get(k[0], {}).get(k[1], 0.0) for k, v in measured.items()}
-    return OtherStarts(measured, instead, _rmse(problem, z)[0], after, noise)
+    return OtherStarts(measured, instead, rmse_and_noise(problem, z)[0], after, noise)
 
 
-def _rmse(problem: Problem, z: np.ndarray) -> tuple[dict[str, float], dict[str, float]]:
-    """RMSE and sample-to-sample noise of each output over all recordings, in its unit."""
+def rmse_and_noise(problem: Problem, z: np.ndarray) -> tuple[dict[str, float], dict[str, float]]:
+    """RMSE and sample-to-sample noise of each output over all recordings, in its unit; no number where it cannot be
+    simulated at z (d,). Outputs without fitted samples are left out."""
     residuals = np.asarray(problem.residuals(z))
-    rms: dict[str, list[np.ndarray]] = {o: [] for o in problem.outputs}
+    own: dict[str, list[np.ndarray]] = {}
     for _, output, block in named_blocks(problem):
-        rms[output].append(residuals[block.rows] * problem.scales[output])
-    size = {o: float(np.sqrt(np.mean(np.concatenate(r) ** 2))) for o, r in rms.items()}
-    return size, {o: float(np.sqrt(np.mean([white_part(one) ** 2 for one in r]))) for o, r in rms.items()}
+        own.setdefault(output, []).append(residuals[block.rows] * problem.scales[output])
+    with np.errstate(all="ignore"):
+        size = {o: float(np.sqrt(np.mean(np.concatenate(r) ** 2))) for o, r in own.items()}
+        return size, {o: float(np.sqrt(np.mean([white_part(one) ** 2 for one in r]))) for o, r in own.items()}
+
+
+__all__ = ["OtherStarts", "other_starts", "rmse_and_noise"]

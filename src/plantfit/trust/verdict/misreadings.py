@@ -46,32 +46,37 @@ def misreading_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
 
 
 def hold_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
-    """One sentence for every input whose hold nobody stated and a dead time rests on, or straight lines explain."""
+    """One sentence for every input whose hold nobody stated and a dead time rests on, or straight lines explain; the
+    last of the latter has the line to write, which is one for all of them."""
     units = {p["name"]: p["unit"] for p in findings["parameters"]}
-    for look in findings["data"]:
-        if look["kind"] != "hold":
-            continue
+    looks = [look for look in findings["data"] if look["kind"] == "hold"]
+    written = [look["signal"] for look in looks if look["write"]]
+    for look in looks:
         u, name, figures = look["signal"], look["other"], look["figures"]
         held, straight = (
             "" if name is None else with_unit(figures[kind], units[name]) for kind in ("previous", "linear")
         )
         if look["write"]:
+            before = written[: written.index(u)]
+            beside, left = (f" beside those of {some(before)}", "then left") if before else ("", "left")
             explained = figures.get("explained") or 0.0  # which findings of earlier versions have not
-            share = f"they explain {100 * explained:.2g} % of what is left" if explained > 0 else ""
+            share = f"they explain {100 * explained:.2g} % of what is {left}" if explained > 0 else ""
             moved = f"{name} is then {straight}, and not {held}" if name is not None else ""
             gained = " and ".join(filter(None, (share, moved)))
             text = (
-                f"{u} is held between its samples, as nobody said how it goes on, and straight lines fit better "
-                f"({number(figures['standard_errors'])} standard errors): {gained}. "
-                f"Write {look['write']} under [model]."
+                f"{u} is held between its samples, as nobody said how it goes on, and straight lines fit better"
+                f"{beside} ({number(figures['standard_errors'])} standard errors): {gained}."
             )
+            if u == written[-1]:
+                text += f" Write {look['write']} under [model]."
         else:
             text = (
                 f"{name} rests on how {u} goes on between its samples, which the study does not say and the record "
                 f"does not tell: {held} if {u} is held until the next sample, {straight} if it goes straight to it. "
                 f'Write hold = {{ {u} = "previous" }} or hold = {{ {u} = "linear" }} under [model], whichever is right.'
             )
-        yield say("warning", text, held=figures["previous"], straight=figures["linear"])
+        values = {} if name is None else {"held": figures["previous"], "straight": figures["linear"]}
+        yield say("warning", text, **values)
 
 
 def _better(kinds: set[str]) -> str:
