@@ -41,8 +41,9 @@ def test_same_values_and_derivatives(name, lanes):
         return simulator.states(p, drive, tuple(v[q:]), forwards=forwards)
 
     points = np.random.default_rng(0).uniform(0.2, 0.8, (lanes, q + len(states)))
-    wanted, found = ((f(points), jax.vmap(jax.jacfwd(lambda v, w=w: outcome(v, w)))(points)) for w, f in
-                     ((w, jax.vmap(lambda v, w=w: outcome(v, w))) for w in (False, True)))  # fmt: skip
+    values, slopes = (jax.jit(lambda v, d=d: [jax.vmap(d(lambda v, w=w: outcome(v, w)))(v) for w in (False, True)])
+                      for d in (lambda f: f, jax.jacfwd))  # fmt: skip
+    wanted, found = zip(values(points), slopes(points), strict=True)
     for a, b in zip(jax.tree.leaves(wanted), jax.tree.leaves(found), strict=True):
         assert np.all(np.isfinite(a))
         np.testing.assert_allclose(np.asarray(b), np.asarray(a), rtol=1e-9, atol=1e-9)
