@@ -19,8 +19,9 @@ import jaxlib.version
 from plantfit.folders import code_folder
 
 _FLAGS = "--xla_cpu_multi_thread_eigen=false intra_op_parallelism_threads=1"
-# XLA compiles a program in 32 parts for 32 threads. With one thread that is up to a tenth more work, on some machines up
-# to a half, for the same machine code (`python -m benchmarks.compile_time`, column pl/pa). An XLA that does not know a flag ends the process, so that it is set where it was tried.
+# XLA compiles a program in 32 parts for 32 threads. With one thread that is up to a tenth more work, on some machines
+# up to a half, for the same machine code (`python -m benchmarks.compile_time`, column pl/pa). An XLA that does not know
+# a flag ends the process, so that it is set where it was tried.
 _TRIED, _WHOLE = ("0.10.",), "--xla_cpu_parallel_codegen_split_count=1"
 # What XLA emits for many small arrays, as those of an optimizer, is as fast without fused loops and expensive passes,
 # and is compiled in an eighth to two thirds of the time (`python -m benchmarks.compile_time`). Loops over samples
