@@ -68,7 +68,9 @@ def spun(V, w, p, soft):
 
 
 @pytest.mark.parametrize("soft", [False, True])
-@pytest.mark.parametrize("level", [-70.0, 10.0, 50.0, 90.0, 100.0])
+@pytest.mark.parametrize(
+    "level", [-70.0, 50.0, 100.0, *(pytest.param(v, marks=pytest.mark.slow) for v in (10.0, 90.0))]
+)
 def test_speeds_of_motors_with_friction_and_a_current_limit_are_held(soft, level):
     """Every one of 12 motors by itself, as the best fit of its study; scipy's integration comes back to the speed."""
     found = 0

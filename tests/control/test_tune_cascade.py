@@ -93,7 +93,7 @@ def closed_poles(rest, gains, period):
     return np.linalg.eigvals(np.asarray(jax.jacfwd(moved)(jnp.concatenate([jnp.zeros(n), jnp.zeros_like(start)]))))
 
 
-@pytest.mark.parametrize("which", ["chain", "drive"])
+@pytest.mark.parametrize("which", ["chain", pytest.param("drive", marks=pytest.mark.slow)])
 def test_stability_is_that_of_the_poles_of_the_closed_loop(which):
     """Two integrators in the controller, a third in the drive; 150 random gains, stable and not."""
     loop = family(0, 1) if which == "chain" else drive()

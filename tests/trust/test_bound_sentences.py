@@ -88,7 +88,7 @@ def lag(seed, shift, n=300):
     return fit(Problem(model, record, box), seed=1)
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_plant_that_moves_before_its_input_tells_of_the_clock(seed):
     late = lag(seed, 3)
     (row,) = (r for r in late.findings["parameters"] if r["name"] == "L")

@@ -44,18 +44,18 @@ def named(answer):
     return any(r["found"] for r in answer.findings["diagnosis"]["rounds"])
 
 
-def test_noise_of_a_sensor_is_no_fault_of_the_model():
-    for seed in (0, 1):
-        answer, said = told(oven(seed, 0.7), seed, diagnosed=True)
-        assert not named(answer)
-        assert "Noise that is correlated would leave the same" in said
-        assert "by noise that is correlated or by what the model lacks" in said
-        assert "systematic is missing" not in said
-        assert "better model could still gain" not in said
-        assert "Not all that is left is noise" not in said
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+def test_noise_of_a_sensor_is_no_fault_of_the_model(seed):
+    answer, said = told(oven(seed, 0.7), seed, diagnosed=True)
+    assert not named(answer)
+    assert "Noise that is correlated would leave the same" in said
+    assert "by noise that is correlated or by what the model lacks" in said
+    assert "systematic is missing" not in said
+    assert "better model could still gain" not in said
+    assert "Not all that is left is noise" not in said
 
 
-@pytest.mark.parametrize("wrong", ["second lag", "drift"])
+@pytest.mark.parametrize("wrong", ["second lag", pytest.param("drift", marks=pytest.mark.slow)])
 def test_what_a_model_lacks_is_not_called_noise(wrong):
     answer, said = told(oven(3, 0.5, wrong), 3, diagnosed=True)
     assert named(answer)

@@ -158,7 +158,11 @@ def test_the_information_is_that_of_the_exact_jacobian(lag):
 
 
 @pytest.mark.parametrize(
-    ("case", "simulate", "dt", "ends"), [("lag", first_order, RATE, (0, 1)), ("mode", resonance, 0.05, (-1, 1))]
+    ("case", "simulate", "dt", "ends"),
+    [
+        ("lag", first_order, RATE, (0, 1)),
+        pytest.param("mode", resonance, 0.05, (-1, 1), marks=pytest.mark.slow),
+    ],
 )
 def test_fits_of_recordings_of_the_input_reach_the_errors_that_were_foretold(case, simulate, dt, ends, request):
     answer = request.getfixturevalue(case)
@@ -191,6 +195,7 @@ def tank_answer():
     return answer_of(TANK.replace("/3", "/3.0"), states, bounds, t, u, np.array(y), 0.01)
 
 
+@pytest.mark.slow
 def test_errors_are_smaller_than_with_step_prbs_multisine_and_chirp_on_three_plants(lag, mode):
     for answer, ends, limits in (
         (lag, (0, 1), None),

@@ -36,7 +36,7 @@ def diagnosed(place, changed_record=None, **options):
         ("first", "dead_time", "u"),
         ("first", "sensor_high", "y"),
         ("second", "coulomb", "v"),
-        ("motor", "drift", "y"),
+        pytest.param("motor", "drift", "y", marks=pytest.mark.slow),
         ("tanks", "lag", "u"),
     ],
 )

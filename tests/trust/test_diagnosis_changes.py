@@ -38,8 +38,8 @@ def answered(problem):
     ("plant", "fault"),
     [
         ("first", "change K with u"),
-        ("first", "change tau with t"),
-        ("second", "change k with x"),
+        pytest.param("first", "change tau with t", marks=pytest.mark.slow),
+        pytest.param("second", "change k with x", marks=pytest.mark.slow),
         ("tanks", "change a2 with t"),
     ],
 )
@@ -125,6 +125,7 @@ def test_two_inputs_without_a_cross_term_have_none(seed):
     assert not diagnose(answer.problem, answer.best.x).found
 
 
+@pytest.mark.slow
 def test_dry_friction_and_its_fall_with_speed_are_both_named(tmp_path):
     """A motor with the whole Stribeck curve: 100 at speed, 200 rad/s^2 at breakaway, falling within 6 rad/s; noise
     of 2 %."""

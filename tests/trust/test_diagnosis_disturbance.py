@@ -23,7 +23,7 @@ def disturbed_problem(place, plant, fault, seed, size=1.0):
     return problem.with_recordings({name: Recording(e.recording.t, signals, name)}), 0.01 * float(np.std(y))
 
 
-@pytest.mark.parametrize("plant", ["first", "second", pytest.param("tanks", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("plant", ["first", *(pytest.param(p, marks=pytest.mark.slow) for p in ("second", "tanks"))])
 def test_parameters_beside_a_disturbance_are_those_of_the_plant(tmp_path, plant):
     told, errors, least_squares, held = 0, [], [], []
     for seed in range(3):
@@ -63,6 +63,7 @@ def test_an_error_of_the_model_is_not_called_a_disturbance(tmp_path, fault):
         assert wandering(left, whitened(left)) is None
 
 
+@pytest.mark.slow
 def test_dry_friction_is_found_beside_a_disturbance(tmp_path):
     problem, _ = disturbed_problem(tmp_path, "second", "coulomb", 7)
     answer = fit(problem, budget=1500)
@@ -81,7 +82,7 @@ def test_dry_friction_is_found_beside_a_disturbance(tmp_path):
     assert not any("something else is missing" in s["sentence"] for s in record["verdict"])
 
 
-@pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_dry_friction_that_a_disturbance_hides_is_found_on_the_innovations(tmp_path, seed):
     """Of the residuals themselves it explains no more than chance might; it is found where both are there."""
     problem, _ = disturbed_problem(tmp_path, "second", "coulomb", seed)

@@ -49,14 +49,17 @@ def found_of(problem: pf.Problem) -> list[tuple[str, float | None]]:
     return [(t.extension.name, t.value) for one in found.rounds for t in one.found]
 
 
-@pytest.mark.parametrize(("seed", "offset"), [(1, 0.06), (2, -0.06), (3, 0.12)])
+@pytest.mark.parametrize(
+    ("seed", "offset"),
+    [pytest.param(1, 0.06, marks=pytest.mark.slow), (2, -0.06), pytest.param(3, 0.12, marks=pytest.mark.slow)],
+)
 def test_an_offset_of_the_current_is_named_with_its_size(seed, offset):
     named = dict(found_of(cell(seed, offset_i=offset)))
     assert named["offset of i"] == pytest.approx(offset, abs=0.015)
     assert all("change" not in n and "drift" not in n for n in named), named
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_no_offset_of_the_current_is_named_where_there_is_none(seed):
     assert found_of(cell(seed)) == []
 

@@ -30,7 +30,7 @@ def carried(plant, folder):
     return Carrier.of(problem, np.full(problem.space.dimension, 0.5), inside_kinds(problem))
 
 
-@pytest.mark.parametrize("fault", ["saturation", "offset"])
+@pytest.mark.parametrize("fault", [pytest.param("saturation", marks=pytest.mark.slow), "offset"])
 def test_a_second_cause_is_not_named_for_a_fit_without_it_that_was_not_at_its_end(fault):
     """The wrong model presses a parameter to its bound, from where a bent valley leads back; a dead time of 0.4 ±
     0.4 ms came with it."""
@@ -62,6 +62,7 @@ def test_outliers_that_a_wrong_model_hid_are_left_out_with_the_right_one(noise):
     assert one.left < NEAR
 
 
+@pytest.mark.slow
 def test_friction_that_is_whole_at_once_is_followed_to_the_noise(tmp_path):
     problem = load(write(PLANTS["second"], "coulomb", 0.005, 20, tmp_path)).problem
     answer = fit(problem, budget=1000)
@@ -75,6 +76,7 @@ def test_friction_that_is_whole_at_once_is_followed_to_the_noise(tmp_path):
     assert not any("noise is left" in s["sentence"] for s in sentences)
 
 
+@pytest.mark.slow
 def test_two_causes_that_look_like_a_third_are_found_together(tmp_path):
     """A sensor lag explains most of a dead time with dry friction, and nothing beside both."""
     place = write(PLANTS["second"], "coulomb+dead_time", 0.005, 20, tmp_path)
@@ -210,7 +212,7 @@ def late_and_begun(seed, off):
     return diagnose(answer.problem, answer.best.x)
 
 
-@pytest.mark.parametrize("seed", [5, 6, 7, 8])
+@pytest.mark.parametrize("seed", [6, *(pytest.param(s, marks=pytest.mark.slow) for s in (5, 7, 8))])
 def test_a_start_that_a_missing_part_has_moved_is_no_finding(seed):
     """The fit without the dead time takes a part of it as the noise of the first value, 0.4 in place of 0.1, or finds
     more than noise can be and begins at the noisy value. Held there, an initial value and an offset were called likely

@@ -194,6 +194,7 @@ def few_levels(seed, warm=0.0, play=0.0, offset=0.0):
     return diagnosis_record(diagnose(answer.problem, answer.best.x))
 
 
+@pytest.mark.slow
 def test_a_small_drift_beside_an_input_of_few_levels_is_no_backlash():
     found = 0
     for seed in range(6):
@@ -209,7 +210,7 @@ def test_a_small_drift_beside_an_input_of_few_levels_is_no_backlash():
     assert found >= 2
 
 
-@pytest.mark.parametrize("fault", [{"play": 0.2}, {"offset": 0.1}])
+@pytest.mark.parametrize("fault", [pytest.param({"play": 0.2}, marks=pytest.mark.slow), {"offset": 0.1}])
 def test_what_is_backlash_or_an_offset_has_no_drift_beside_it(fault):
     sure = 0
     for seed in range(5):

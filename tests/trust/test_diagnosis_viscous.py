@@ -46,7 +46,8 @@ def test_viscous_friction_of_a_rotor_is_very_likely_missing(seed):
     assert "very likely missing" in sentence
 
 
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(3))
 def test_viscous_friction_of_a_pendulum_is_very_likely_missing(seed):
     t, u, y = record(
         lambda x, u: [x[1], -9.81 / 0.8 * np.sin(x[0]) - 0.3 * x[1] + u], [0.0, 0.0], lambda x: x[0], 0.003, seed
