@@ -37,7 +37,9 @@ def told(text, recording, parameters, split=0.7, whole=False):
     return answer, [s for s in found["verdict"] if s["sentence"].startswith("A linear model")] if found else []
 
 
-@pytest.mark.parametrize(("omega", "damping"), [(1.2, 0.17), (3.0, 0.4), (0.7, 0.05)])
+@pytest.mark.parametrize(
+    ("omega", "damping"), [*(pytest.param(*p, marks=pytest.mark.slow) for p in ((1.2, 0.17), (3.0, 0.4))), (0.7, 0.05)]
+)
 def test_an_oscillation_is_named_and_what_to_write_reaches_the_noise(omega, damping):
     recording = record(3, omega, damping)
     _, said = told(FIRST, recording, OWN)

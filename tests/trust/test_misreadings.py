@@ -168,9 +168,9 @@ def fine_steps(seed, commanded=False, step=0.02, noise=0.005):
     )
 
 
-def test_intervals_allow_for_steps_that_are_fine_beside_the_range_and_not_beside_the_noise():
+@pytest.mark.parametrize("seeds", [range(10, 20), pytest.param(range(20), marks=pytest.mark.slow)])
+def test_intervals_allow_for_steps_that_are_fine_beside_the_range_and_not_beside_the_noise(seeds):
     held = {"noise": 0, "steps": 0}
-    seeds = range(20)
     for seed in seeds:
         answer = fit(Problem(LAG, fine_steps(seed), LAG_SPACE, hold={"u": "linear"}), budget=600)
         row = answer.findings["parameters"][0]
@@ -178,13 +178,14 @@ def test_intervals_allow_for_steps_that_are_fine_beside_the_range_and_not_beside
         by_noise = np.sqrt(row["standard_error"] ** 2 - row["by_steps"] ** 2)
         held["noise"] += abs(row["value"] - 2.0) < 1.96 * by_noise
         held["steps"] += row["low"] <= 2.0 <= row["high"]
-    assert held["noise"] <= 15
-    assert held["steps"] >= 18
+    assert held["noise"] <= 0.75 * len(seeds)
+    assert held["steps"] >= 0.9 * len(seeds)
 
 
-def test_of_a_command_in_fine_steps_residuals_tell_that_the_plant_got_it():
+@pytest.mark.parametrize("count", [5, pytest.param(10, marks=pytest.mark.slow)])
+def test_of_a_command_in_fine_steps_residuals_tell_that_the_plant_got_it(count):
     told = 0
-    for seed in range(10):
+    for seed in range(count):
         answer = fit(Problem(LAG, fine_steps(seed, commanded=True, step=0.1), LAG_SPACE), budget=600)
         told += any("in steps" in v["sentence"] for v in answer.findings["verdict"])
     assert told <= 1

@@ -34,9 +34,10 @@ def intervals(answer):
     return {r["name"]: (r["low"], r["high"]) for r in answer.findings["parameters"]}
 
 
-def test_with_correlated_noise_values_and_intervals_are_those_of_generalised_least_squares():
+@pytest.mark.parametrize("count", [6, pytest.param(16, marks=pytest.mark.slow)])
+def test_with_correlated_noise_values_and_intervals_are_those_of_generalised_least_squares(count):
     held, shorter, nearer, taken = [], [], [], 0
-    for seed in range(16):
+    for seed in range(count):
         answer = pf.fit(oven(seed, estimator=GLS), runs=1, seed=seed)
         plain = answer.by_least_squares
         found = weights_at(answer.problem.with_answer(None), answer.best.x)
@@ -51,16 +52,17 @@ def test_with_correlated_noise_values_and_intervals_are_those_of_generalised_lea
         shorter.append([(own[n][1] - own[n][0]) / (least[n][1] - least[n][0]) for n in TRUTH])
         off = [[abs(a.values[n] - v) for n, v in TRUTH.items()] for a in (answer, plain)]
         nearer.append(off)
-    assert taken >= 13
+    assert taken >= 0.8 * count
     assert np.mean(held) >= 0.88  # 95 % of 48 are 46
     assert np.median(shorter) < 1.0
     own, least = np.sqrt(np.mean(np.square(nearer), axis=0))
     assert np.mean(own / least) < 1.0
 
 
-def test_errors_that_samples_share_are_weighed_without_asking():
+@pytest.mark.parametrize("count", [2, pytest.param(5, marks=pytest.mark.slow)])
+def test_errors_that_samples_share_are_weighed_without_asking(count):
     held, ratios = [], []
-    for seed in range(5):
+    for seed in range(count):
         answer = pf.fit(encoder(seed), runs=1)
         least = pf.fit(encoder(seed, estimator=PLAIN), runs=1)
         assert answer.problem.weighted is not None
@@ -69,7 +71,7 @@ def test_errors_that_samples_share_are_weighed_without_asking():
         own = intervals(answer)
         held += [own[n][0] <= v <= own[n][1] for n, v in {"K": 5.0, "tau": 0.4}.items()]
         ratios.append(np.array(list(answer.standard_errors.values())) / list(least.standard_errors.values()))
-    assert sum(held) >= 8
+    assert sum(held) >= 0.75 * len(held)
     assert np.all(np.median(ratios, axis=0) < 0.5)
     [text] = [s for s in said(answer) if "estimated together" in s]
     assert text.startswith(
@@ -105,9 +107,10 @@ def test_all_that_an_answer_tells_is_of_one_estimate(tmp_path):
     assert intervals(opened) == intervals(answer)
 
 
-def test_a_model_that_lacks_something_keeps_least_squares_and_says_why():
+@pytest.mark.parametrize("count", [3, pytest.param(6, marks=pytest.mark.slow)])
+def test_a_model_that_lacks_something_keeps_least_squares_and_says_why(count):
     kept = 0
-    for seed in range(6):
+    for seed in range(count):
         wrong = {"correlation": 0.5, "second": 5.0, "n": 400}
         answer = pf.fit(oven(seed, **wrong, estimator=GLS), runs=1, seed=seed)
         if answer.problem.weighted is None:
@@ -116,7 +119,7 @@ def test_a_model_that_lacks_something_keeps_least_squares_and_says_why():
             [text] = [s for s in said(answer) if "was asked for" in s]
             assert text.startswith("Generalised least squares was asked for and is not the answer: ")
             assert answer.problem.not_weighted
-    assert kept >= 5
+    assert kept >= count - 1
 
 
 def test_where_it_cannot_be_the_reason_is_named():
