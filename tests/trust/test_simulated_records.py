@@ -29,8 +29,10 @@ def simulated(steps, missing=0.0, seed=0):
     return pf.fit(pf.Problem(model, recording, {"mu": (0.1, 5.0)}, split=0.5), budget=600)
 
 
-@pytest.mark.parametrize("steps", [20, 200])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    ("steps", "seed"),
+    [(20, 1), (200, 2), *(pytest.param(*p, marks=pytest.mark.slow) for p in ((20, 0), (20, 2), (200, 0), (200, 1)))],
+)
 def test_errors_of_its_solver_are_told_as_such(steps, seed):
     answer = simulated(steps, seed=seed)
     assert answer.values["mu"] == pytest.approx(1.2, rel=1e-3)

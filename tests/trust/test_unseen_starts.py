@@ -50,9 +50,10 @@ def told(found):
     return [v["sentence"] for v in found["verdict"] if "has not seen" in v["sentence"]]
 
 
-def test_noise_of_the_first_unseen_value_is_no_reason_that_a_right_model_does_not_hold():
+@pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
+def test_noise_of_the_first_unseen_value_is_no_reason_that_a_right_model_does_not_hold(count):
     named = 0
-    for seed in range(8):
+    for seed in range(count):
         found = findings(oscillation(seed), oscillation(100 + seed, (2.4, 1.2)))
         assert not failing(found), told(found)
         assert all("holds in part" not in s for s in told(found)), told(found)
@@ -62,7 +63,7 @@ def test_noise_of_the_first_unseen_value_is_no_reason_that_a_right_model_does_no
             own = next(r["rmse"] for r in found["scores"] if r["part"] == "fit" and r["output"] == s["output"])
             assert s["rmse"] >= 1.3 * own  # else nothing is estimated
             assert s["started"] < 1.3 * own
-    assert named >= 8  # of 16: so often it would have been said before
+    assert named >= count  # of twice as many: so often it would have been said before
 
 
 @pytest.mark.parametrize("changed", [{"a": 0.86}, {"c": 0.54}, {"w": 0.37}])
