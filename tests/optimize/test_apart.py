@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 
 PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost", "failures")
-OFTEN = ("cmaes", "dd_cmaes", "jso", "pso", "cga")
+OFTEN = ("cmaes", "jso", "pso")
 POPULATIONS = [n for n in REGISTRY if hasattr(make(n), "ask")]
 
 

@@ -17,9 +17,19 @@ from plantfit.testing.optimizers import (
 
 import jax.numpy as jnp
 
+# kin of cmaes, whose compilation takes seconds for each of these checks; cmaes itself passes them in every run
+KIN, DEAR = ("dd_cmaes", "sep_cmaes", "ipop_cmaes"), ("check_bounds_and_budget", "check_310_dimensions")
 
-@pytest.mark.parametrize("check", OPTIMIZER_CHECKS, ids=lambda c: c.__name__)
-@pytest.mark.parametrize("method", [m["name"] for m in methods()])
+
+def pairs():
+    for method in (m["name"] for m in methods()):
+        for check in OPTIMIZER_CHECKS:
+            seldom = method in KIN and check.__name__ in DEAR
+            name = f"{method}-{check.__name__}"
+            yield pytest.param(method, check, id=name, marks=pytest.mark.slow if seldom else ())
+
+
+@pytest.mark.parametrize(("method", "check"), list(pairs()))
 def test_conformance(method, check):
     check(method)
 
