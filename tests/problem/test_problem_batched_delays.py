@@ -149,7 +149,7 @@ def test_slope_by_dead_time_is_that_of_a_tight_cost(kind):
     assert sides[4] < sides[1] / 12  # second order
 
 
-@pytest.mark.parametrize("kind", GAINS)
+@pytest.mark.parametrize("kind", [pytest.param("step", marks=pytest.mark.slow), "held", "interpolated"])
 def test_slope_by_dead_time_at_the_default_step_on_samples_and_bounds(kind):
     """Within 1 % at the default step, 0.1 % after two halvings."""
     hold = {"u": "linear" if kind == "interpolated" else "previous"}
