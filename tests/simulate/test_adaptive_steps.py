@@ -70,7 +70,7 @@ def errors(problem, values, fineness):
     return found
 
 
-@pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.parametrize("hold", ["previous", pytest.param("linear", marks=pytest.mark.slow)])
 def test_twice_the_fineness_is_about_a_quarter_of_the_error(hold):
     """Three states, whose exponentials are rational functions: the voltage of the pendulum's drive comes late."""
     t = np.arange(40) * PERIOD
@@ -82,7 +82,7 @@ def test_twice_the_fineness_is_about_a_quarter_of_the_error(hold):
         assert 2.5 < coarse / fine < 9.0
 
 
-@pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.parametrize("hold", [pytest.param("previous", marks=pytest.mark.slow), "linear"])
 def test_two_states_follow_their_linear_part_exactly(hold):
     t = np.arange(40) * PERIOD
     u, truth = 2.0 * np.sin(0.4 * t), {"g": 9.8, "c": 0.2, "m": 1.3}

@@ -15,7 +15,7 @@ PLANTS = {
     "an event": ("x' = -x/a + b*u\nwhen falling(x - 0.2): x = x + 0.5\ny = x", ["x"]),
     "no parameter in the rate": ("x' = u - x\ny = a*x + b", ["x"]),
 }
-ALONE = {(1, "lag with dead time"), (1, "two states")}
+ALONE = {(1, "two states")}
 
 
 @pytest.mark.parametrize(

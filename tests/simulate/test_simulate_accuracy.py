@@ -135,7 +135,7 @@ def test_a_chain_of_four_states_with_zero_pivots_follows_its_exponential():
     np.testing.assert_allclose(y, expected, atol=2e-4)
 
 
-@pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.parametrize("hold", ["previous", pytest.param("linear", marks=pytest.mark.slow)])
 def test_step_doubling_estimates_the_true_error(hold):
     t, u = record()
     simulator = Simulator.of(stiff(), substeps=4, hold={"u": hold})
