@@ -54,7 +54,8 @@ def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     text += "stribeck_speed_v = { value = 0.1 }\n" if kind == "stribeck" else ""
     text += f"{parameter_name('reference', signal)} = {{ value = 0 }}\n" if kind == "change" else ""
     place.write_text(text)
-    problem = load(place).problem.with_simulator(load(place).problem.predictor.stepping().refined(16))
+    problem = load(place).problem
+    problem = problem.with_simulator(problem.predictor.stepping().refined(16))
     bare = load(write(plant, "clean", 0.0, 0, tmp_path)).problem  # the record of another file name would be another one
     values = TRUTH["second"] | {parameter_name(kind, signal): size}
     write(plant, fault, 0.0, 0, tmp_path)

@@ -18,20 +18,26 @@ K = 13
 
 def compare(body, carry, xs, axes=(0, 0), rtol=1e-13):
     """Native against lax, one by one and over a batch of 21; `axes` of carry and xs."""
-    carry, xs = jax.tree.map(jnp.asarray, (carry, xs))
-    for run in (lambda f: f, lambda f: jax.vmap(f, in_axes=axes)):
-        function = run(lambda c, x: native_scan(body, c, x, keep=True))
-        plain = run(lambda c, x: lax.scan(body, c, x))
-        a, b = jax.jit(function)(carry, xs), jax.jit(plain)(carry, xs)
-        for x, y in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+    one = jax.tree.map(np.asarray, (carry, xs))
+    steps = (lambda v, k: v + (k if v.dtype == int else 0.1 * k)), (lambda v, k: np.roll(v, k, axis=0))
+    batch = tuple(
+        jax.tree.map(lambda v, move=move: np.stack([move(v, k) for k in range(21)]), given) if axis == 0 else given
+        for given, axis, move in zip(one, axes, steps, strict=True)
+    )
+
+    @jax.jit
+    def run(one, batch):
+        function = lambda c, x: native_scan(body, c, x, keep=True)  # noqa: E731
+        many, plain = (jax.vmap(f, in_axes=axes)(*batch) for f in (function, lambda c, x: lax.scan(body, c, x)))
+        return function(*one), many, plain
+
+    alone, many, plain = run(one, batch)
+    first = jax.tree.map(lambda v: v[0], plain)  # the same as the one
+    for found, expected in ((alone, first), (many, plain)):
+        for x, y in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
             assert x.dtype == y.dtype
+            assert x.shape == y.shape
             np.testing.assert_allclose(x, y, rtol=rtol, atol=1e-13)
-        carry = (
-            jax.tree.map(lambda v: jnp.stack([v + (k if v.dtype == int else 0.1 * k) for k in range(21)]), carry)
-            if axes[0] == 0
-            else carry
-        )
-        xs = jax.tree.map(lambda v: jnp.stack([jnp.roll(v, k, axis=0) for k in range(21)]), xs) if axes[1] == 0 else xs
 
 
 TABLE = jnp.asarray(RNG.normal(size=7))

@@ -51,9 +51,8 @@ AXES = [
 def test_one_axis(axes, size):
     full = data(size)
     args = [a if axis == 0 else jax.tree.map(lambda v: v[0], a) for a, axis in zip(full, axes, strict=True)]
-    results = [
-        jax.jit(jax.vmap(lambda *a, scan=scan: loop(scan, *a), in_axes=axes))(*args) for scan in (native_scan, lax.scan)
-    ]
+    ways = [jax.vmap(lambda *a, scan=scan: loop(scan, *a), in_axes=axes) for scan in (native_scan, lax.scan)]
+    results = jax.jit(lambda *a: [way(*a) for way in ways])(*args)
     for a, b in zip(*map(jax.tree.leaves, results), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
 
@@ -70,10 +69,11 @@ def test_two_axes(inner, outer):
     for leaf, i, o in zip(data(*sizes), inner, outer, strict=True):
         cut = (slice(None) if o == 0 else 0, slice(None) if i == 0 else 0)
         args.append(jax.tree.map(lambda v, cut=cut: v[cut], leaf))
-    results = []
-    for scan in (native_scan, lax.scan):
-        one = jax.vmap(lambda *a, scan=scan: loop(scan, *a), in_axes=inner)
-        results.append(jax.jit(jax.vmap(one, in_axes=outer))(*args))
+    ways = [
+        jax.vmap(jax.vmap(lambda *a, scan=scan: loop(scan, *a), in_axes=inner), in_axes=outer)
+        for scan in (native_scan, lax.scan)
+    ]
+    results = jax.jit(lambda *a: [way(*a) for way in ways])(*args)
     for a, b in zip(*map(jax.tree.leaves, results), strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
 

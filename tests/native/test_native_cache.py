@@ -45,14 +45,9 @@ def test_broken_files_are_compiled_anew(tmp_path):
     files = sorted((tmp_path / "native").glob("*.o"))
     assert len(files) == 2
     whole = {f: f.read_bytes() for f in files}
-    for broken in (
-        lambda b: b"",
-        lambda b: b[: len(b) // 2],
-        lambda b: b[HEADER:],
-        lambda b: b[:-1] + bytes([b[-1] ^ 1]),
-        lambda b: b"x" * 9000,
-    ):
-        for f in files:
+    half, bare, flipped = (lambda b: b[: len(b) // 2]), (lambda b: b[HEADER:]), lambda b: b[:-1] + bytes([b[-1] ^ 1])
+    for ways in ((lambda b: b"", half), (half, bare), (flipped, lambda b: b"x" * 9000)):
+        for f, broken in zip(files, ways, strict=True):
             f.write_bytes(broken(whole[f]))
         assert loop(tmp_path)[0] == 2
         assert {f: f.read_bytes() for f in files} == whole  # mended

@@ -16,24 +16,25 @@ XS = jnp.linspace(0.1, 3.0, 9)
 
 def compare(body, carry, xs=XS, rtol=1e-13):
     """Native against lax: one lane, uniform data with a batch of carries, and a batch of data."""
-    batch = jax.tree.map(
-        lambda v: jnp.stack([v * (1 + 0.1 * k) if v.dtype == float else v for k in range(19)]),
-        jax.tree.map(jnp.asarray, carry),
-    )
-    cases = [
-        (lambda f: f, carry, xs),
-        (lambda f: jax.vmap(f, (0, None)), batch, xs),
-        (lambda f: jax.vmap(f, (None, -1)), carry, _spread(xs)),
-    ]
-    for over, c, x in cases:
-        a = jax.jit(over(lambda c, x: native_scan(body, c, x, keep=True)))(c, x)
-        b = jax.jit(over(lambda c, x: lax.scan(body, c, x)))(c, x)
+    carry, xs = jax.tree.map(np.asarray, (carry, xs))
+    batch = jax.tree.map(lambda v: np.stack([v * (1 + 0.1 * k) if v.dtype == float else v for k in range(19)]), carry)
+    spread = jax.tree.map(lambda v: np.stack([v * (1 + 0.07 * k) for k in range(11)], -1), xs)
+
+    @jax.jit
+    def run(carry, xs, batch, spread):
+        function = lambda c, x: native_scan(body, c, x, keep=True)  # noqa: E731
+        ways = ((0, None), (batch, xs)), ((None, -1), (carry, spread))
+        plain, native = (
+            [jax.vmap(f, axes)(*given) for axes, given in ways] for f in (lambda c, x: lax.scan(body, c, x), function)
+        )
+        return plain, [function(carry, xs), *native]
+
+    plain, native = run(carry, xs, batch, spread)
+    first = jax.tree.map(lambda v: v[0], plain[0])  # the same as the one lane
+    for a, b in zip(native, [first, *plain], strict=True):
         for m, n in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
+            assert m.shape == n.shape
             np.testing.assert_allclose(m, n, rtol=rtol, atol=1e-14)
-
-
-def _spread(xs):
-    return jax.tree.map(lambda v: jnp.stack([v * (1 + 0.07 * k) for k in range(11)], -1), xs)
 
 
 def test_newton_iterations_end_lane_by_lane():

@@ -111,7 +111,7 @@ def with_free_clock():
     return Problem(LAG, shifted(0.13), free, hold={"u": "linear"}, clock_shift={"u": (-0.5, 0.5)}, skip=5.0)
 
 
-@pytest.mark.parametrize("by", [0.13, -0.21])
+@pytest.mark.parametrize("by", [pytest.param(0.13, marks=pytest.mark.slow), -0.21])
 def test_a_shift_between_clocks_is_a_parameter_of_either_sign(by):
     answer = pf.fit(with_free_clock().with_recordings({"run": shifted(by)}), seed=1)
     assert answer.values["clock_shift_u"] == pytest.approx(by, abs=0.01)

@@ -120,6 +120,7 @@ def well(tmp_path_factory):
     return study
 
 
+@pytest.mark.slow
 def test_a_chaotic_record_is_fitted_in_pieces(well):
     study = spec.load(well(pieces="pieces = 10", starts=STARTS, search="[search]\nshooting = 5"))
     assert study.plan.methods == ("least_squares",)

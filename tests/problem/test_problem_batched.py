@@ -109,7 +109,14 @@ def test_cost_of_one(name):
 
 
 @pytest.mark.parametrize(
-    "name", ["one record", *SOME[:2], "seven records, two late edges", "table, one late edge, interpolated", "rk4"]
+    "name",
+    [
+        "one record",
+        *SOME[:2],
+        "seven records, two late edges",
+        "table, one late edge, interpolated",
+        pytest.param("rk4", marks=pytest.mark.slow),
+    ],
 )
 def test_gradients(name):
     q = prepared(name)
@@ -120,7 +127,13 @@ def test_gradients(name):
         close(g[k], 2.0 / len(r) * jacobian.T @ r, 1e-9)
 
 
-@each_case
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(n, marks=pytest.mark.slow) if n in ("rk4", "table, one late edge, interpolated") else n
+        for n in CASES
+    ],
+)
 def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
     q = prepared(name)
     batched = q.problem.evaluator
@@ -146,7 +159,14 @@ def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
             close(a, np.sqrt(weight) * b, 1e-12)
 
 
-@pytest.mark.parametrize("name", [n for n in CASES if n != "one late input, new at every sample"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        n if n.startswith(("seven", "two", "rosenbrock")) else pytest.param(n, marks=pytest.mark.slow)
+        for n in CASES
+        if n != "one late input, new at every sample"
+    ],
+)
 def test_records_together_one_by_one_and_in_chunks_give_costs_of_the_same_bits(name, monkeypatch):
     q = prepared(name)
     batched, numbers = q.problem.evaluator, q.problem.arguments
@@ -165,7 +185,8 @@ def test_records_together_one_by_one_and_in_chunks_give_costs_of_the_same_bits(n
         ways.append((costs, gradients))
     np.testing.assert_array_equal(ways[0][0], ways[1][0])
     close(ways[0][1], ways[1][1], 1e-14)
-    np.testing.assert_array_equal([anew(batched.cost)(z, numbers) for z in q.zs], ways[0][0])
+    cost = anew(batched.cost)
+    np.testing.assert_array_equal([cost(z, numbers) for z in q.zs], ways[0][0])
     close(jax.jit(jax.grad(partial(batched.cost, reverse=True)))(q.zs[0], numbers), ways[0][1][0], 1e-12)
 
 
@@ -184,7 +205,7 @@ def test_records_of_very_unequal_length_are_not_filled_up():
     )
 
 
-@some_cases
+@pytest.mark.parametrize("name", [SOME[0], *(pytest.param(n, marks=pytest.mark.slow) for n in SOME[1:])])
 def test_residuals_and_jacobian_equal_those_record_by_record(name):
     q = prepared(name)
     for own, plain in zip(

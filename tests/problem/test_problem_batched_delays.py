@@ -132,7 +132,7 @@ def test_the_tight_cost_is_that_of_the_tight_solver(kind):
     assert tight(kind, cubes(kind, [delay, 0.2]))[0] == pytest.approx(np.mean((states[1] - TARGET) ** 2), rel=1e-7)
 
 
-@pytest.mark.parametrize("kind", GAINS)
+@pytest.mark.parametrize("kind", [pytest.param("step", marks=pytest.mark.slow), "held", "interpolated"])
 def test_slope_by_dead_time_is_that_of_a_tight_cost(kind):
     expected, places = tight_slopes(kind), np.array(list(DELAYS.values()))
     scale = np.max(np.abs(gradients(kind, 4, np.linspace(0.0, 1.0, 20))[:, 0]))
@@ -149,7 +149,7 @@ def test_slope_by_dead_time_is_that_of_a_tight_cost(kind):
     assert sides[4] < sides[1] / 12  # second order
 
 
-@pytest.mark.parametrize("kind", GAINS)
+@pytest.mark.parametrize("kind", [pytest.param("step", marks=pytest.mark.slow), "held", "interpolated"])
 def test_slope_by_dead_time_at_the_default_step_on_samples_and_bounds(kind):
     """Within 1 % at the default step, 0.1 % after two halvings."""
     hold = {"u": "linear" if kind == "interpolated" else "previous"}

@@ -9,7 +9,7 @@ from plantfit.problem.evaluate.points import residuals, residuals_alone, shared
 CASES = {
     "one record": Case((150,)),
     "records of several lengths": Case((70, 90, 50), outputs="direct", missing=True),
-    "dead times": Case((120,), delays=2, dense=True, outputs="direct"),
+    "dead times": Case((120,), delays=1, dense=True, outputs="direct"),
     "tables, two steps a sample": Case((80, 80), table=True, substeps=2),
 }
 

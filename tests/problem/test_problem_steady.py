@@ -82,7 +82,10 @@ def with_noise(record, rms, seed):
 
 
 # without noise the steps are made so fine that a fit takes three times as long: once is enough
-@pytest.mark.parametrize(("order", "noise"), [(("run", "curve"), 0.0), (("curve", "run"), 0.002)])
+@pytest.mark.parametrize(
+    ("order", "noise"),
+    [pytest.param(("run", "curve"), 0.0, marks=pytest.mark.slow), (("curve", "run"), 0.002)],
+)
 def test_a_fit_of_both_finds_all_parameters(order, noise):
     records = {
         "run": Experiment(with_noise(run(), noise, 1)),

@@ -1,6 +1,7 @@
 """Variable projection: costs against scipy on the whole problem, derivatives against differences, bounds, rank,
 digits."""
 
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,9 @@ OVER_INPUT = {"k": {"over": ["u"], "nodes": [0.0, 1.0, 2.0, 3.0]}}
 TIGHT = (0.9, 1.1)  # bounds that linear coordinates meet
 
 
+@cache
 def made(name: str) -> Problem:
-    """Problems of every kind, with answers inside the bounds and on them."""
+    """Problems of every kind, with answers inside the bounds and on them; all tests share their programs."""
     sums = text("y = a*exp(-b*u) + c*exp(-d*u) + g", "a b c d g")
     lag, wide = text(*LAG_TEXT, states=["x"]), {"K": (-50.0, 50.0), "c": (-50.0, 50.0)}
     two = text("y = a*u + b; q = c*exp(-d*u) + b", "a b c d", outputs=["y", "q"])
@@ -90,6 +92,11 @@ def _regression() -> LinearModel:
     )  # fmt: skip
 
 
+@cache
+def projected_kind(kind: str, full: bool = False) -> Projection:
+    return projected(made(kind), full=full)
+
+
 def projected(p: Problem, **settings: Any) -> Projection:
     found = Projection.of(p, **settings)
     assert found is not None
@@ -116,8 +123,7 @@ def slopes(function, at: np.ndarray, h: float = 1e-5) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_cost_is_the_least_over_the_linear_coordinates(kind):
-    p = made(kind)
-    projection = projected(p)
+    p, projection = made(kind), projected_kind(kind)
     places, kept = projection.solved, projection.kept
     for zn in points(projection):
         z = np.full(p.space.dimension, 0.5)
@@ -143,7 +149,7 @@ def test_the_cost_is_the_least_over_the_linear_coordinates(kind):
 @pytest.mark.parametrize("full", [False, True], ids=["kaufman", "full"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_have_the_cost_and_the_exact_gradient(kind, full):
-    projection = projected(made(kind), full=full)
+    projection = projected_kind(kind, full)
     zn = points(projection)
     r, jacobian, z, _ = projection.rows(zn)
     k = projection.dimension + 1
@@ -160,7 +166,7 @@ def test_rows_have_the_cost_and_the_exact_gradient(kind, full):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_sample_costs_what_the_answer_costs(kind):
-    projection = projected(made(kind))
+    projection = projected_kind(kind)
     zn = points(projection, 8)
     costs, z = projection.sample(zn)
     np.testing.assert_allclose(costs, projection.costs(zn), rtol=1e-7)
@@ -170,7 +176,7 @@ def test_a_sample_costs_what_the_answer_costs(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_rows_above_a_limit_are_left_after_their_cost(kind):
-    projection = projected(made(kind))
+    projection = projected_kind(kind)
     zn = points(projection, 6)
     costs = projection.costs(zn)
     limit = np.full(6, float(np.median(costs)))
@@ -199,8 +205,7 @@ def test_a_row_that_is_left_and_a_sample_cost_one_jacobian():
     "kind", [k for k in KINDS if k not in ("process", "two outputs", "balance", "at rest", "tied")]
 )
 def test_full_derivatives_are_those_of_the_residuals_at_the_answer(kind):
-    p = made(kind)
-    projection, simple = projected(p, full=True), projected(p)
+    p, projection, simple = made(kind), projected_kind(kind, True), projected_kind(kind)
     zn = points(projection)
     for i, (_, jacobian, *_) in enumerate(zip(*projection.rows(zn), strict=True)):
         moved = slopes(lambda zn: whole(p, projection.lift(zn)[0]), zn[i])

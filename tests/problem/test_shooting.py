@@ -1,5 +1,7 @@
 """Success from bad starts, with and without shooting; every start is random in the box, none is near the truth."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from shooting_plants import LAG, LORENZ, OSCILLATION, PENDULUM, balanced, chaos, lag, lag_recording, oscillation
@@ -15,6 +17,16 @@ from plantfit.space import Parameter
 from plantfit.study.objective import objective_of
 
 import jax.numpy as jnp
+
+
+@cache
+def settling() -> Problem:
+    return Problem(lag(), lag_recording(), substeps=2)
+
+
+@cache
+def ten_periods() -> Problem:
+    return oscillation(periods=10)
 
 
 def starts(problem: Problem, count: int) -> np.ndarray:
@@ -71,6 +83,7 @@ def test_a_balanced_pendulum_is_found_where_single_shooting_runs_away():
     assert sum(cost(problem, plain_fit(problem, z)) < 100 * noise for z in tries) == 0
 
 
+@pytest.mark.slow
 def test_chaos_is_found_from_anywhere():
     problem = chaos()
     truth = problem.space.cube([*LORENZ.values(), -4.0, -6.0, 15.0])
@@ -108,7 +121,7 @@ def test_two_records_with_a_parameter_of_their_own():
 
 def test_the_unit_of_the_output_does_not_matter():
     z, unit = np.array([0.7, 0.4, 0.2]), 1e-6
-    one = Shooting.of(oscillation(periods=10), segments=20).solve(z)
+    one = Shooting.of(ten_periods(), segments=20).solve(z)
     other = Shooting.of(oscillation(periods=10, unit=unit), segments=20).solve(z)
     np.testing.assert_allclose(other.z, one.z, rtol=1e-6)
     assert other.cost == pytest.approx(one.cost * unit**2, rel=1e-6)
@@ -116,15 +129,14 @@ def test_the_unit_of_the_output_does_not_matter():
 
 
 def test_the_origin_of_time_does_not_matter():
-    problem = Problem(lag(), lag_recording(), substeps=2)
-    late = lag_recording()
+    problem, late = settling(), lag_recording()
     late = Problem(lag(), Recording(late.t + 4096.0, late.signals), substeps=2)
     z = np.array([0.9, 0.8, 0.3])
     np.testing.assert_allclose(shooting_start(late, z, segments=6), shooting_start(problem, z, segments=6), rtol=1e-5)
 
 
 def test_a_start_that_is_already_best_is_kept():
-    problem = Problem(lag(), lag_recording(), substeps=2)
+    problem = settling()
     best = plain_fit(problem, problem.space.cube([1.5, 1.0, 0.4]))
     np.testing.assert_allclose(
         values(problem, shooting_start(problem, best, length=2.5)), values(problem, best), rtol=1e-4
@@ -146,7 +158,7 @@ def test_where_nothing_can_be_simulated_the_start_comes_back():
 
 
 def test_a_search_is_repeatable_and_ends_when_two_shots_agree():
-    problem = oscillation(periods=10)
+    problem = ten_periods()
     shooting = Shooting.of(problem, segments=20)
     one, again = shooting.search(starts=8, seed=3), shooting.search(starts=8, seed=3)
     assert np.array_equal(one.z, again.z)

@@ -21,17 +21,23 @@ BENT = pf.equations(
 T = np.arange(0.0, 60.0, 0.2)
 
 
-def record(name, u, seed):
+def simulated(u):
+    record = from_arrays(T, signals={"u": u, "y": np.zeros(len(T))}, name="fine")
+    return Problem(BENT, record, substeps=64).predict(np.array([2.0]))["y"]
+
+
+def record(name, u, y, seed):
     """Noise alone stands in y: the errors of the steps are those of the simulation, whatever was measured."""
-    fine = Problem(BENT, from_arrays(T, signals={"u": u, "y": np.zeros(len(T))}, name=name), substeps=64)
-    y = fine.predict(np.array([2.0]))["y"] + np.random.default_rng(seed).normal(0.0, NOISE, len(T))
-    return from_arrays(T, signals={"u": u, "y": y}, name=name)
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, len(T))
+    return from_arrays(T, signals={"u": u, "y": y + noise}, name=name)
 
 
 @pytest.fixture(scope="module")
 def recordings():
-    stirred = np.where(T % 6.0 < 3.0, 1.25, 0.7)
-    found = [record("stirred", stirred, 0), *(record(f"quiet{k}", np.full(len(T), 1.0), k) for k in range(1, 25))]
+    stirred, quiet = np.where(T % 6.0 < 3.0, 1.25, 0.7), np.full(len(T), 1.0)
+    y = simulated(quiet)
+    found = [record("stirred", stirred, simulated(stirred), 0)]
+    found += [record(f"quiet{k}", quiet, y, k) for k in range(1, 25)]
     return {r.name: r for r in found}
 
 

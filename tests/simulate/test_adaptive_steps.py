@@ -64,12 +64,13 @@ def errors(problem, values, fineness):
     assert tight.stopped is None
     found = []
     for k in fineness:
-        ours = adaptively(problem, k).predictor.stepping().outputs(p, drive)["y"]
+        simulator = adaptively(problem, k).predictor.stepping()
+        ours = jax.jit(lambda p, s=simulator: s.outputs(p, drive)["y"])(p)
         found.append(float(np.sqrt(np.mean((np.asarray(ours) - tight.outputs["y"]) ** 2))))
     return found
 
 
-@pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.parametrize("hold", ["previous", pytest.param("linear", marks=pytest.mark.slow)])
 def test_twice_the_fineness_is_about_a_quarter_of_the_error(hold):
     """Three states, whose exponentials are rational functions: the voltage of the pendulum's drive comes late."""
     t = np.arange(40) * PERIOD
@@ -81,7 +82,7 @@ def test_twice_the_fineness_is_about_a_quarter_of_the_error(hold):
         assert 2.5 < coarse / fine < 9.0
 
 
-@pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.parametrize("hold", [pytest.param("previous", marks=pytest.mark.slow), "linear"])
 def test_two_states_follow_their_linear_part_exactly(hold):
     t = np.arange(40) * PERIOD
     u, truth = 2.0 * np.sin(0.4 * t), {"g": 9.8, "c": 0.2, "m": 1.3}
@@ -132,7 +133,7 @@ def test_what_rounding_leaves_at_rest_asks_for_no_steps(text):
     assert moved < 0.7
 
 
-@pytest.mark.parametrize("count", [2, 6])
+@pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), pytest.param(6, marks=pytest.mark.slow), 4])
 def test_derivatives_run_in_native_loops_whatever_the_number_of_states(count, monkeypatch):
     """As XLA's loops they took 10 s for an interval: all the trials that an interval may have are worked off there."""
 
@@ -160,21 +161,33 @@ def phi_of(z, k):
     return scipy.linalg.expm(large)[:n, k * n :]
 
 
-@pytest.mark.parametrize("n", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [1, 2])
 def test_functions_of_the_linear_part_are_exponential_or_say_their_error(n):
     rng, exact = np.random.default_rng(0), 0
-    zero = [0.0] * n
+    zero = np.zeros(n)
+
+    @jax.jit
+    def rationally(rows, f, d):
+        """By rational functions only."""
+        first, off, second = steps._linear(list(map(list, rows)), list(f), list(d), 1.0, None)
+        return first, off, second([*f])
+
+    @jax.jit
+    def exactly(rows, f, d):
+        """By exact ones wherever there are some."""
+        first, off, second = steps._linear(list(map(list, rows)), list(f), list(d), 1.0, [0.0] * n)
+        return first, off, second([*f])
+
     for size in np.geomspace(1e-3, 40.0, 60):
         z, y = size * rng.standard_normal((n, n)), rng.standard_normal(n)
-        rows = [[float(v) for v in row] for row in z]
         if np.max(np.linalg.eigvals(z).real) > 40.0:
             continue
-        for limits in (None, [0.0] * n):  # rational functions only, and exact ones wherever there are some
-            f, off, second = steps._linear(rows, list(y), zero, 1.0, limits)
-            d, _, _ = steps._linear(rows, zero, list(y), 1.0, [0.0] * n if np.all(np.array(off) == 0.0) else None)
+        for one in (rationally, exactly):
+            f, off, second = one(z, y, zero)
+            d, _, _ = (exactly if np.all(np.array(off) == 0.0) else rationally)(z, zero, y)
             said = np.max(np.abs(off))
             exact += said == 0.0
-            for k, found in ((1, f), (2, d), (3, [0.5 * v for v in second(list(y))])):
+            for k, found in ((1, f), (2, d), (3, [0.5 * v for v in second])):
                 true = phi_of(z, k) @ y
                 # the error of the first is what it says or less, and of the others of the order of theirs
                 allowed = 1e-9 * np.max(np.abs(true)) if said == 0.0 else {1: 3.0 * said, 2: size**2, 3: size}[k]
@@ -192,9 +205,9 @@ def test_states_that_begin_at_zero_one_behind_another_take_few_steps(monkeypatch
     vector = problem.predictor.stepping().vector
     p = tuple(values[n] for n in vector.parameters)
     found = errors(problem, values, (4, 16))
-    assert max(map(len, followed(vector, p, [0.0] * 4, np.zeros(4), 4)[1])) < 150
+    assert max(map(len, followed(pair_of(vector, 4), p, [0.0] * 4, np.zeros(4), 4)[1])) < 150
     monkeypatch.setattr(steps, "SOON", 0.0)
-    assert len(followed(vector, p, [0.0] * 4, np.zeros(2), 4)[1][0]) > 300
+    assert len(followed(pair_of(vector, 4), p, [0.0] * 4, np.zeros(2), 4)[1][0]) > 300
     assert found[0] < 2e-3
     assert found[1] < 2e-4
 
@@ -238,9 +251,9 @@ def pair_of(vector, fineness=1):
     return of(steps._trial), of(steps._at_once)
 
 
-def followed(vector, p, x, u, fineness):
+def followed(pair, p, x, u, fineness):
     """States at all samples, and the shares of every interval that its steps took (none: at once), in plain Python."""
-    pair, at_once = pair_of(vector, fineness)
+    trial, at_once = pair
     shares, states = [], [x]
     for k in range(len(u) - 1):
         later, good = at_once(tuple(x), float(u[k]), PERIOD, p)
@@ -250,7 +263,7 @@ def followed(vector, p, x, u, fineness):
         while done < 1.0:
             length = min(length, 1.0 - done)
             last = length >= 1.0 - done
-            later, error, noise, bent, way = pair(tuple(x), float(u[k]), length * PERIOD, p)
+            later, error, noise, bent, way = trial(tuple(x), float(u[k]), length * PERIOD, p)
             size = [max(s, abs(float(b))) for s, b in zip(largest, later, strict=True)]
             soon = [
                 max(s, steps.SOON * PERIOD * abs(float(w))) if v == 0.0 else s
@@ -295,12 +308,11 @@ def test_derivatives_are_those_of_the_steps_as_they_are():
     vector, p = problem.predictor.stepping().vector, np.asarray(problem.space.physical(z))
     by_name = dict(zip(problem.space.names, p, strict=True))
     values = tuple(float(by_name[n]) for n in vector.parameters)
-    states, shares = followed(vector, values, [0.0, 0.0], u, 2)
+    pair = pair_of(vector, 2)
+    states, shares = followed(pair, values, [0.0, 0.0], u, 2)
     np.testing.assert_allclose(states[:, 0], r, rtol=1e-9, atol=1e-13)  # measured is 0: the product took these steps
     assert max(map(len, shares)) > 1
     assert min(map(len, shares)) == 0
-
-    pair = pair_of(vector, 2)
 
     def simulated(z):
         named = dict(zip(problem.space.names, np.asarray(problem.space.physical(z)), strict=True))

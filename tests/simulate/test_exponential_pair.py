@@ -82,21 +82,20 @@ def solved(matrix, right):
 def test_derivatives_of_stiff_steps_are_exact_but_for_rounding(n, stiffness, bar):
     """Against fractions: forwards and backwards, by Z, the rates and their change, of eigenvectors that lie
     anywhere."""
+
+    def weighed(z, f, d, w):
+        found = solution([[*row] for row in z], (1.0, 1.0, [*f]), (0.5, 1.0, [*d]))
+        return sum(a * b for a, b in zip(w, found, strict=True))
+
+    slopes = jax.jit(lambda *at: [of(weighed, argnums=(0, 1, 2))(*at) for of in (jax.grad, jax.jacfwd)])
     rng = np.random.default_rng(n)
     for _ in range(20):
         turned = np.linalg.qr(rng.normal(size=(n, n)))[0]
         z = turned @ np.diag(-np.r_[stiffness, rng.uniform(0.1, 1.0, n - 1)]) @ turned.T + 0.1 * rng.normal(size=(n, n))
         f, d, w = rng.normal(size=(3, n))
         wanted = exact_slopes(z, f, d, w)
-
-        def weighed(z, f, d, w=w):
-            return sum(
-                a * b
-                for a, b in zip(w, solution([[*row] for row in z], (1.0, 1.0, [*f]), (0.5, 1.0, [*d])), strict=True)
-            )
-
-        for of in (jax.grad, jax.jacfwd):
-            for found, one in zip(of(weighed, argnums=(0, 1, 2))(z, f, d), wanted, strict=True):
+        for each in slopes(z, f, d, w):
+            for found, one in zip(each, wanted, strict=True):
                 assert np.max(np.abs(found - one)) < bar * np.max(np.abs(one))
 
 
@@ -113,10 +112,14 @@ def test_steps_and_slopes_equal_those_of_three_states_with_an_idle_one():
         return exponential(rate, x, (1.0,), (1.5,), 0.05, p, True)
 
     x, p = (0.3, -0.2), 1.7
-    for k in range(2):
-        pair = jax.value_and_grad(lambda x, p, k=k: step(rate, x, p)[k], argnums=(0, 1))(x, p)
-        three = jax.value_and_grad(lambda x, p, k=k: step(idle, (*x, 1.0), p)[k], argnums=(0, 1))(x, p)
-        np.testing.assert_allclose(jax.tree.leaves(pair), jax.tree.leaves(three), rtol=1e-12)
+
+    def slopes(f):
+        each = [jax.value_and_grad(lambda *a, k=k: f(*a)[k], argnums=(0, 1)) for k in range(2)]
+        return jax.jit(lambda x, p: [slope(x, p) for slope in each])
+
+    pair = slopes(lambda x, p: step(rate, x, p))(x, p)
+    three = slopes(lambda x, p: step(idle, (*x, 1.0), p))(x, p)
+    np.testing.assert_allclose(jax.tree.leaves(pair), jax.tree.leaves(three), rtol=1e-12)
 
 
 def test_a_place_in_tables_that_is_looked_up_once_keeps_values_and_slopes():
@@ -132,13 +135,15 @@ def test_a_place_in_tables_that_is_looked_up_once_keeps_values_and_slopes():
         with shared_lookups():
             return apart(x, values)
 
+    of = [
+        jax.jit(lambda x, v, f=f: (jax.value_and_grad(f, argnums=(0, 1))(x, v), jax.grad(jax.grad(f))(x, v)))
+        for f in (apart, together)
+    ]
     for x in (-0.5, 0.0, 1.0, 1.7, 3.9, 4.0, 5.0):
-        a, b = (jax.value_and_grad(f, argnums=(0, 1))(x, values) for f in (apart, together))
+        a, b = (f(x, values) for f in of)
         np.testing.assert_allclose(jax.tree.leaves(a)[0], jax.tree.leaves(b)[0], rtol=0)
         for s, t in zip(jax.tree.leaves(a), jax.tree.leaves(b), strict=True):
             np.testing.assert_allclose(s, t, rtol=1e-14, atol=1e-15)
-        bent = [jax.grad(jax.grad(f))(x, values) for f in (apart, together)]
-        np.testing.assert_allclose(bent[0], bent[1], rtol=1e-14, atol=1e-15)
 
 
 def branching(share_inside):
@@ -161,6 +166,7 @@ def test_a_table_may_be_read_inside_a_branch_and_outside_of_it():
     values = jnp.asarray([0.5, 1.0, 0.8, 0.3])
     f = lambda x, k: exponential(vector.rate, (x,), (1.0, 0.0), (1.0, 0.0), 0.1, (k,), False)[0]  # noqa: E731
     found, slopes = jax.jit(jax.value_and_grad(f, argnums=1))(0.7, values)
-    moved = [float(f(0.7, values.at[1].add(s * 1e-6))) for s in (1, -1)]
+    value = jax.jit(f)
+    moved = [float(value(0.7, values.at[1].add(s * 1e-6))) for s in (1, -1)]
     assert found == pytest.approx(sum(moved) / 2, rel=1e-12)
     assert slopes[1] == pytest.approx((moved[0] - moved[1]) / 2e-6, rel=1e-7)

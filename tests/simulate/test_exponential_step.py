@@ -1,5 +1,7 @@
 """The exponential step: its formula, its order, its behaviour on stiff plants, its derivatives."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -45,15 +47,23 @@ def formula(derivative, names, x, u0, u1, h, c):
 
 
 def one_step(vector, x, u0, u1, h, c, varying, pattern):
-    full = lambda u: (*u, 0.0)  # time  # noqa: E731
-    return np.array(
-        exponential(vector.rate, tuple(map(jnp.asarray, x)), full(u0), full(u1), h, (jnp.asarray(c),), varying, pattern)
-    )
+    return np.array(stepper(vector, varying, pattern)(tuple(x), (*u0, 0.0), (*u1, 0.0), h, (c,)))  # 0: the time
 
 
-@pytest.mark.parametrize("dense", [False, True])
-@pytest.mark.parametrize("varying", [False, True])
-@pytest.mark.parametrize("n", [1, 2, 3, 5])
+@cache
+def stepper(vector, varying, pattern):
+    return jax.jit(lambda x, u0, u1, h, p: exponential(vector.rate, x, u0, u1, h, p, varying, pattern))
+
+
+@pytest.mark.parametrize(
+    ("n", "varying", "dense"),
+    [
+        pytest.param(n, varying, dense, marks=pytest.mark.slow if n == 5 and not (varying and dense) else ())
+        for n in (1, 2, 3, 5)
+        for varying in (False, True)
+        for dense in (False, True)
+    ],
+)
 def test_a_step_is_the_formula_with_and_without_a_pattern(n, varying, dense):
     vector, derivative = chain(n, dense)
     rng = np.random.default_rng(n)

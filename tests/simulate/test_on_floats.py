@@ -33,15 +33,19 @@ def own(text):
     return pf.equations(text, states=states, outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}})
 
 
-def both(model, p, a, b, t, size=1.0):
-    """Rates by Python and by jax at channels a + b*t and states up to `size`."""
-    vector, rng = vectorise(model), np.random.default_rng(5)
+def rates(model, p):
+    """Rates by Python and by jax, at channels a + b*t and states up to `size`."""
+    vector = vectorise(model)
     numbers = tuple(np.asarray(p[n], dtype=float) for n in vector.parameters)
     made = plain_rate(vector, numbers)
     assert made is not None
-    x = rng.uniform(-size, size, len(vector.states))
     compiled = tight._Smooth(vector, numbers)
-    return np.array(made(0.0, a, b)(x, t)), np.asarray(compiled.call(np.concatenate([x, a + b * t])))
+
+    def both(a, b, t, size=1.0):
+        x = np.random.default_rng(5).uniform(-size, size, len(vector.states))
+        return np.array(made(0.0, a, b)(x, t)), np.asarray(compiled.call(np.concatenate([x, a + b * t])))
+
+    return both
 
 
 @pytest.mark.parametrize(("name", "options"), MOVING)
@@ -49,12 +53,10 @@ def test_library_models_have_the_same_rate(name, options):
     model = make(name, **options)
     assert isinstance(model, Model)
     count = len(vectorise(model).channels)
-    p = values(model)
+    both = rates(model, values(model))
     rng = np.random.default_rng(1)
     for size in (0.3, 1.0, 1.0, 3.0, 100.0):  # within tables, and beyond both of their ends
-        plain, compiled = both(
-            model, p, rng.uniform(-size, size, count), rng.uniform(-1, 1, count), rng.uniform(), size
-        )
+        plain, compiled = both(rng.uniform(-size, size, count), rng.uniform(-1, 1, count), rng.uniform(), size)
         np.testing.assert_allclose(plain, compiled, rtol=1e-12, atol=1e-14)
 
 
@@ -62,9 +64,9 @@ def test_every_function_of_an_equation_is_the_same():
     model = pf.equations(
         EVERY, inputs=["u"], states=["x", "z"], outputs=["y"], parameters={"k": {"bounds": (0.1, 1.0)}}
     )
-    rng = np.random.default_rng(2)
+    rng, both = np.random.default_rng(2), rates(model, {"k": 0.7})
     for _ in range(50):
-        plain, compiled = both(model, {"k": 0.7}, rng.uniform(-2, 2, 2), rng.uniform(-2, 2, 2), rng.uniform())
+        plain, compiled = both(rng.uniform(-2, 2, 2), rng.uniform(-2, 2, 2), rng.uniform())
         np.testing.assert_allclose(plain, compiled, rtol=1e-12, atol=1e-14)
 
 
@@ -108,7 +110,7 @@ def test_arrays_of_an_own_model_are_lines_of_numbers():
     )
     rng = np.random.default_rng(3)
     for _ in range(20):
-        plain, compiled = both(model, {"gain": rng.normal(size=2)}, rng.uniform(-2, 2, 2), np.zeros(2), 0.0)
+        plain, compiled = rates(model, {"gain": rng.normal(size=2)})(rng.uniform(-2, 2, 2), np.zeros(2), 0.0)
         np.testing.assert_allclose(plain, compiled, rtol=1e-13)
 
 

@@ -1,5 +1,7 @@
 """Derivatives of a stiff plant: against its own differences, and against a tight solver of its own."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 from simulate_plants import P, exact, record, stiff
@@ -26,6 +28,15 @@ def cost_of(simulator, drive):
     return jax.jit(cost)
 
 
+@cache
+def gradient_of(hold, irregular):
+    """The cost of a record, and its derivative by all parameters, compiled once."""
+    t, u = record(irregular)
+    simulator = simulator_of(hold, substeps=8)
+    cost = cost_of(simulator, simulator.drive(t, {"u": u}))
+    return cost, jax.jit(jax.grad(cost))
+
+
 def floats(p):
     return {k: jnp.asarray(float(v)) for k, v in p.items()}
 
@@ -37,14 +48,19 @@ def richardson(f, p, name, h):
     return (4 * central(h / 2) - central(h)) / 3
 
 
-@pytest.mark.parametrize("irregular", [False, True])
-@pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.parametrize(
+    ("hold", "irregular"),
+    [
+        ("previous", False),
+        ("previous", True),
+        ("linear", False),
+        pytest.param("linear", True, marks=pytest.mark.slow),
+    ],
+)
 def test_gradient_equals_central_differences_of_its_own_cost(hold, irregular):
-    simulator = simulator_of(hold, substeps=2)
-    t, u = record(irregular)
-    cost = cost_of(simulator, simulator.drive(t, {"u": u}))
+    cost, gradient_at = gradient_of(hold, irregular)
     p = floats(P | {"e": 0.2})
-    gradient = jax.jit(jax.grad(cost))(p)
+    gradient = gradient_at(p)
     for name in P:
         expected = richardson(cost, p, name, 1e-4 if name == "Td" else 5e-4 * abs(float(p[name])))
         assert float(gradient[name]) == pytest.approx(expected, rel=1e-6), name
@@ -65,9 +81,8 @@ def test_gradient_equals_central_differences_of_its_own_cost(hold, irregular):
 )
 def test_derivative_by_dead_time_equals_that_of_a_tight_solver(delay, hold, irregular):
     t, u = record(irregular)
-    simulator = simulator_of(hold, substeps=8)
     p = P | {"Td": delay}
-    gradient = jax.jit(jax.grad(cost_of(simulator, simulator.drive(t, {"u": u}))))(floats(p))
+    gradient = gradient_of(hold, irregular)[1](floats(p))
 
     def tight(delay):
         return np.mean((exact(p | {"Td": delay}, t, u, hold)[1] - TARGET) ** 2)
@@ -85,8 +100,7 @@ def test_derivative_by_dead_time_equals_that_of_a_tight_solver(delay, hold, irre
 
 def test_all_derivatives_together_equal_those_of_a_tight_solver():
     t, u = record()
-    simulator = simulator_of(substeps=8)
-    gradient = jax.jit(jax.grad(cost_of(simulator, simulator.drive(t, {"u": u}))))(floats(P))
+    gradient = gradient_of("previous", False)[1](floats(P))
     rng = np.random.default_rng(0)
     scale = max(abs(float(gradient[n]) * max(abs(P[n]), 0.1)) for n in P)
     for _ in range(3):
@@ -100,7 +114,7 @@ def test_all_derivatives_together_equal_those_of_a_tight_solver():
         assert sum(float(gradient[n]) * move[n] for n in move) == pytest.approx(expected, abs=0.01 * scale)
 
 
-@pytest.mark.parametrize("stepper", FIXED)
+@pytest.mark.parametrize("stepper", [pytest.param(s, marks=pytest.mark.slow) if s == "rk4" else s for s in FIXED])
 def test_forward_and_reverse_derivatives_agree(stepper):
     simulator = simulator_of(substeps=4, stepper=stepper)  # rk4 is stable to 2.8 T1 = 56 ms
     t, u = record()
@@ -115,8 +129,8 @@ def test_forward_and_reverse_derivatives_agree(stepper):
     def outputs(v):
         return simulator.outputs(dict(zip(names, v, strict=True)), drive)["y"]
 
-    forward = jax.jit(lambda v: jax.jvp(outputs, (v,), (move,))[1])(vector)
-    reverse = jax.jit(lambda v: jax.vjp(outputs, v)[1](weight)[0])(vector)
+    both = jax.jit(lambda v: (jax.jvp(outputs, (v,), (move,))[1], jax.vjp(outputs, v)[1](weight)[0]))
+    forward, reverse = both(vector)
     assert float(weight @ forward) == pytest.approx(float(reverse @ move), rel=1e-10)
 
 

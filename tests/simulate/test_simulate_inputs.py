@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from plantfit.simulate import Simulator
 from plantfit.simulate.steps.grid import delayed_pieces, merge
 
 import jax
-import jax.numpy as jnp
 
 
 def integrator() -> Model:
@@ -59,8 +59,9 @@ def test_input_ahead_of_the_record_is_the_history_given(before, expected, hold):
     np.testing.assert_allclose(y, np.where(t <= 2.0, expected * t, 2.0 * expected + 5.0 * (t - 2.0)), atol=1e-12)
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
-def test_edges_on_samples_give_steps_of_length_zero_and_finite_derivatives(delay):
+@cache
+def by_dead_time():
+    """Places of the samples and lengths of the steps, outputs, and their derivative by the dead time."""
     t, u = record()
     simulator = Simulator.of(stiff(), substeps=2)
     drive = simulator.drive(t, {"u": u})
@@ -68,13 +69,24 @@ def test_edges_on_samples_give_steps_of_length_zero_and_finite_derivatives(delay
     def y(delay):
         return simulator.outputs({**P, "Td": delay}, drive)["y"]
 
-    steps, (_, _, length) = simulator.steps({**P, "Td": delay}, drive)
-    assert np.any(np.asarray(length) == 0.0)
-    assert np.all(np.asarray(length) >= 0.0)
-    assert np.all(np.isfinite(jax.jvp(y, (delay,), (1.0,))[1]))
-    np.testing.assert_allclose(y(delay), y(delay + 1e-12), atol=1e-8)
-    np.testing.assert_allclose(jnp.cumsum(length)[-1], t[-1] - t[0])
-    assert np.asarray(steps.rank)[-1] == len(length)
+    @jax.jit
+    def found(delay):
+        steps, (_, _, length) = simulator.steps({**P, "Td": delay}, drive)
+        return steps.rank, length, *jax.jvp(y, (delay,), (1.0,))
+
+    return found
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.1, 0.3])
+def test_edges_on_samples_give_steps_of_length_zero_and_finite_derivatives(delay):
+    t, _ = record()
+    rank, length, y, slope = map(np.asarray, by_dead_time()(delay))
+    assert np.any(length == 0.0)
+    assert np.all(length >= 0.0)
+    assert np.all(np.isfinite(slope))
+    np.testing.assert_allclose(y, by_dead_time()(delay + 1e-12)[2], atol=1e-8)
+    np.testing.assert_allclose(np.sum(length), t[-1] - t[0])
+    assert rank[-1] == len(length)
 
 
 def test_merged_grid_is_sorted_and_holds_every_sample_and_edge():
