@@ -10,7 +10,7 @@ from cli_call import call, heater
 
 from plantfit.recording import read_csv
 
-FEW = ("--budget", "300", "--draws", "2")
+FEW = ("--budget", "100", "--draws", "2")
 
 
 @pytest.fixture(scope="module")
