@@ -437,9 +437,12 @@ def test_words_in_place_of_numbers_are_written_as_missing(model, tmp_path, capsy
     assert np.flatnonzero(np.isnan(experiment.recording["w"])).tolist() == [40, 41]
 
 
-@pytest.mark.parametrize(("low", "high"), [(0, 1), (-1, 1), (1, 2)])
+@pytest.mark.parametrize(
+    ("low", "high", "fitted"),
+    [(0, 1, False), (-1, 1, False), (1, 2, False), pytest.param(0, 1, True, marks=pytest.mark.slow)],
+)
 def test_a_duty_with_its_direction_in_another_column_becomes_a_plant_that_turns_both_ways(
-    tmp_path, capsys, monkeypatch, low, high
+    tmp_path, capsys, monkeypatch, low, high, fitted
 ):
     rng = np.random.default_rng(5)
     duty, up = np.repeat(rng.integers(0, 256, 20), 30), np.repeat(rng.integers(0, 2, 24), 25)
@@ -463,7 +466,7 @@ def test_a_duty_with_its_direction_in_another_column_becomes_a_plant_that_turns_
     assert "'pwm' has no sign and 'dir' gives it one, which is not in what follows" in look.out
     (tmp_path / "one_way.csv").write_text("".join(rows[:1] + [r for r in rows[1:] if r.split(",")[2] == str(high)]))
     assert "has no sign" not in call(capsys, monkeypatch, "look", "one_way.csv").out
-    if (low, high) == (0, 1):  # a fit is the same whatever the levels of the direction were
+    if fitted:
         assert "a fit of 99" in call(capsys, monkeypatch, "run", "m.toml", "--no-diagnose").out
 
 
