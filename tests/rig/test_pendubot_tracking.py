@@ -70,7 +70,8 @@ def test_the_motion_between_samples_is_that_of_a_tight_solver():
 
 def test_the_section_tells_the_runs_apart(monkeypatch):
     monkeypatch.setattr(
-        "plantfit.cases.motor.tracking_section.PendubotTracking", partial(PendubotTracking, duration=5.0)
+        "plantfit.cases.motor.tracking_section.PendubotTracking",
+        partial(PendubotTracking, duration=RIG.moves[-1].end + 1.0),
     )
     section = tracking_section({n: TRUTH[n] for n in ("Rm", "Lm", "Kb", "Jm", "Cm", "Tf")}, TRUTH)
     rows = {row[0]: row[1:] for row in section["tables"][0]["rows"]}
