@@ -1,5 +1,7 @@
 """Answers of plants, and what plantfit itself simulates of them."""
 
+from functools import cache
+
 import numpy as np
 
 import plantfit as pf
@@ -33,14 +35,15 @@ def answered(text, truth, states, outputs, end, *, count=96, units=None, hold=No
     known = {n: unit for n, unit in units.items() if n in ("u", *outputs)}
     blank = pf.from_arrays({"t": t, "u": u, **{n: 0.0 * t for n in outputs}}, units=known)
     bounds = {n: pf.Parameter((0.5 * v, 1.6 * v)) for n, v in truth.items()}
-    clean = pf.Problem(model, blank, bounds, scales=dict.fromkeys(outputs, 1.0), hold=hold)
+    # steps that are given need no choosing; what is exported is simulated with finer ones (`fine`)
+    clean = pf.Problem(model, blank, bounds, scales=dict.fromkeys(outputs, 1.0), hold=hold, substeps=4)
     y = clean.predict(np.array(list(truth.values())))
     noisy = {n: v + rng.normal(0, 0.01 * np.ptp(v), count) for n, v in y.items()}
     for n in outputs:
         noisy[n][0] = y[n][0]
     measured = pf.from_arrays({"t": t, "u": u, **noisy}, units=known)
-    problem = pf.Problem(model, measured, bounds, scales=dict.fromkeys(outputs, 1.0), hold=hold)
-    return pf.fit(problem, budget=600, seed=1)
+    problem = pf.Problem(model, measured, bounds, scales=dict.fromkeys(outputs, 1.0), hold=hold, substeps=4)
+    return pf.fit(problem, "least_squares", budget=200, seed=1)
 
 
 def series(answer):
@@ -51,18 +54,21 @@ def series(answer):
 
 
 def fine(answer, factor=1.0):
-    """plantfit's own simulation by steps so short that their error is far below 1e-6; the fit's steps were chosen by
-    the noise."""
-    problem = answer.problem
+    """plantfit's own simulation by steps so short that their error is far below 1e-6; those of the fit are long."""
+    own = _of_short_steps(answer.problem)
+    return own.predict(factor * np.array(list(answer.values.values())))
+
+
+@cache
+def _of_short_steps(problem):
     (experiment,) = problem.experiments.values()
     scales, hold = (
         dict.fromkeys(problem.outputs, 1.0),
         dict.fromkeys(problem.predictor.simulator.interpolated, "linear"),
     )
-    own = pf.Problem(
+    return pf.Problem(
         problem.model, experiment.recording, problem.space.parameters, scales=scales, hold=hold, substeps=150
     )
-    return own.predict(factor * np.array(list(answer.values.values())))
 
 
 def same(found, answer, tolerance=1e-6, factor=1.0):

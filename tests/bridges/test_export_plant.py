@@ -50,7 +50,7 @@ def test_python_simulates_the_plant_without_plantfit(answer, tmp_path):
     same(module.simulate(t, u, other), answer, factor=1.1)
 
 
-@pytest.mark.parametrize("stepper", ["exponential", "adaptive"])
+@pytest.mark.parametrize("stepper", ["exponential", pytest.param("adaptive", marks=pytest.mark.slow)])
 def test_a_plant_that_began_before_its_record_goes_on_from_its_first_sample(stepper, tmp_path):
     """A dose an hour ago, and an input that was 2 until the first sample."""
     model = pf.equations(
@@ -70,7 +70,7 @@ def test_a_plant_that_began_before_its_record_goes_on_from_its_first_sample(step
     record = pf.Recording(
         t, {"u": pf.Signal(u), "y": pf.Signal(true + 0.01 * np.random.default_rng(1).normal(size=40))}
     )
-    answer = pf.fit(pf.Problem(model, record, stepper=stepper, **begin), budget=500)
+    answer = pf.fit(pf.Problem(model, record, stepper=stepper, **begin), "least_squares", budget=200)
     (file,) = export_plant(answer, "python", tmp_path)
     found = loaded(file).simulate(t, {"u": u})["y"]
     np.testing.assert_allclose(found, answer.predict()["y"], atol=2e-3)
@@ -201,7 +201,7 @@ def test_truths_add_up_as_numbers_and_whole_numbers_lose_their_places(u):
     assert "trunc(v" in straight_line(vector, "rate", "c", names).text("")
 
 
-@pytest.mark.parametrize("dead", [1.0, 1.37])
+@pytest.mark.parametrize("dead", [pytest.param(1.0, marks=pytest.mark.slow), 1.37])
 def test_an_output_that_reads_the_late_input_itself_follows_it_in_the_matrices(dead, tmp_path):
     pytest.importorskip("control", reason="python-control is not installed: the exported matrices are not run")
     text = "x' = (K*delay(u, L) - x)/tau\nz = x + 0.5*delay(u, L)"
@@ -287,7 +287,9 @@ HOSTILE = [
 ]
 
 
-@pytest.mark.parametrize("name", HOSTILE)
+@pytest.mark.parametrize(
+    "name", [HOSTILE[0], HOSTILE[1], *(pytest.param(n, marks=pytest.mark.slow) for n in HOSTILE[2:-1]), HOSTILE[-1]]
+)
 def test_names_of_users_stay_in_comments(heater, name, tmp_path):
     (given,) = heater.problem.experiments.values()
     scales = heater.problem.scales

@@ -93,7 +93,7 @@ def test_the_information_is_that_of_the_regression(motion):
 
 
 def test_a_short_search_finds_a_better_experiment_within_the_limits():
-    section = experiment_section(SHORT, moves=2, budget=150, records=0)
+    section = experiment_section(SHORT, moves=2, budget=60, records=0)
     assert "The log-determinant of the information grows by" in section["sentences"][1]
     assert np.prod([float(row[4]) for row in section["tables"][0]["rows"]]) > 2.0  # one may lose what the others win
     assert [r[0] for r in section["tables"][0]["rows"]] == list(NAMES)

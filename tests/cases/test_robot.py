@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-import plantfit.runtime  # noqa: F401
+import plantfit
+import plantfit.runtime
 from plantfit.cases.robot.demo import BUDGET, TRUTH, bench, tuned_on
 from plantfit.cases.robot.speed_loop import PERIOD, SAMPLES, SET_POINT, UPPER, fitness, objective, response
 from plantfit.optimize import minimise
@@ -82,14 +83,14 @@ def test_a_hundredth_of_the_loops_reaches_the_genetic_algorithms_end():
     assert sum(r.cost <= best for r in few) >= 5
 
 
+@pytest.mark.slow
 def test_kalman_filters_on_the_bench_hold_the_truth_and_smooth(tmp_path):
     from plantfit.cases.robot.kalman import filtered, kalman_section
     from plantfit.cases.shared.files import unpack
-    from plantfit.cases.shared.fitting import fit_file
 
     folder, run = unpack("robot", tmp_path), bench()
     run.save(folder)
-    answer = fit_file(folder / "motor.toml")
+    answer = plantfit.fit(plantfit.load(folder / "motor.toml").problem, budget=1000, seed=1)
     found = filtered(answer, MOTOR)
     section = kalman_section(found, run.exact)
     assert found.agree is True

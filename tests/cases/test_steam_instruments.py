@@ -14,7 +14,7 @@ def test_the_span_of_the_instruments_and_the_valve_scale_the_static_gain(tmp_pat
     SteamChamberRig().record(40, seed=1).save(tmp_path)
     shutil.copy(str(files("plantfit.cases.steam").joinpath("instruments.toml")), tmp_path)
     study = pf.load(tmp_path / "instruments.toml")
-    answer = pf.fit(study.problem, errors=study.errors, seed=1, budget=3000)
+    answer = pf.fit(study.problem, errors=study.errors, seed=1, budget=800)
     rows = {p["name"]: p for p in answer.findings["parameters"]}
     k, parts = rows["k"]["value"], rows["k"]["uncertainty"]["sources"]
     assert parts["transducer"] == pytest.approx(0.002 * k / np.sqrt(6), rel=1e-3)

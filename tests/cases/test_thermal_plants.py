@@ -32,6 +32,7 @@ def test_heater_dead_time_is_that_of_a_separate_program(folder):
     assert answer.values["tau"] == pytest.approx(138.1, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_dead_time_of_the_thermal_plant_is_not_told(folder):
     """Its residuals drift: they are worth four independent samples, for four parameters."""
     answer = fit_file(unpack("thermal", folder / "thermal") / "thermal.toml", method="least_squares")

@@ -10,7 +10,7 @@ from cli_call import call, heater
 
 from plantfit.recording import read_csv
 
-FEW = ("--budget", "300", "--draws", "2")
+FEW = ("--budget", "100", "--draws", "2")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,8 @@ def place(finished, tmp_path, monkeypatch, capsys):
     return tmp_path
 
 
-def test_an_input_within_limits_is_written_for_record_with_a_page(place, capsys, monkeypatch):
+@pytest.mark.parametrize("repeated", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_an_input_within_limits_is_written_for_record_with_a_page(repeated, place, capsys, monkeypatch):
     words = (
         "design",
         "heater.toml",
@@ -68,6 +69,8 @@ def test_an_input_within_limits_is_written_for_record_with_a_page(place, capsys,
     again = call(capsys, monkeypatch, *words, *FEW)
     assert again.code != 0
     assert "heater-next.csv exists already" in again.err
+    if not repeated:
+        return
     record = json.loads(call(capsys, monkeypatch, *words, *FEW, "--force", "--json").out)
     assert record["chosen"] == ["tau", "L"]
     assert record["limits"]["T"]["high"] == pytest.approx(45.0)

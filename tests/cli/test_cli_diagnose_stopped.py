@@ -15,7 +15,8 @@ from plantfit.trust.diagnosis import rounds
 
 
 def test_what_was_tried_is_told_and_written(tmp_path, capsys, monkeypatch):
-    write(PLANTS["first"], "dead_time", 0.01, 3, tmp_path)
+    place = write(PLANTS["first"], "dead_time", 0.01, 3, tmp_path)
+    place.write_text(place.read_text() + "[search]\nbudget = 600\n")
     monkeypatch.chdir(tmp_path)
     real, tried = rounds.tried, []
 
@@ -40,9 +41,10 @@ def test_what_was_tried_is_told_and_written(tmp_path, capsys, monkeypatch):
 
 
 def test_a_slow_drift_is_added_by_run(tmp_path, capsys, monkeypatch):
-    write(PLANTS["first"], "clean", 0.01, 3, tmp_path)
+    place = write(PLANTS["first"], "clean", 0.01, 3, tmp_path)
+    place.write_text(place.read_text() + "[search]\nbudget = 600\n")
     monkeypatch.chdir(tmp_path)
-    said = call(capsys, monkeypatch, "run", "study.toml", "--try", "slow drift of y")
+    said = call(capsys, monkeypatch, "run", "study.toml", "--no-diagnose", "--try", "slow drift of y")
     assert said.code == 0, said.err
     assert "slow_drift_y: smoothed" in said.out
     assert 'smooth = "reml"' in (tmp_path / "first-with-slow-drift-of-y.toml").read_text()

@@ -45,6 +45,12 @@ def test_check_and_predict(study, k, said, capsys, monkeypatch):
     assert (SAID in " ".join(found.out.split())) == said
     found = call(capsys, monkeypatch, "predict", str(study), "--set", f"k={k}", "-o", place)
     assert (SAID in " ".join(found.out.split())) == said
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("k", "said"), [("0.3", True), ("0.1", False)])
+def test_predict_as_json(study, k, said, capsys, monkeypatch):
+    place = str(study.with_name("o.csv"))
     record = call(capsys, monkeypatch, "predict", str(study), "--set", f"k={k}", "-o", place, "--json").record(
         "predict"
     )

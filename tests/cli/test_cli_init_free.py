@@ -16,7 +16,7 @@ def _written(tmp_path, monkeypatch, header, *columns):
     )
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("deg", 180 / np.pi), ("rad", 1.0)])
+@pytest.mark.parametrize(("unit", "factor"), [("deg", 180 / np.pi), pytest.param("rad", 1.0, marks=pytest.mark.slow)])
 def test_a_pendulum_that_was_let_go_is_fitted_at_large_angles(tmp_path, monkeypatch, capsys, unit, factor):
     t, x, v = 0.02 * np.arange(600), [1.1], 0.0
     for _ in range(599 * 50):  # symplectic Euler at 0.4 ms

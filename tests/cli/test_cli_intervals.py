@@ -18,16 +18,16 @@ def place(tmp_path, monkeypatch):
 
 
 def test_four_kinds_hold_the_truth_and_agree(place, capsys, monkeypatch):
-    words = ("intervals", "heater.toml", "--posterior", "--save-draws", "draws.nc", "--draws", "500", "--level", "99%")
+    words = ("intervals", "heater.toml", "--posterior", "--save-draws", "draws.nc", "--draws", "100", "--only", "tau,L")
     said = call(capsys, monkeypatch, *words)
     assert said.code == 0, said.err
-    assert "4 chains of 500 draws" in said.out
+    assert "4 chains of 100 draws" in said.out
     page = (place / "heater-intervals.html").read_text()
     assert "Profile and draws of tau" in page
     with h5netcdf.File("draws.nc", "r") as file:
         assert file["posterior"]["tau"].attrs["units"] == "s"
-        assert file["posterior"]["tau"].shape == (4, 500)
-        assert file["sample_stats"]["diverging"].shape == (4, 500)
+        assert file["posterior"]["tau"].shape == (4, 100)
+        assert file["sample_stats"]["diverging"].shape == (4, 100)
 
     words = ("intervals", "heater.toml", "--only", "tau,L", "--json")
     record = call(capsys, monkeypatch, *words).record("intervals")

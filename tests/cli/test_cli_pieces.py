@@ -5,6 +5,7 @@ import re
 import tomllib
 
 import numpy as np
+import pytest
 from cli_call import call
 from scipy.integrate import solve_ivp
 
@@ -22,12 +23,14 @@ outputs = ["y"]
 b = { bounds = [0.1, 10] }
 c = { bounds = [0.1, 10] }
 d = { bounds = [0.01, 1] }
+[search]
+budget = 600
 """
 
 
-def written(folder):
+def written(folder, until=80):
     """A double well driven into chaos (Holmes, Phil. Trans. R. Soc. A 292 (1979) 419): b 1, c 1, d 0.3, with noise."""
-    t = np.arange(0, 80, 0.1)
+    t = np.arange(0, until, 0.1)
     u = np.round(0.5 * np.cos(1.2 * t), 4)
     x, rows = np.array([1.0, 0.0]), []
     for now in u:
@@ -40,15 +43,22 @@ def written(folder):
     (folder / "well.toml").write_text(STUDY, "utf-8")
 
 
-def test_the_command_that_the_verdict_names_gives_the_truth(tmp_path, monkeypatch, capsys):
+@pytest.mark.slow
+def test_the_verdict_of_a_record_that_forgets_its_start_names_the_command(tmp_path, monkeypatch, capsys):
     written(tmp_path)
     monkeypatch.chdir(tmp_path)
-    whole = call(capsys, monkeypatch, "run", "well.toml")
+    whole = call(capsys, monkeypatch, "run", "well.toml", "--no-diagnose")
     assert "forgets its start" in whole.out
     named = re.search(r"`plantfit run well.toml --pieces (\d+)`", whole.out)
     assert named
     assert 2 <= int(named[1]) <= 40
-    said = call(capsys, monkeypatch, "run", "well.toml", "--pieces", "10", "--json")
+
+
+@pytest.mark.parametrize("until", [20, pytest.param(80, marks=pytest.mark.slow)])
+def test_the_command_that_the_verdict_names_gives_the_truth(until, tmp_path, monkeypatch, capsys):
+    written(tmp_path, until)
+    monkeypatch.chdir(tmp_path)
+    said = call(capsys, monkeypatch, "run", "well.toml", "--pieces", "10", "--no-diagnose", "--json")
     assert said.code == 0
     rows = {p["name"]: p for p in json.loads(said.out)["parameters"]}
     for name, truth in {"b": 1.0, "c": 1.0, "d": 0.3}.items():
@@ -58,7 +68,7 @@ def test_the_command_that_the_verdict_names_gives_the_truth(tmp_path, monkeypatc
 
 
 def test_a_file_in_its_place_is_not_overwritten_and_one_study_is_cut_at_a_time(tmp_path, monkeypatch, capsys):
-    written(tmp_path)
+    written(tmp_path, 20)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "well-in-pieces.toml").write_text('name = "mine"\n', "utf-8")
     said = call(capsys, monkeypatch, "run", "well.toml", "--pieces", "10")
@@ -69,6 +79,7 @@ def test_a_file_in_its_place_is_not_overwritten_and_one_study_is_cut_at_a_time(t
         said = call(capsys, monkeypatch, "run", *words, "--pieces", "10")
         assert said.code != 0
         assert "--pieces changes one study file" in said.err
+    assert sorted(p.name for p in tmp_path.glob("*.toml")) == ["well-in-pieces.toml", "well.toml"]  # none with a --try
 
 
 def test_what_is_odd_in_many_pieces_is_said_once(capsys):

@@ -44,7 +44,7 @@ def named(findings):
 @pytest.mark.parametrize(
     ("plant", "fault", "words"),
     [
-        ("first", "dead_time", "dead time of"),
+        pytest.param("first", "dead_time", "dead time of", marks=pytest.mark.slow),  # test_cli_diagnose.py has it too
         ("second", "coulomb", "dry friction of"),
         ("first", "sensor_high", "upper end at"),
     ],

@@ -51,7 +51,7 @@ def write(folder, shooting):
 def test_a_study_begins_where_shooting_ends(tmp_path, monkeypatch, capsys, shooting):
     monkeypatch.chdir(tmp_path)
     w = write(tmp_path, shooting)
-    said = call(capsys, monkeypatch, "run", "study.toml", "--json")
+    said = call(capsys, monkeypatch, "run", "study.toml", "--no-diagnose", "--json")
     assert said.code == 0, said.err
     found = {p["name"]: p["value"] for p in json.loads(said.out)["parameters"]}
     assert (abs(found["w"] - w) < 0.01) == bool(shooting)

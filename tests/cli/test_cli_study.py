@@ -134,7 +134,7 @@ def test_a_static_curve_counts_in_the_same_fit(folder, capsys, monkeypatch):
         '[degC]" }\n'
     )
     (folder / "both.toml").write_text(text + extra)
-    said = call(capsys, monkeypatch, "run", "both.toml", "--json")
+    said = call(capsys, monkeypatch, "run", "both.toml", "--no-diagnose", "--json")
     assert said.code == 0, said.err
     found = {p["name"]: p for p in json.loads(said.out)["parameters"]}
     assert abs(found["K"]["value"] - 0.8) < 0.002
@@ -145,7 +145,7 @@ def test_init_writes_a_study_that_runs(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "init", "heater.csv", "--out", "new.toml")
     assert said.code == 0, said.err
     assert call(capsys, monkeypatch, "init", "heater.csv", "--out", "new.toml").code == 7  # never overwrites
-    said = call(capsys, monkeypatch, "run", "new.toml", "--json")
+    said = call(capsys, monkeypatch, "run", "new.toml", "--no-diagnose", "--json")
     assert said.code == 0, said.err
     scores = {s["part"]: s["fit_percent"] for s in json.loads(said.out)["scores"]}
     assert scores["fit"] > 95
@@ -230,7 +230,7 @@ def test_no_store_and_no_study(folder, capsys, monkeypatch):
 
 
 def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeypatch):
-    more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso", "cmaes"]\nruns = 6\nbudget = 60000')
+    more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso"]\nruns = 6\nbudget = 60000')
     (folder / "heater.toml").write_text(more)
     child = subprocess.Popen(
         [sys.executable, "-c", "from plantfit.cli.main import run_cli; run_cli()", "run", "heater.toml"],
@@ -243,7 +243,7 @@ def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeyp
     while time.monotonic() < until and child.poll() is None:
         time.sleep(0.3)
         if (folder / "plantfit.db").exists() and Store.open("plantfit.db").studies():
-            time.sleep(1.5)
+            time.sleep(1.0)
             break
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=600)
@@ -252,7 +252,7 @@ def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeyp
     assert call(capsys, monkeypatch, "resume").code == 0
     assert call(capsys, monkeypatch, "run", "heater.toml", "--store", "whole.db").code == 0
     one, two = Store.open("plantfit.db").runs(1), Store.open("whole.db").runs(1)
-    assert len(one) == len(two) == 12
+    assert len(one) == len(two) == 6
     for a, b in zip(one, two, strict=True):
         assert (a.method, a.run, a.cost, a.evaluations) == (b.method, b.run, b.cost, b.evaluations)
         assert a.x.tobytes() == b.x.tobytes()

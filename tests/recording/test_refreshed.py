@@ -75,7 +75,7 @@ def test_the_line_takes_the_repeats_away_and_intervals_hold():
         "y' = (K*u - y)/tau", inputs=["u"], states={"y": {"initial": "y0"}}, outputs=["y"],
         parameters={"K": {"bounds": (0.1, 10.0)}, "tau": {"bounds": (0.1, 20.0)}, "y0": {"bounds": (-50.0, 50.0)}},
     )  # fmt: skip
-    for seed in range(5):
+    for seed in range(3):
         u, y = plant(seed)
         r = Recording(T, {"u": Signal(u), "y": Signal(np.repeat(y[::8], 8)[:N])}, "r")
         look = next(k for k in signal_looks(r, "y", True) if k.kind == "held")
@@ -84,8 +84,8 @@ def test_the_line_takes_the_repeats_away_and_intervals_hold():
         for name, recording in (("as it is", r), ("fresh", fresh)):
             row = fit(Problem(model, recording), budget=400, seed=1).findings["parameters"][1]
             held[name] += row["low"] <= 1.5 <= row["high"]
-    assert held["as it is"] <= 1
-    assert held["fresh"] >= 4
+    assert held["as it is"] == 0
+    assert held["fresh"] == 3
 
 
 @pytest.mark.parametrize(("every", "first"), [(1, 0), (2.5, 0), (4, 4), (4, -1), (True, 0)])

@@ -175,13 +175,14 @@ def test_a_period_tells_of_the_speed_at_its_end_not_of_half_a_step_ago():
     np.testing.assert_allclose(pulse / slowing.period[1:], speed[::-1][1:], atol=0.06)
 
 
-def test_errors_of_a_repeated_drive_come_back_unless_the_voltage_wanders():
+@pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+def test_errors_of_a_repeated_drive_come_back_unless_the_voltage_wanders(seeds):
     """Square waves of 5 s in which a motor settles: one settled reading says something of that 5 s later."""
 
     def correlation(wander):
         constants = {"Rm": 1.2, "Lm": 3e-3, "Kb": 0.05, "Kt": 0.05, "Jm": 4e-4, "Cm": 2e-4, "Tf": 4e-3}
         rig, pairs, size = replace(board_rig(constants), wander=wander), [], []
-        for seed in range(3):
+        for seed in range(seeds):
             run = rig.record(seed, board_excitation())
             speed = 2 * np.pi / rig.pulses / run.recording["Tp"]
             error = np.where(np.abs(run.exact["w"]) > 190.0, speed - run.exact["w"], np.nan)

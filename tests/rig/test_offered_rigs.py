@@ -249,7 +249,7 @@ def test_a_tuned_controller_drives_the_motor_by_what_its_encoder_says(tmp_path):
         assert record["V"][k] == pytest.approx(step * round(min(max(wanted, -9.0), 9.0) / step), abs=1e-9), k
 
 
-@pytest.mark.parametrize("kind", ["lqi", "mpc"])
+@pytest.mark.parametrize("kind", ["lqi", pytest.param("mpc", marks=pytest.mark.slow)])  # the board is driven by it
 def test_an_lqi_and_an_mpc_drive_the_motor_as_well(capsys, monkeypatch, tmp_path, kind):
     """By command: the voltages are those of the controller on the recorded readings, and its load takes friction
     away."""

@@ -1,6 +1,8 @@
 """A pendubot follows poses through its motor: as well as by the torque itself, worse with wrong constants, never
 beyond the bridge."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -66,7 +68,11 @@ def test_the_motion_between_samples_is_that_of_a_tight_solver():
         np.testing.assert_allclose(x[k + 1], after, atol=2e-8)
 
 
-def test_the_section_tells_the_runs_apart():
+def test_the_section_tells_the_runs_apart(monkeypatch):
+    monkeypatch.setattr(
+        "plantfit.cases.motor.tracking_section.PendubotTracking",
+        partial(PendubotTracking, duration=RIG.moves[-1].end + 1.0),
+    )
     section = tracking_section({n: TRUTH[n] for n in ("Rm", "Lm", "Kb", "Jm", "Cm", "Tf")}, TRUTH)
     rows = {row[0]: row[1:] for row in section["tables"][0]["rows"]}
     assert rows["identified"] == rows["true"]  # Kt is Kb where it is left out

@@ -96,7 +96,7 @@ def assert_driven_as_read(controller, got, truth):
     assert len(set(driven)) > 10
 
 
-@pytest.mark.parametrize("kind", ["lqi", "mpc"])
+@pytest.mark.parametrize("kind", [pytest.param("lqi", marks=pytest.mark.slow), "mpc"])
 def test_an_lqi_and_an_mpc_drive_the_board_as_well(capsys, monkeypatch, program, tmp_path, kind):
     """For the motor that the host's firmware simulates (firmware/host/sim_motor.c), without its winding and its dry
     friction."""

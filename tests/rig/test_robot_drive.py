@@ -108,8 +108,8 @@ def held(folder, seeds):
 
 
 def test_the_camera_tells_wheels_and_track(tmp_path):
-    # 9 intervals that hold in 95 %: 6 or fewer do in 0.8 % of all cases
-    assert held(tmp_path, (1, 2, 3)).sum() >= 7
+    # 3 intervals that hold in 95 %: 1 or none does in 0.7 % of all cases
+    assert held(tmp_path, (1,)).sum() >= 2
 
 
 @pytest.mark.slow

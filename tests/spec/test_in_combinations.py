@@ -33,7 +33,7 @@ def parameters(**bounds):
 
 def fitted(folder, text):
     study = spec.parse(text, folder / "plant.toml")
-    return study, fit(study.problem, seed=study.plan.seed)
+    return study, fit(study.problem, seed=study.plan.seed, budget=1000)
 
 
 def statuses(answer):
@@ -76,7 +76,7 @@ def test_parameters_without_units_give_combinations_without_units(tmp_path):
     new = spec.in_combinations(study, before.findings)
     assert set(new.made.values()) == {"K*c"}
     assert "unit" not in new.text[new.text.index("[parameters.K_c]") :]
-    after = fit(spec.parse(new.text, tmp_path / "combined.toml").problem, seed=1)
+    after = fit(spec.parse(new.text, tmp_path / "combined.toml").problem, seed=1, budget=1000)
     assert after.best.cost == pytest.approx(before.best.cost, rel=1e-6)
     assert after.values["K_c"] == pytest.approx(3.0 / 1.2, rel=0.02)
 

@@ -55,7 +55,7 @@ def write(tmp_path):
     return write
 
 
-@pytest.mark.parametrize("initial", ["y", "0"])
+@pytest.mark.parametrize("initial", ["y", pytest.param("0", marks=pytest.mark.slow)])
 def test_starts_lie_within_their_bounds(write, initial):
     """Of a state that begins at the measured output the noise of that sample does, of others the states of the plant
     do."""
@@ -87,7 +87,9 @@ def test_all_else_stays(write):
     assert found["parameters"]["start_v"] == {"per_recording": True}
 
 
-@pytest.mark.parametrize("given", ["split = 0.7", "fit = [0, 42]\nvalidate = [42, 60]"])
+@pytest.mark.parametrize(
+    "given", ["split = 0.7", pytest.param("fit = [0, 42]\nvalidate = [42, 60]", marks=pytest.mark.slow)]
+)
 def test_the_unseen_part_is_left_out(write, given):
     """`plantfit init` writes `split = 0.7`, and the verdict gives the command for such a file."""
     study = write(more=given)

@@ -1,5 +1,7 @@
 """The table [regression] of a study file: against a drive whose constants are known, and what is said of mistakes."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -45,6 +47,7 @@ constants = { k = "2.5 N/V" }
 """
 
 
+@cache
 def drive(seed, error=2e-4, noise=0.02, seconds=12.0):
     """A mass whose controller reads a noisy sensor (`error` m rms): force 2.5 N/V, exact steps of the linear plant
     under a held voltage."""
@@ -97,13 +100,13 @@ def test_a_free_joint_with_friction_does_not_draw_coefficients_to_zero(tmp_path)
     """Its torque is zero, which zero coefficients explain exactly: weights by residuals led there in a third of
     these records."""
     inside = []
-    for seed in range(2000, 2012):
+    for seed in range(2000, 2008):
         made = record_rig("pendubot", {"l1": 0.25, "Fc1": 5e-3}, seed=seed)
         found = pf.regress(made.save(tmp_path / "run.csv", study=True, force=True)["study"])
         truth = np.array([made.truth["determined"][n]["value"] for n in found.best.names])
         inside.append((found.best.low <= truth) & (truth <= found.best.high))
         assert found.values["b5"] == pytest.approx(0.015, rel=0.3)
-    assert np.sum(inside, axis=0).min() >= 9  # of 12 at 95 %: fewer once in 5000
+    assert np.sum(inside, axis=0).min() >= 5  # of 8 at 95 %: fewer once in 2700
 
 
 def test_a_held_coefficient_is_subtracted_and_the_others_follow(tmp_path):

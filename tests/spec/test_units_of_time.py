@@ -55,8 +55,12 @@ TEXT = {
 TRUTH = {"s": TAU, "no unit": TAU, "min, converted": TAU / 60, "1/h, converted": 3600 / TAU}
 
 
-@pytest.mark.parametrize("unit", ["s", "min"])
-@pytest.mark.parametrize("what", TEXT)
+SOME = [("s", "s"), ("no unit", "min"), ("min, converted", "s"), ("1/h, converted", "min")]
+
+
+@pytest.mark.parametrize(("what", "unit"), [
+    pytest.param(w, u, marks=() if (w, u) in SOME else pytest.mark.slow) for w in TEXT for u in ("s", "min")
+])  # fmt: skip
 def test_equations_fit_the_truth_in_the_unit_that_is_told(what, unit, tmp_path):
     recorded(tmp_path, unit)
     model, parameters = TEXT[what]
@@ -66,7 +70,10 @@ def test_equations_fit_the_truth_in_the_unit_that_is_told(what, unit, tmp_path):
     assert values["K"] == pytest.approx(K, rel=2e-3)
 
 
-@pytest.mark.parametrize(("unit", "own"), [("s", "min"), ("min", "h"), ("day", "week"), ("ms", "s")])
+@pytest.mark.parametrize(
+    ("unit", "own"),
+    [("s", "min"), ("ms", "s"), *(pytest.param(*p, marks=pytest.mark.slow) for p in (("min", "h"), ("day", "week")))],
+)
 def test_a_library_model_converts_to_seconds_and_tells_them(unit, own, tmp_path):
     recorded(tmp_path, unit)
     low, high = (v / SECONDS[own] for v in (10, 1000))

@@ -126,6 +126,7 @@ def test_an_address_that_is_none_and_dask_missing(monkeypatch):
         pass
 
 
+@pytest.mark.slow
 def test_a_local_worker_that_dask_has_given_up_comes_back(tmp_path):
     """It was the last one, and the study waited for ever."""
     store, gone, limit = Store.open(tmp_path / "study.db"), [], time.monotonic() + 120.0

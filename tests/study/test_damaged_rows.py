@@ -46,6 +46,7 @@ def test_columns_of_another_kind_are_said_or_read(table, column, place):
     for value in VALUES:
         with sqlite3.connect(place) as connection:
             connection.execute(f"UPDATE {table} SET {column} = ?", (value,))
+        store = Store.open(place)
         for read in (
             lambda s: s.studies(),
             lambda s: s.plan(1),
@@ -54,7 +55,7 @@ def test_columns_of_another_kind_are_said_or_read(table, column, place):
         ):
             said = ""
             try:
-                read(Store.open(place))
+                read(store)
             except PlantfitError as error:
                 said = str(error)
             assert len(said) < 900

@@ -14,7 +14,7 @@ from plantfit.study import Store, resume, run
 
 HERE = Path(__file__).parent
 ROOM = 16_000  # bytes that the database may grow: a few of the runs, with or without checkpoints beside them
-LONG = dataclasses.replace(PLAN, runs=30)
+LONG = dataclasses.replace(PLAN, runs=12)
 
 SCRIPT = """
 import resource, signal, sys

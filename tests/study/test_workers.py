@@ -33,7 +33,7 @@ def pids(store, study_id):
     return {int(h.worker.split("|")[1]) for h in store.held(study_id)}
 
 
-@pytest.mark.parametrize("workers", [pytest.param(2, marks=pytest.mark.slow), 4])
+@pytest.mark.parametrize("workers", [2, pytest.param(4, marks=pytest.mark.slow)])
 def test_more_workers_change_no_bit(tmp_path, workers):
     store, said, seen = Store.open(tmp_path / "study.db"), [], set()
     study_id = begun(store, delay=0.01)

@@ -28,6 +28,8 @@ def run(
     from plantfit import spec as specs
 
     worker_count(workers, scheduler)  # what cannot work is said before anything is read
+    if pieces is not None and (len(paths) > 1 or additions):
+        raise SpecError("--pieces changes one study file; give one, without --try.")
     if additions:
         if len(paths) > 1:
             raise SpecError("--try changes one study file; give one, or run the others by themselves.")
@@ -37,8 +39,6 @@ def run(
         if not json:
             out.print(f"Runs {paths[0]}, the study file with {' and '.join(additions)}.", markup=False)
     if pieces is not None:
-        if len(paths) > 1 or additions:
-            raise SpecError("--pieces changes one study file; give one, without --try.")
         from plantfit.cli.commands.fit.pieces import cut
 
         paths = [cut(paths[0], pieces, json)]
