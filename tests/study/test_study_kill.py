@@ -50,7 +50,6 @@ def kill_after_new_checkpoint(store):
     return child.returncode
 
 
-@pytest.mark.slow  # a parent and its helper are killed by a fast test of test_workers.py
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL, which this system lacks")
 def test_three_kills_change_no_bit(tmp_path):
     store = Store.open(tmp_path / "killed.db")
