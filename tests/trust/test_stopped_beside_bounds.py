@@ -57,7 +57,8 @@ LAWS = {
 
 
 def friction(law, key):
-    """What a fit says of b beside k and R, which leave the box together; the number that the data know with it; b."""
+    """What a fit says of b beside k and R, which leave the box together; the number that the data know with it; the
+    truth; the combinations that the data determine."""
     text, known = LAWS[law]
     rng = np.random.default_rng([key, 7])
     p = {n: float(np.exp(rng.uniform(np.log(0.1), np.log(10.0)))) for n in ("k", "R", "b")}
@@ -70,22 +71,50 @@ def friction(law, key):
     }
     model = equations(text, inputs=["u", "v"], outputs=["y"], parameters=list(p))
     record = Recording(np.arange(200.0), {"u": Signal(u), "v": Signal(v), "y": Signal(y)})
-    row = {r["name"]: r for r in fit(Problem(model, record, box), seed=key).findings["parameters"]}["b"]
-    return row, known(**p), p["b"]
+    findings = fit(Problem(model, record, box), seed=key).findings
+    row = {r["name"]: r for r in findings["parameters"]}["b"]
+    return row, known(**p), p, findings["determined"]["combinations"]
 
 
 @pytest.mark.parametrize("key", [6, 18, *(pytest.param(k, marks=pytest.mark.slow) for k in (8, 10, 22))])
 @pytest.mark.parametrize("law", ["square", "inverse"])
 def test_a_rest_ends_where_two_others_leave_the_box_together(law, key):
     """It was "any value above 0": a resistance near zero changes anything, and its motor constant takes it back."""
-    row, most, truth = friction(law, key)
+    row, most, truth, _ = friction(law, key)
     assert row["status"] != "flat"
-    assert truth < row["high"]
+    assert truth["b"] < row["high"]
     assert 0.95 * most < row["high"] < 1.5 * most
 
 
 @pytest.mark.parametrize("key", [0, 3, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 4, 5))])
 @pytest.mark.parametrize("law", ["divided", "product"])
 def test_what_goes_with_two_others_stays_open(law, key):
-    row, _, _ = friction(law, key)
+    row, *_ = friction(law, key)
     assert row["status"] == "flat"
+
+
+@pytest.mark.parametrize("key", [3, 6, *(pytest.param(k, marks=pytest.mark.slow) for k in (7, 8, 10, 18))])
+def test_a_sum_whose_factor_is_a_ratio_is_named_in_as_many_digits_as_it_needs(key):
+    """k/R and k*k/R + b are known, so k + (R/k)*b is: with three digits of R/k it was called neither product nor
+    sum."""
+    _, known, truth, found = friction("square", key)
+    ratio = truth["R"] / truth["k"]
+    [total] = [c for c in found if not c["product"]]
+    assert set(total["weights"]) in ({"k", "b"}, {"R", "b"})
+    other = next(n for n in total["weights"] if n != "b")
+    factor = total["weights"]["b"] / total["weights"][other]
+    scale = 1.0 if other == "k" else ratio  # of R + R*R/(k*k)*b
+    assert factor == pytest.approx(scale * ratio, rel=0.02)
+    assert total["value"] / total["weights"][other] == pytest.approx(scale * known * ratio, rel=0.02)
+    assert 0.0 < total["standard_error"] < 0.02 * abs(total["value"])
+
+
+def test_what_is_neither_product_nor_sum_is_not_named():
+    """(k - R)^2 + b alone is known."""
+    u, v = np.random.default_rng(3).normal(size=(2, 200))
+    y = 2.0 * v + 0.01 * np.random.default_rng(4).normal(size=200)  # (k - R)^2 + b = 2
+    model = equations("y = ((k - R)^2 + b)*v + 0*u", inputs=["u", "v"], outputs=["y"], parameters=["k", "R", "b"])
+    record = Recording(np.arange(200.0), {"u": Signal(u), "v": Signal(v), "y": Signal(y)})
+    box = {n: Parameter((0.0, 4.0)) for n in ("k", "R", "b")}
+    found = fit(Problem(model, record, box), seed=1).findings["determined"]
+    assert found["combinations"] == []

@@ -23,7 +23,8 @@ WIDER = 1.2  # times that an interval is wider by measured initial values, from 
 HEAVY = 0.05  # weight, or weight times reach, of the largest, from which on a parameter belongs to a combination
 POWERS = (1.0, 2.0, 0.5, 3.0, 1.5)  # exponents that a product may have
 ALIKE = 1e-3  # relative, to which weights are equal
-LOOSE = 2.0  # times the least standard error that a rounded exponent may cost
+LOOSE = 2.0  # times the least standard error that a rounded exponent or factor may cost
+DIGITS = (3, 4, 5, 6)  # of a factor in a sum, the fewest that do
 MANY = 30  # undetermined parameters from which on nothing is named
 NOTHING = 1e-150  # a singular value that is none
 
@@ -50,7 +51,7 @@ class Combination:
             down = [_power(n, -w) for n, w in own if w < 0]
             below = "*".join(down) if len(down) == 1 else f"({'*'.join(down)})"
             return up + (f"/{below}" if down else "")
-        parts = [f"{'-' if w < 0 else '+'} {'' if abs(abs(w) - 1) < 5e-4 else f'{abs(w):.3g}*'}{n}" for n, w in own]
+        parts = [f"{'-' if w < 0 else '+'} {'' if abs(abs(w) - 1) < 5e-4 else f'{abs(w):.6g}*'}{n}" for n, w in own]
         return " ".join(parts).removeprefix("+ ")
 
 
@@ -230,18 +231,26 @@ def _product(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: 
 
 def _sum(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray) -> Combination | None:
     at = list(places)
-    factors = weights / linear.size[at]
-    factors = factors / factors[np.flatnonzero(np.abs(weights) > (1.0 - ALIKE) * np.max(np.abs(weights)))[0]]
-    factors = np.array(
-        [float(np.round(f)) if f and abs(f - np.round(f)) < 5e-4 * abs(f) else float(f"{f:.3g}") for f in factors]
-    )
+    exact = weights / linear.size[at]
+    exact = exact / exact[np.flatnonzero(np.abs(weights) > (1.0 - ALIKE) * np.max(np.abs(weights)))[0]]
+    least = float(np.sqrt(_variance(linear, at, exact * linear.size[at])))
+    for digits in DIGITS:
+        factors = np.array([_rounded(f, digits) for f in exact])
+        error = float(np.sqrt(_variance(linear, at, factors * linear.size[at])))
+        if error <= LOOSE * least:
+            break
+        # along an open direction the linear problem goes on for ever, and the points that were met do not
+        if float(np.ptp(cloud[:, at] @ (factors - exact))) <= least:
+            error = least
+            break
     values = cloud[:, at] @ factors
-    if values[0] == 0.0:
-        return None
-    own = factors * linear.size[at]
-    return _combination(
-        linear, places, factors, False, values, float(np.sqrt(_variance(linear, at, own))) / abs(values[0])
-    )
+    return None if values[0] == 0.0 else _combination(linear, places, factors, False, values, error / abs(values[0]))
+
+
+def _rounded(factor: float, digits: int) -> float:
+    """A factor of a sum in so many digits, and a whole number where it is nearly one."""
+    whole = float(np.round(factor))
+    return whole if factor and abs(factor - whole) < 5e-4 * abs(factor) else float(f"{factor:.{digits}g}")
 
 
 def _variance(linear: Linear, places: Sequence[int], weights: np.ndarray) -> float:
