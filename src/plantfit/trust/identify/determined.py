@@ -234,6 +234,7 @@ def _sum(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.n
     exact = weights / linear.size[at]
     exact = exact / exact[np.flatnonzero(np.abs(weights) > (1.0 - ALIKE) * np.max(np.abs(weights)))[0]]
     least = float(np.sqrt(_variance(linear, at, exact * linear.size[at])))
+    factors, error = exact, np.inf
     for digits in DIGITS:
         factors = np.array([_rounded(f, digits) for f in exact])
         error = float(np.sqrt(_variance(linear, at, factors * linear.size[at])))
