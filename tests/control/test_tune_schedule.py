@@ -193,6 +193,7 @@ def test_levels_that_keep_their_limits_as_one_schedule_are_left_alone(levels):
         assert [float(g[k]) for g in schedule.gains] == pytest.approx(list(design.best.gains), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_levels_that_miss_them_as_one_schedule_are_searched_together(levels):
     """The gain of the second level is four times what it should be, and a step to the first ends between both."""
     space = levels[1].best.form.space

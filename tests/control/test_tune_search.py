@@ -45,10 +45,7 @@ def speed(design: LoopDesign, name: str) -> float:
     return 0.5 * (own.iae / simc.iae + own.load_iae / simc.load_iae)
 
 
-SLOW = [pytest.param(values, marks=pytest.mark.slow) for values in (SHORT, TWICE)]
-
-
-@pytest.mark.parametrize("values", [LONG, *SLOW])
+@pytest.mark.parametrize("values", [pytest.param(values, marks=pytest.mark.slow) for values in (LONG, SHORT, TWICE)])
 def test_three_seeds_end_at_the_same_controllers(values):
     """With 200 candidates in generations of 8 these were up to 16 % apart, one of them SIMC itself."""
     designs = [tuned(values, seed) for seed in (1, 2, 3)]

@@ -131,9 +131,10 @@ def ends(found, name):
 TRUTH = {"K": 1.7, "tau": 30.0, "c": 22.0}
 
 
-def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_lacks_is_told():
+@pytest.mark.parametrize(("right", "wrong"), [(9, 3), pytest.param(24, 8, marks=pytest.mark.slow)])
+def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_lacks_is_told(right, wrong):
     held, errors, alarms = [], [], 0
-    for seed in range(24):
+    for seed in range(right):
         answer = pf.fit(oven(seed, correlation=0.9, n=600), runs=1, seed=seed)
         found = generalised_least_squares(answer.problem, answer.values)
         estimate = found.estimated[0]
@@ -148,13 +149,13 @@ def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_
     assert np.all(own < 1.05 * least)
     assert alarms <= 2
     told = 0
-    for seed in range(8):
+    for seed in range(wrong):
         answer = pf.fit(oven(seed, correlation=0.5, second=5.0, n=400), runs=1, seed=seed)
         found = generalised_least_squares(answer.problem, answer.values)
         slow = found.noises[0].independent < FEW
         assert (found.estimated[1]["K"][0] is None) == slow
         told += slow or (found.differs is not None and found.differs.differs)
-    assert told >= 7
+    assert told >= wrong - 1
 
 
 def test_white_noise_leaves_the_answer_where_least_squares_has_it():
@@ -220,9 +221,10 @@ def test_a_gap_and_two_recordings_with_weights_and_units_of_their_own():
     assert found.noises[0].correlation == pytest.approx(0.9, abs=0.1)
 
 
-def test_edges_of_a_disc_are_estimated_with_the_parameters():
+@pytest.mark.parametrize("seeds", [(2, 3), pytest.param(range(6), marks=pytest.mark.slow)])
+def test_edges_of_a_disc_are_estimated_with_the_parameters(seeds):
     held, ratios = [], []
-    for seed in range(6):
+    for seed in seeds:
         answer = pf.fit(encoder(seed), runs=1).by_least_squares
         found = generalised_least_squares(answer.problem, answer.values)
         [noise] = found.noises
@@ -232,7 +234,7 @@ def test_edges_of_a_disc_are_estimated_with_the_parameters():
             low, high = ends(found, n)
             held.append(low <= v <= high)
         ratios.append(found.estimated[0].standard_error / list(answer.standard_errors.values()))
-    assert sum(held) >= 10
+    assert sum(held) >= 0.75 * len(held)
     assert np.all(np.median(ratios, axis=0) < 0.5)
     alone = pf.fit(encoder(1, correlated=False), runs=1).by_least_squares
     assert generalised_least_squares(alone.problem, alone.values).noises[0].form is None

@@ -64,9 +64,10 @@ def test_the_shares_of_all_looks_add_up_to_the_stated_rate():
     assert np.sum(1 / (n * np.log(n) ** 2)) + rest == pytest.approx(SUM, abs=1e-4)
 
 
-def test_a_healthy_plant_raises_no_alarm_and_is_followed(tracker):
+@pytest.mark.parametrize("seeds", [8, pytest.param(20, marks=pytest.mark.slow)])
+def test_a_healthy_plant_raises_no_alarm_and_is_followed(tracker, seeds):
     count = 0
-    for seed in range(20):
+    for seed in range(seeds):
         count += bool(fed(tracker, lag.record(400 + seed, 1500, hold=(1, 15)[seed % 2])).alarms)
     assert count <= 1
     last = tracker.rows[-1]
@@ -163,9 +164,10 @@ def late():
     return pf.track(lag.problem(lag.record(41, 500, lag.LATE, before=lag.LATE), late=True), false_alarm=0.01)
 
 
-def test_a_plant_with_a_dead_time_is_tracked_and_the_dead_time_watched(late):
+@pytest.mark.parametrize("seeds", [4, pytest.param(10, marks=pytest.mark.slow)])
+def test_a_plant_with_a_dead_time_is_tracked_and_the_dead_time_watched(late, seeds):
     assert late.watched == ["K", "tau", "L"]
-    count = sum(bool(fed(late, lag.record(400 + s, 1000, lag.LATE, hold=(4, 15)[s % 2])).alarms) for s in range(10))
+    count = sum(bool(fed(late, lag.record(400 + s, 1000, lag.LATE, hold=(4, 15)[s % 2])).alarms) for s in range(seeds))
     assert count <= 1
     first = late.rows[0]["t"]
     # what came before is not known for one dead time
@@ -290,7 +292,13 @@ def oven():
 
 @pytest.mark.parametrize(
     ("name", "change"),
-    [("T0", 5.0), ("T0", -5.0), ("T0", 15.0), ("Td", 15.0), ("Td", -10.0), ("K", 0.08), ("K", -0.3), ("tau", 80.0)],
+    [
+        ("T0", 5.0),
+        ("Td", -10.0),
+        ("K", -0.3),
+        ("tau", 80.0),
+        *(pytest.param(*p, marks=pytest.mark.slow) for p in (("T0", -5.0), ("T0", 15.0), ("Td", 15.0), ("K", 0.08))),
+    ],
 )
 def test_the_changed_parameter_is_told_from_the_others(oven, name, change):
     """A first block of a few samples shows a ramp, which each of the four makes: the alarm names all that explain it,

@@ -210,7 +210,8 @@ def test_a_small_drift_beside_an_input_of_few_levels_is_no_backlash():
     assert found >= 2
 
 
-@pytest.mark.parametrize("fault", [pytest.param({"play": 0.2}, marks=pytest.mark.slow), {"offset": 0.1}])
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", [{"play": 0.2}, {"offset": 0.1}])
 def test_what_is_backlash_or_an_offset_has_no_drift_beside_it(fault):
     sure = 0
     for seed in range(5):
