@@ -30,3 +30,13 @@ def test_a_line_is_determined_and_a_product_is_not():
     assert all(0.7 < r["width"] < 1.4 for r in line)
     holm(line)
     assert "| line | a | 3 | 100 % |" in report(line)
+
+
+def test_what_scales_with_others_is_not_said_to_have_a_least_value():
+    """A motor by voltage and speed: Kt, Jm, Cm and Tf grow together, and Rm and Lm with Kt. "Cm is at least 3.33e-10"
+    was where its range was no longer followed."""
+    for found in fits("motor by speed", [6, 8, 9]):
+        rows = found
+        opened = {n: row for n, row in rows.items() if row[0] == "flat"}
+        assert len(opened) >= 3
+        assert all(low == 0.0 for _, low, *_ in opened.values()), opened

@@ -19,6 +19,7 @@ STEPS = 8  # of one refit
 SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
 SMALL = 1e-5  # damping of the others, relative to the largest derivative
 PROBES = 12  # refits for one end
+CLOSE = 0.3  # of an end's distance: how near it has to be found by what wider rooms tell
 NEAR = 0.15  # of an end's distance: how near it is found where the linear problem was wrong
 ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which it is taken as found
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
@@ -89,6 +90,10 @@ class Followed:
         """The range of coordinate i."""
         self.met = []
         ends = [self._end(i, sign) for sign in (-1.0, 1.0)]
+        for side in (0, 1):
+            # beside an open end, a refit at the edge of the room that did not come down is rather one that was lost
+            if ends[1 - side] == self.limits[i][1 - side] and ends[side] == self._value(i, float(side)):
+                ends[side] = float(self.limits[i][side])
         return Range(min(ends[0], self.linear.values[i]), max(ends[1], self.linear.values[i]), list(self.met))
 
     def narrow(self, i: int, found: Range) -> bool:
@@ -282,6 +287,9 @@ class Followed:
                     break
             at, start = self._next(here, edge, inside, outside), None
         if outside is not None:
+            if outside.held and abs(outside.at - inside.at) > CLOSE * abs(outside.at - here):
+                # a refit that was lost far away is held there, too
+                return float(self.limits[i][1 if sign > 0 else 0])
             if inside.leans and self._beyond_bounds(i, inside):
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
             near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
