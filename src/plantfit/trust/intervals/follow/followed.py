@@ -19,7 +19,8 @@ STEPS = 8  # of one refit
 SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
 SMALL = 1e-5  # damping of the others, relative to the largest derivative
 PROBES = 12  # refits for one end
-CLOSE = 0.3  # of an end's distance: how near it has to be found by what wider rooms tell
+# of an end's distance, and times its distance from a physical limit: how near it has to be found by wider rooms
+CLOSE, NEARER = 0.3, 2.0
 NEAR = 0.15  # of an end's distance: how near it is found where the linear problem was wrong
 ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which it is taken as found
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
@@ -287,7 +288,7 @@ class Followed:
                     break
             at, start = self._next(here, edge, inside, outside), None
         if outside is not None:
-            if outside.held and abs(outside.at - inside.at) > CLOSE * abs(outside.at - here):
+            if outside.held and not self._close(i, sign, inside, outside):
                 # a refit that was lost far away is held there, too
                 return float(self.limits[i][1 if sign > 0 else 0])
             if inside.leans and self._beyond_bounds(i, inside):
@@ -343,6 +344,14 @@ class Followed:
                 return self._value(i, outside.at)
             at = self._next(here, edge, inside, outside)
         return limit
+
+    def _close(self, i: int, sign: float, inside: "Place", outside: "Place") -> bool:
+        """Whether an end that lies between both places is found well enough, also by its distance from a physical
+        limit."""
+        limit = float(self.limits[i][1 if sign > 0 else 0])
+        last, next_one = (abs(self._value(i, p.at) - limit) for p in (inside, outside))
+        apart = abs(outside.at - inside.at) <= CLOSE * abs(outside.at - float(self.z[i]))
+        return apart and (not np.isfinite(limit) or last <= NEARER * next_one)
 
     def _beyond_bounds(self, i: int, place: "Place") -> bool:
         """Whether coordinate i has left the bounds of the search."""
