@@ -1,5 +1,7 @@
 """Ranges of what is measured, beside parameters that the data leave open and that stand on bounds of the search."""
 
+from typing import Literal
+
 import numpy as np
 import pytest
 
@@ -57,7 +59,7 @@ LAWS = {
 }
 
 
-def friction(law, key, scale="log"):
+def friction(law, key, scale: Literal["linear", "log"] = "log"):
     """What a fit says of b beside k and R, which leave the box together; the number that the data know with it; the
     truth; the combinations that the data determine."""
     text, known = LAWS[law]
@@ -125,7 +127,7 @@ def test_what_is_neither_product_nor_sum_is_not_named():
 def test_most_rests_have_an_end_and_what_goes_with_others_hardly_ever():
     """The figures of docs/identifiability.md: 16 plants of each law, boxes in logarithms and not."""
     flat = {
-        law: sum(friction(law, key, ("log", "linear")[key % 2])[0]["status"] == "flat" for key in range(8, 24))
+        law: sum(friction(law, key, "linear" if key % 2 else "log")[0]["status"] == "flat" for key in range(8, 24))
         for law in LAWS
     }
     assert flat["divided"] == 16
