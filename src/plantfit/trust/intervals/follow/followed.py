@@ -25,7 +25,7 @@ NEAR = 0.15  # of an end's distance: how near it is found where the linear probl
 ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which it is taken as found
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
 WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
-CLIFF = 10.0  # growth over the threshold where a parabola from the last place inside would have much less
+CLIFF = 10.0  # times the growth at the last place inside: near to it a parabola has much less
 BETWEEN = 6  # places between the ends of a wide range that are looked at
 FURTHER = 1.3  # times the distance of an end at which it is tried from elsewhere whether the range goes on
 # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
@@ -275,11 +275,10 @@ class Followed:
                     if found.leans
                     else self._beyond(i, sign, found.share, end)
                 )
-            near = outside is not None and abs(outside.at - inside.at) <= NEAR * abs(outside.at - here)
             if self.left <= 0:
                 break
-            if near and outside is not None:
-                if outside.share < CLIFF or (inside.share > 0.1 and not inside.leans):
+            if outside is not None and self._near(i, inside, outside):
+                if not self._cliff(inside, outside):
                     break
                 if outside.at != again:  # a refit from far away may have ended in another valley
                     again, at, start, outside = outside.at, outside.at, None, None
@@ -291,10 +290,14 @@ class Followed:
             if outside.held and not self._close(i, sign, inside, outside):
                 # a refit that was lost far away is held there, too
                 return float(self.limits[i][1 if sign > 0 else 0])
+            near, close = self._near(i, inside, outside), self._close(i, sign, inside, outside)
+            lost = self._cliff(inside, outside) and self._beyond_bounds(i, inside) and not (near and close)
+            if lost or self._falls_beyond(i, outside):
+                return float(self.limits[i][1 if sign > 0 else 0])
             if inside.leans and self._beyond_bounds(i, inside):
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
-            near = abs(outside.at - inside.at) <= NEAR * abs(outside.at - here) or inside.share > 0.25
-            return self._value(i, self._between(inside, outside) if near else outside.at)
+            found = near or inside.share > 0.25
+            return self._value(i, self._between(inside, outside) if found else outside.at)
         return self._unstopped(i, sign, inside, end)
 
     def _unstopped(self, i: int, sign: float, inside: "Place", end: float) -> float:
@@ -344,6 +347,16 @@ class Followed:
                 return self._value(i, outside.at)
             at = self._next(here, edge, inside, outside)
         return limit
+
+    def _near(self, i: int, inside: "Place", outside: "Place") -> bool:
+        """Whether both places are near each other beside their way from the answer."""
+        return abs(outside.at - inside.at) <= NEAR * abs(outside.at - float(self.z[i]))
+
+    @staticmethod
+    def _cliff(inside: "Place", outside: "Place") -> bool:
+        """Whether the growth beyond the last place inside is steeper than that of a parabola by far, as it is where a
+        refit was lost."""
+        return outside.share > CLIFF * inside.share
 
     def _close(self, i: int, sign: float, inside: "Place", outside: "Place") -> bool:
         """Whether an end that lies between both places is found well enough, also by its distance from a physical
@@ -492,6 +505,27 @@ class Followed:
             before = found
         self.tries[side] -= not held
         return held
+
+    def _falls_beyond(self, i: int, outside: Place) -> bool:
+        """Whether a place outside of a range, with others on edges of the room, comes down into it in wider rooms: the
+        room set this end, and not the data."""
+        walk: Followed = self
+        for _ in range(LEVELS if self.tries is not None else 0):
+            if not walk._on_edges(i, outside):
+                return False
+            start = walk.room.outer(outside.point)
+            walk = walk._wider(i)
+            found = walk._grown(i, float(walk.room.inner(start)[i]), walk.room.inner(start))
+            if found is None or found.share <= 1.0:
+                return found is not None
+            outside = found
+        return False
+
+    def _on_edges(self, i: int, place: Place) -> bool:
+        """Whether others than coordinate i are on edges of the room that lie beyond the bounds of the search."""
+        space, on = self.problem.space, np.abs(place.point - 0.5) >= 0.5 - EDGE
+        beyond = np.where(place.point < 0.5, self.lower < space.lower, self.upper > space.upper)
+        return bool(np.any(on & beyond & (np.arange(len(on)) != i)))
 
     def _wider(self, i: int) -> "Followed":
         """The same in a room that is wider for all coordinates but i."""
