@@ -89,7 +89,7 @@ def test_a_rest_ends_where_two_others_leave_the_box_together(law, key):
     assert 0.95 * most < row["high"] < 1.5 * most
 
 
-@pytest.mark.parametrize("key", [0, 3, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 4, 5))])
+@pytest.mark.parametrize("key", [0, 3, 17, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2, 4, 5, 27, 39))])
 @pytest.mark.parametrize("law", ["divided", "product"])
 def test_what_goes_with_two_others_stays_open(law, key):
     row, *_ = friction(law, key)
@@ -131,5 +131,5 @@ def test_most_rests_have_an_end_and_what_goes_with_others_hardly_ever():
         for law in LAWS
     }
     assert flat["divided"] == 16
-    assert flat["product"] >= 14  # refits may be lost in boxes that are not in logarithms
+    assert flat["product"] >= 15  # one stands at its bound, without an end
     assert 48 - flat["square"] - flat["cube"] - flat["inverse"] >= 34, flat

@@ -2,22 +2,16 @@
 compared."""
 
 from collections.abc import Sequence
-from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from scipy.optimize import lsq_linear
 
 import plantfit.runtime  # noqa: F401
-from plantfit.optimize.local.separable import Block, usable
-from plantfit.problem.evaluate import points
 from plantfit.problem.problem import Problem
-from plantfit.trust.intervals.follow.room import Room
+from plantfit.trust.intervals.follow.refits import ENOUGH, STEPS, Place, Refits
 from plantfit.trust.intervals.ranges import EDGE, Linear, Range, linear_end
 
-STEPS = 8  # of one refit
 SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
-SMALL = 1e-5  # damping of the others, relative to the largest derivative
 PROBES = 12  # refits for one end
 # of an end's distance, and times its distance from a physical limit: how near it has to be found by wider rooms
 CLOSE, NEARER = 0.3, 2.0
@@ -32,60 +26,20 @@ FURTHER = 1.3  # times the distance of an end at which it is tried from elsewher
 BEYOND = 1.5
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
 AROUND = 4  # refits to each side of another answer
-INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
-FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
-WIDER, LEVELS = 4, 3  # tries of wider rooms for one end, and how many rooms one try goes through
-FALLS = 0.5  # of a growth over the threshold: one that keeps more in a wider room does not come down to it
-ENOUGH = 0.5  # of the threshold: a refit that has come so far is inside
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 FARTHER = 10.0  # times the way so far at which it is tried whether the data stop a range that leans on a bound
 
 
-@dataclass(frozen=True)
-class Place:
-    """One coordinate held `at` a place of its edge of the cube, the others fitted anew.
-
-    `share`: growth of the sum of squares over the threshold; `point` (d,), `residuals` (k,), `jacobian` (k, d) there.
-    `settled`: the refit cannot fall noticeably further; `leans`: on a bound that is no physical limit, and could fall
-    to the threshold beyond it; `limited`: where it leans, physics sets a limit somewhere beyond. `stopped`: it costs
-    more than the threshold wherever the coordinates on bounds may go, and `held`: that was tried in wider rooms.
-    """
-
-    at: float
-    share: float
-    point: np.ndarray
-    residuals: np.ndarray
-    jacobian: np.ndarray
-    settled: bool = True
-    leans: bool = False
-    limited: bool = True
-    stopped: bool = False
-    held: bool = False
-
-
-class Followed:
+class Followed(Refits):
     """Ranges of the coordinates of `problem` around the cube point z (d,), with at most so many Jacobians.
 
-    Points are those of a cube of its own, `room`, which reaches some way beyond the bounds of the search. Where a range
-    reaches its end, or a refit leans on a bound of it that is no physical limit, the linear problem says how it goes
-    on.
+    Where a range reaches its end, or a refit leans on a bound of the room that is no physical limit, the linear problem
+    says how it goes on.
     """
 
     def __init__(self, problem: Problem, z: np.ndarray, linear: Linear, allowed: int):
-        self.problem, self.room, self.linear, self.left = problem, Room.of(problem), linear, allowed
-        self.z = self.room.inner(z)
-        self.count = sum(problem.parts.counts.values())
-        self.first = self._rows(self.z)
-        self.least = float(self.first[0] @ self.first[0])
-        space = problem.space
-        self.limits = np.array([c.limits for c in space.coordinates]).reshape(-1, 2)
-        self.lower, self.upper = self.room.lower, self.room.upper
-        self.times = 1.0  # the threshold, how much an answer may cost
-        # wider rooms that may be tried for a coordinate and side; none in such a room
-        self.tries: dict[tuple[int, bool], int] | None = {}
+        super().__init__(problem, z, linear, allowed)
         self.met: list[np.ndarray] = []
-        # of the sum of squares over the variance, at every point that a refit ended at
-        self.growths = {self.z.tobytes(): 0.0}
 
     def range(self, i: int) -> Range:
         """The range of coordinate i."""
@@ -93,7 +47,7 @@ class Followed:
         ends = [self._end(i, sign) for sign in (-1.0, 1.0)]
         for side in (0, 1):
             # beside an open end, a refit at the edge of the room that did not come down is rather one that was lost
-            if ends[1 - side] == self.limits[i][1 - side] and ends[side] == self._value(i, float(side)):
+            if ends[1 - side] == self.limits[i][1 - side] and ends[side] == self.value(i, float(side)):
                 ends[side] = float(self.limits[i][side])
         return Range(min(ends[0], self.linear.values[i]), max(ends[1], self.linear.values[i]), list(self.met))
 
@@ -112,12 +66,12 @@ class Followed:
         A parameter that means nothing at the answer may mean much in the middle of its range, where others then have
         other values.
         """
-        first, last = self._cube(i, found.low, 0.0), self._cube(i, found.high, 1.0)
+        first, last = self.cube(i, found.low, 0.0), self.cube(i, found.high, 1.0)
         known = [self.z, *found.points]
         self.left = max(self.left, BETWEEN * STEPS)
         for at in np.linspace(first, last, BETWEEN + 2)[1:-1]:
             nearest = min(known, key=lambda z: abs(float(z[i]) - float(at)))
-            place = self._grown(i, float(at), nearest)
+            place = self.grown(i, float(at), nearest)
             if place is not None and place.share <= 1.0:
                 known.append(place.point)
                 found.points.append(place.point)
@@ -129,11 +83,11 @@ class Followed:
         for sign, edge in ((-1.0, 0.0), (1.0, 1.0)):
             for start in starts:
                 end = found.low if sign < 0 else found.high
-                last = self._cube(i, end, edge)
+                last = self.cube(i, end, edge)
                 at = float(np.clip(self.z[i] + FURTHER * (last - self.z[i]), 0.0, 1.0))
                 if at == last or not np.isfinite(end) or self.left <= 0:
                     break
-                place = self._grown(i, at, self._predicted(i, self._place(i, start), at))
+                place = self.grown(i, at, self.predicted(i, self.place(i, start), at))
                 if place is None or place.share > 1.0:
                     continue
                 self.met.append(place.point)
@@ -161,7 +115,7 @@ class Followed:
 
         The first try to each side is where the linear problem there says that it ends.
         """
-        place = self._place(i, point)
+        place = self.place(i, point)
         columns = np.delete(place.jacobian, i, axis=1)
         shadow = place.jacobian[:, i] - columns @ np.linalg.lstsq(columns, place.jacobian[:, i])[0]
         top = self.linear.threshold[i] * self.linear.variance
@@ -173,7 +127,7 @@ class Followed:
                 if at == inside.at:
                     break
                 self.left = max(self.left, 2 * STEPS)
-                tried = self._grown(i, at, self._predicted(i, inside, at), 0.0)
+                tried = self.grown(i, at, self.predicted(i, inside, at), 0.0)
                 if tried is None:
                     break
                 if tried.share > 1.0:
@@ -185,12 +139,12 @@ class Followed:
                     break
                 further = (at - place.at) / np.sqrt(max(tried.share, SLIGHT))
                 at = float(np.clip(place.at + further, 0.0, 1.0))
-            found.low, found.high = min(found.low, self._value(i, end)), max(found.high, self._value(i, end))
+            found.low, found.high = min(found.low, self.value(i, end)), max(found.high, self.value(i, end))
 
     def elsewhere(self, end: np.ndarray, stay: bool = False) -> np.ndarray | None:
         """The point (d,) where a search from another one's `end` (d,) stops, or with `stay` that end itself, if it
         costs little more than the answer; both of `room`."""
-        block = self._settled(np.clip(np.asarray(end, dtype=float), 0.0, 1.0), 0 if stay else STEPS)
+        block = self.searched(np.clip(np.asarray(end, dtype=float), 0.0, 1.0), 0 if stay else STEPS)
         top = max(float(np.max(self.linear.threshold)), self.linear.quantile**2) * self.linear.variance
         if not np.isfinite(block.cost) or block.cost - self.least > top:
             return None
@@ -201,18 +155,6 @@ class Followed:
         """Whether a point (d,) of `room` lies within the bounds of the search."""
         outer = self.room.outer(point)
         return bool(np.all((outer >= -EDGE) & (outer <= 1.0 + EDGE)))
-
-    def _settled(self, point: np.ndarray, steps: int) -> Block:
-        """A search of all coordinates from a point (d,), of so many steps at most."""
-        self.left = max(self.left, 2 * STEPS)
-        block = Block(np.arange(len(point)), point, *self._rows(point), tolerance=1e-9, damping=SMALL**2)
-        for _ in range(steps if usable(block.residuals, block.jacobian) else 0):
-            step, promised = block.step()
-            if block.done or promised <= 1e-3 * self.linear.variance:
-                break
-            self.left -= 1
-            block.update(step, promised, *self._rows(np.clip(block.x + step, 0.0, 1.0)))
-        return block
 
     def _end(self, i: int, sign: float) -> float:
         """Where the range of coordinate i ends to one side, in its unit."""
@@ -226,7 +168,7 @@ class Followed:
             return end
         here = Place(float(self.z[i]), 0.0, self.z, *self.first)
         self.left = max(self.left, 2 * STEPS)
-        return self._march(i, sign, here, self._cube(i, end, edge), self._point(x), end)
+        return self._march(i, sign, here, self.cube(i, end, edge), self.within(x), end)
 
     def _march(
         self, i: int, sign: float, inside: Place, at: float, start: np.ndarray | None, end: float, on: bool = False
@@ -243,7 +185,7 @@ class Followed:
             left = self.left
             # at the edge of the box the growth itself says how the range goes on
             enough = 0.5 * SLIGHT if at == edge else ENOUGH
-            found = self._grown(i, at, self._predicted(i, inside, at) if start is None else start, enough)
+            found = self.grown(i, at, self.predicted(i, inside, at) if start is None else start, enough)
             if found is None or (
                 found.share > 1.0 and not (found.settled and found.limited)
             ):  # too far for one refit, or for the box
@@ -287,20 +229,25 @@ class Followed:
                     break
             at, start = self._next(here, edge, inside, outside), None
         if outside is not None:
-            if outside.held and not self._close(i, sign, inside, outside):
-                # a refit that was lost far away is held there, too
-                return float(self.limits[i][1 if sign > 0 else 0])
+            limit = float(self.limits[i][1 if sign > 0 else 0])
             near, close = self._near(i, inside, outside), self._close(i, sign, inside, outside)
-            lost = self._cliff(inside, outside) and self._beyond_bounds(i, inside) and not (near and close)
-            if lost or self._falls_beyond(i, outside):
-                return float(self.limits[i][1 if sign > 0 else 0])
+            if outside.held and not close:
+                return limit  # a refit that was lost far away is held there, too
+            lost = self._cliff(inside, outside) and self._beyond_bounds(i, inside)
+            if lost and not (close and (near or outside.held)):
+                return limit
+            lowest = self.beyond_room(i, outside)
+            if lowest < ALIKE[0]:
+                return limit
+            if lowest <= 1.0:
+                return self.value(i, outside.at)
             if inside.leans and self._beyond_bounds(i, inside):
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
             found = near or inside.share > 0.25
-            return self._value(i, self._between(inside, outside) if found else outside.at)
+            return self.value(i, self._between(inside, outside) if found else outside.at)
         return self._unstopped(i, sign, inside, end)
 
-    def _unstopped(self, i: int, sign: float, inside: "Place", end: float) -> float:
+    def _unstopped(self, i: int, sign: float, inside: Place, end: float) -> float:
         """Where a range ends that was left before the data stopped it: at the linear end, or nowhere once it was found
         beyond that.
 
@@ -309,7 +256,7 @@ class Followed:
         limit = float(self.limits[i][1 if sign > 0 else 0])
         if inside.point is self.z:  # nothing was found out
             return end if abs(end - self.linear.values[i]) <= WIDE * self.linear.size[i] else limit
-        reached = self._value(i, inside.at)
+        reached = self.value(i, inside.at)
         if self._beyond_bounds(i, inside) and inside.share < 0.5:
             return limit  # far, and nothing has stopped it yet
         if sign * (reached - end) <= 0.0:
@@ -317,7 +264,7 @@ class Followed:
         # a bound of the search stopped it there, and not the data
         return self._farther(i, sign, inside) if inside.share < 0.5 or inside.leans else reached
 
-    def _farther(self, i: int, sign: float, inside: "Place") -> float:
+    def _farther(self, i: int, sign: float, inside: Place) -> float:
         """Where a range ends that a bound of the search stopped at a place `inside`: nowhere, but where the data stop
         it a little farther out, wherever the coordinates on bounds may go.
 
@@ -327,14 +274,14 @@ class Followed:
         """
         here, edge, limit = float(self.z[i]), 0.0 if sign < 0 else 1.0, float(self.limits[i][1 if sign > 0 else 0])
         value = float(self.linear.values[i])
-        reach = abs(self._value(i, inside.at) - value)
+        reach = abs(self.value(i, inside.at) - value)
         last = min(FARTHER * reach, WIDE * float(self.linear.size[i]))
         if last < 2.0 * reach:
             return limit
-        at, outside = self._cube(i, value + sign * last, edge), None
+        at, outside = self.cube(i, value + sign * last, edge), None
         for _ in range(PROBES):
             self.left = max(self.left, 2 * STEPS)
-            found = self._grown(i, at, self._predicted(i, inside, at)) if at != inside.at else None
+            found = self.grown(i, at, self.predicted(i, inside, at)) if at != inside.at else None
             if found is None or (found.share > 1.0 and not found.settled):
                 return limit
             if found.stopped:
@@ -344,33 +291,33 @@ class Followed:
             if outside is None:
                 return limit
             if abs(outside.at - inside.at) <= NEAR * abs(outside.at - here):
-                return self._value(i, outside.at)
+                return self.value(i, outside.at)
             at = self._next(here, edge, inside, outside)
         return limit
 
-    def _near(self, i: int, inside: "Place", outside: "Place") -> bool:
+    def _near(self, i: int, inside: Place, outside: Place) -> bool:
         """Whether both places are near each other beside their way from the answer."""
         return abs(outside.at - inside.at) <= NEAR * abs(outside.at - float(self.z[i]))
 
     @staticmethod
-    def _cliff(inside: "Place", outside: "Place") -> bool:
+    def _cliff(inside: Place, outside: Place) -> bool:
         """Whether the growth beyond the last place inside is steeper than that of a parabola by far, as it is where a
         refit was lost."""
         return outside.share > CLIFF * inside.share
 
-    def _close(self, i: int, sign: float, inside: "Place", outside: "Place") -> bool:
+    def _close(self, i: int, sign: float, inside: Place, outside: Place) -> bool:
         """Whether an end that lies between both places is found well enough, also by its distance from a physical
         limit."""
         limit = float(self.limits[i][1 if sign > 0 else 0])
-        last, next_one = (abs(self._value(i, p.at) - limit) for p in (inside, outside))
+        last, next_one = (abs(self.value(i, p.at) - limit) for p in (inside, outside))
         apart = abs(outside.at - inside.at) <= CLOSE * abs(outside.at - float(self.z[i]))
         return apart and (not np.isfinite(limit) or last <= NEARER * next_one)
 
-    def _beyond_bounds(self, i: int, place: "Place") -> bool:
+    def _beyond_bounds(self, i: int, place: Place) -> bool:
         """Whether coordinate i has left the bounds of the search."""
         return not 0.0 <= float(self.room.outer(place.point)[i]) <= 1.0
 
-    def _next(self, here: float, edge: float, inside: "Place", outside: "Place | None") -> float:
+    def _next(self, here: float, edge: float, inside: Place, outside: Place | None) -> float:
         """The place to try next."""
         if outside is not None:
             low, high = inside.at, outside.at
@@ -382,25 +329,8 @@ class Followed:
         at = here + factor * (inside.at - here)
         return edge if abs(at - here) >= 0.7 * abs(edge - here) else at
 
-    def _predicted(self, i: int, inside: "Place", at: float) -> np.ndarray:
-        """Where the others go when coordinate i moves to `at`, by the derivatives at the nearest place inside the
-        range."""
-        others = np.arange(len(self.z)) != i
-        columns = inside.jacobian[:, others]
-        scale = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-        moved = inside.residuals + (at - inside.at) * inside.jacobian[:, i]
-        rows = np.vstack([columns, SMALL * np.max(scale, initial=0.0) * np.eye(int(others.sum()))])
-        right = np.r_[-moved, np.zeros(int(others.sum()))]
-        point = inside.point.copy()
-        low, high = -point[others] - 1e-15, 1.0 - point[others] + 1e-15
-        change = np.linalg.lstsq(rows, right)[0]
-        if np.any((change < low) | (change > high)):
-            change = lsq_linear(rows, right, (low, high), method="bvls").x
-        point[others] = np.clip(point[others] + change, 0.0, 1.0)
-        return point
-
     @staticmethod
-    def _between(inside: "Place", outside: "Place") -> float:
+    def _between(inside: Place, outside: Place) -> float:
         """Where the growth passes the threshold, its root linear as it is for a parabola."""
         low, high = np.sqrt(max(inside.share, 0.0)), np.sqrt(outside.share)
         return float(inside.at + (1.0 - low) / max(high - low, 1e-12) * (outside.at - inside.at))
@@ -416,202 +346,10 @@ class Followed:
         edge, whole = 0.0 if sign < 0 else 1.0, self.z.copy()
         whole[i] += (edge - self.z[i]) / np.sqrt(share)
         reached, value = float(self.room.extended(whole)[i]), self.linear.values[i]
-        last = self._value(i, edge)
+        last = self.value(i, edge)
         if abs(reached - value) > OUTSIDE * abs(last - value) or (
             self.problem.space.log[i] and reached < last / OUTSIDE
         ):
             return float(limit)
         end = reached if np.isfinite(reached) else end
         return float(np.clip(end, *self.limits[i]))
-
-    def _place(self, i: int, point: np.ndarray) -> Place:
-        """A point (d,) that was met, with what is known there."""
-        self.left -= 1
-        return Place(
-            float(point[i]),
-            self.growths[point.tobytes()] / (self.times * self.linear.threshold[i]),
-            point,
-            *self._rows(point),
-        )
-
-    def _grown(self, i: int, at: float, start: np.ndarray, enough: float = ENOUGH) -> "Place | None":
-        """The others fitted anew with coordinate i held, from `start` (d,), until the growth is `enough` of the
-        threshold; None where it cannot be simulated."""
-        point, places = np.clip(start, 0.0, 1.0), np.array([k for k in range(len(self.z)) if k != i], dtype=int)
-        point[i] = at
-        top = self.times * self.linear.threshold[i] * self.linear.variance
-        whole: dict[str, np.ndarray] = {}
-
-        def evaluated(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            trial = point.copy()
-            trial[places] = x
-            self.left -= 1
-            r, j = self._rows(trial)
-            whole["tried"] = j
-            return r, j[:, places]
-
-        block = Block(places, point[places].copy(), *evaluated(point[places].copy()), tolerance=1e-9, damping=SMALL**2)
-        whole["kept"] = whole["tried"]
-        if not usable(block.residuals, block.jacobian):
-            return None
-        settled = not len(places)
-        for _ in range(STEPS if len(places) else 0):
-            if block.cost - self.least <= enough * top:
-                break  # inside, which is what was asked
-            step, promised = block.step()
-            settled = bool(block.damping <= 1e-3 and promised <= max(0.02 * top, 0.05 * (block.cost - self.least)))
-            if settled:
-                break
-            before = block.cost
-            block.update(step, promised, *evaluated(np.clip(block.x + step, 0.0, 1.0)))
-            if block.cost < before:
-                whole["kept"] = whole["tried"]
-            if block.done or self.left <= 0:
-                settled = block.done
-                break
-        point[places] = block.x
-        share = (block.cost - self.least) / top
-        self.growths[point.tobytes()] = float(share) * top / self.linear.variance
-        place = Place(
-            at, float(share), point, block.residuals, whole["kept"], settled, *self._leans(point, places, block, top)
-        )
-        return (
-            replace(place, leans=False, limited=True, stopped=True, held=True) if self._held_anyway(i, place) else place
-        )
-
-    def _held_anyway(self, i: int, place: Place) -> bool:
-        """Whether a place that leans stays above the threshold where coordinates may go `FACTOR` times as near to their
-        limits, so that the data hold it and not the room.
-
-        Two that leave the room together, as a gain and the resistance that divides it, may pull without end there and
-        change nothing.
-        """
-        side = i, bool(place.at > self.z[i])
-        if self.tries is None or not place.leans or not place.settled or place.share <= 1.0:
-            return False
-        if self.tries.setdefault(side, WIDER) == 0:
-            return False
-        walk: Followed = self
-        held, before = False, place
-        for _ in range(LEVELS):
-            start = walk.room.outer(before.point)
-            walk = walk._wider(i)
-            found = walk._grown(i, float(walk.room.inner(start)[i]), walk.room.inner(start), 0.0)
-            if found is None or not found.settled or found.share <= 1.0:
-                break
-            held = not found.leans or found.share >= 1.0 + FALLS * (before.share - 1.0)
-            if held:
-                break
-            before = found
-        self.tries[side] -= not held
-        return held
-
-    def _falls_beyond(self, i: int, outside: Place) -> bool:
-        """Whether a place outside of a range, with others on edges of the room, comes down into it in wider rooms: the
-        room set this end, and not the data."""
-        walk: Followed = self
-        for _ in range(LEVELS if self.tries is not None else 0):
-            if not walk._on_edges(i, outside):
-                return False
-            start = walk.room.outer(outside.point)
-            walk = walk._wider(i)
-            found = walk._grown(i, float(walk.room.inner(start)[i]), walk.room.inner(start))
-            if found is None or found.share <= 1.0:
-                return found is not None
-            outside = found
-        return False
-
-    def _on_edges(self, i: int, place: Place) -> bool:
-        """Whether others than coordinate i are on edges of the room that lie beyond the bounds of the search."""
-        space, on = self.problem.space, np.abs(place.point - 0.5) >= 0.5 - EDGE
-        beyond = np.where(place.point < 0.5, self.lower < space.lower, self.upper > space.upper)
-        return bool(np.any(on & beyond & (np.arange(len(on)) != i)))
-
-    def _wider(self, i: int) -> "Followed":
-        """The same in a room that is wider for all coordinates but i."""
-        wide = copy(self)
-        wide.room = self.room.wider(i)
-        wide.z, wide.tries, wide.growths = wide.room.inner(self.room.outer(self.z)), None, {}
-        wide.lower, wide.upper, wide.left = wide.room.lower, wide.room.upper, 2 * STEPS
-        return wide
-
-    def _rows(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals and derivatives in few rows whose squares sum to those of all samples."""
-        r, j = points.compressed(self.problem, self.room.outer(z))
-        scale = np.sqrt(self.count / len(r))
-        return r * scale, j * self.room.width * scale
-
-    def _leans(self, point: np.ndarray, places: np.ndarray, block: Block, top: float) -> tuple[bool, bool, bool]:
-        """Whether coordinates on bounds that are no physical limits could lower the sum noticeably beyond these, and to
-        the threshold, whether physics limits all of them, and whether the sum stays above the threshold wherever they
-        go, as far as the derivatives tell.
-
-        By the gradient, which a convex sum never falls faster than, and by what is left of it where the coordinates off
-        their bounds have moved to their best: a refit may end a little before, and they go along with those on bounds.
-        A coordinate whose effect does not fade towards its physical limit, as that of a divisor, may lower the sum to
-        anything.
-        """
-        inner = block.jacobian[:, (block.x > EDGE) & (block.x < 1.0 - EDGE)]
-        left = (
-            block.residuals - inner @ np.linalg.lstsq(inner, block.residuals)[0] if inner.shape[1] else block.residuals
-        )
-        gradient, most, noticed = 2.0 * block.jacobian.T @ left, 0.0, []
-        moving = (block.x > EDGE) & (block.x < 1.0 - EDGE)
-        for k, x, g in zip(places, block.x, gradient, strict=True):
-            side = 0 if x <= EDGE and g > 0 else 1 if x >= 1.0 - EDGE and g < 0 else None
-            if side is None:
-                continue
-            bound = self.lower[k] if side == 0 else self.upper[k]
-            room = abs(self.limits[k][side] - bound)
-            slope = (
-                bound * np.log(self.upper[k] / self.lower[k])
-                if self.problem.space.log[k]
-                else self.upper[k] - self.lower[k]
-            )
-            if abs(g) / slope * min(room, max(abs(bound), self.linear.size[k])) > 0.1 * top:
-                noticed.append((int(k), side))
-            most += abs(g) / slope * room
-            moving |= places == k
-        above = block.cost - self.least - top
-        columns = block.jacobian[:, moving]
-        lowest = block.residuals - columns @ np.linalg.lstsq(columns, block.residuals)[0]
-        falls = min(most, block.cost - float(lowest @ lowest))
-        steep = bool(noticed) and above > falls and any(self._steep(point, *c) for c in noticed)
-        leans = bool(noticed) and (above <= most or steep)
-        return leans, bool(not leans or np.isfinite(most)), bool(above > falls and not steep)
-
-    def _steep(self, point: np.ndarray, k: int, side: int) -> bool:
-        """Whether what coordinate k does on its bound does not fade towards its physical limit: by its derivatives
-        with respect to the logarithm of the distance from there, on the bound and a little inside."""
-        bound, limit = (self.lower[k], self.limits[k][0]) if side == 0 else (self.upper[k], self.limits[k][1])
-        if not np.isfinite(limit) or bound == limit:
-            return False
-        inside = point.copy()
-        inside[k] = self._cube(k, limit + INSIDE * (bound - limit), float(1 - side))
-        self.left -= 2
-        effects = [
-            abs(self._value(k, z[k]) - limit) / self.room.slopes(z)[k] * self._rows(z)[1][:, k] for z in (point, inside)
-        ]
-        at, beside = (float(np.linalg.norm(e)) for e in effects)
-        return bool(np.isfinite(at + beside) and np.log(max(beside, 1e-300) / max(at, 1e-300)) < FADES * np.log(INSIDE))
-
-    def _cube(self, i: int, value: float, edge: float) -> float:
-        """The place of a value on the edge i of the cube, inside the box."""
-        if not self.lower[i] < value < self.upper[i]:
-            return edge
-        whole = self.linear.values.copy()
-        whole[i] = value
-        return float(self.room.cube(whole)[i])
-
-    def _point(self, x: np.ndarray) -> np.ndarray:
-        """The cube point of the linear problem's x (d,), inside the box; the answer where that is far."""
-        if not np.all(np.isfinite(x)) or np.max(np.abs(x), initial=0.0) > 1.0:
-            return self.z
-        return np.clip(
-            self.room.cube(np.clip(self.linear.values + x * self.linear.size, self.lower, self.upper)), 0.0, 1.0
-        )
-
-    def _value(self, i: int, at: float) -> float:
-        whole = self.z.copy()
-        whole[i] = at
-        return float(self.room.physical(whole)[i])
