@@ -33,13 +33,18 @@ def prepared_study(study: spec.Study, start: np.ndarray | None = None) -> Prepar
 
 def recipe_of(study: spec.Study) -> Recipe:
     """The study with the bytes of its recordings, for machines that share no disk. Raises RecordingError."""
+    named = [(f"Recording {n!r}", r.file, spec.recording_file(r, study.path)) for n, r in study.table.recording.items()]
+    named += [
+        (f"Table {n!r}", t.file, spec.characteristic_file(t.file, study.path))
+        for n, t in study.table.model.tables.items()
+        if t.file is not None
+    ]
     files = {}
-    for name, recording in study.table.recording.items():
-        place = spec.recording_file(recording, study.path)
+    for name, file, place in named:
         try:
-            files[recording.file] = place.read_bytes()
+            files[file] = place.read_bytes()
         except OSError as error:
             raise RecordingError(
-                f"Recording {name!r} cannot be read: {place} ({error.strerror or error}); put the file there."
+                f"{name} cannot be read: {place} ({error.strerror or error}); put the file there."
             ) from error
     return Recipe(STUDY_FILES, study.text, str(study.path), files)

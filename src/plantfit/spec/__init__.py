@@ -6,6 +6,7 @@ from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
     from plantfit.spec.before_filter import before_filter
+    from plantfit.spec.characteristics import characteristic_file
     from plantfit.spec.reading import load, parse
     from plantfit.spec.recordings import CLEANING, read_recording, recording_file
     from plantfit.spec.rewritten.in_combinations import Rewritten, in_combinations
@@ -20,6 +21,7 @@ __all__ = [
     "SpecTable",
     "Study",
     "before_filter",
+    "characteristic_file",
     "in_combinations",
     "in_pieces",
     "load",
@@ -35,6 +37,7 @@ names_of(
     __name__,
     {
         "before_filter": "before_filter",
+        "characteristics": "characteristic_file",
         "reading": "load parse",
         "recordings": "CLEANING read_recording recording_file",
         "rewritten.in_combinations": "Rewritten in_combinations",

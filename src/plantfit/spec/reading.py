@@ -53,6 +53,10 @@ def parse(text: str, path: str | Path = "study.toml", files: Mapping[str, Path] 
     """The same from a text; recordings are looked for beside `path`, or where `files` says."""
     path = Path(path)
     table = validated(text, path)
+    if any(t.file is not None for t in table.model.tables.values()):
+        from plantfit.spec.characteristics import with_characteristics
+
+        table = with_characteristics(table, path, files or {})
     check_tables(table, path)
     from plantfit.spec.study import study_of  # jax, after the file has been understood
 

@@ -109,8 +109,21 @@ class StateTable(_Table):
 
 class TableTable(_Table):
     over: str | list[str]
-    nodes: Any
+    nodes: Any = None
     unit: str | None = None
+    file: str | None = None
+    columns: list[str | int] | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> "TableTable":
+        if (self.nodes is None) == (self.file is None):
+            raise ValueError(
+                'give nodes = [[...]], or file = "NAME.csv" that holds nodes and values'
+                + ("" if self.nodes is None else ", not both")
+            )
+        if self.columns is not None and self.file is None:
+            raise ValueError("columns says which columns of a file are meant; give file, too")
+        return self
 
 
 class AlikeTable(_Table):
