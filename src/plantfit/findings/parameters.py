@@ -68,6 +68,8 @@ class Parameter(Record):
     """How well the data fix the value: by its interval against its size, not against the bounds."""
     equal_answers: list[Number] | None = None
     """From, to: over runs of the same cost, where these leave the interval."""
+    moved_with: str | None = None
+    """The table that fits as well if it is moved along its nodes together with this value."""
     by_steps: Number = None
     """Standard uncertainty by the steps in which inputs were read, which `standard_error`, `low` and `high` allow
     for; None where they matter little."""

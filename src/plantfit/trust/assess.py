@@ -31,6 +31,7 @@ from plantfit.trust.heterogeneity.findings import heterogeneity_findings, withdr
 from plantfit.trust.identify.determined import determined_findings
 from plantfit.trust.identify.table_visits import agreeing, table_visits
 from plantfit.trust.intervals.follow.following import followed_ranges
+from plantfit.trust.intervals.follow.other_answers import holding_others
 from plantfit.trust.intervals.linearised import EDGE as EDGE
 from plantfit.trust.intervals.linearised import Local, linearise
 from plantfit.trust.intervals.misreadings import allowing_for_misreadings, claimed
@@ -88,6 +89,8 @@ def assess(
     elif local.linear is not None:
         ranges = followed_ranges(problem, z, local.linear, spent, _other_ends(runs, best))
     rows = parameter_rows(problem.space, local, unseen, ranges)
+    if local.linear is None:
+        rows = holding_others(problem, z, local, rows, _other_ends(runs, best))
     rows = with_delays(problem.model, rows)
     agreed = agreement(problem, runs)
     rows = rows if weighted is not None else opened(rows, agreed.ranges)

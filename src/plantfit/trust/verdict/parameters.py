@@ -242,6 +242,11 @@ def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
         text = f"{p['name']} is hardly known: {_roughly(p)}.{beside}{_condition(p, needs)}"
     else:
         text = f"{p['name']} is only roughly known: {_roughly(p)}.{_condition(p, needs)}"
+    if p.get("moved_with"):
+        text += (
+            f" The fit is about the same with {p['name']} and the table {p['moved_with']} moved by whole nodes: give "
+            f"{p['name']} a value, or hold the table."
+        )
     return say("warning", text, value=p["value"], standard_error=p["standard_error"])
 
 
