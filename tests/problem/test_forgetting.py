@@ -6,6 +6,7 @@ from scipy.signal import lsim
 
 from plantfit import Parameter, Problem, Recording, Signal
 from plantfit.models import equations
+from plantfit.native.kept_programs import Kept
 from plantfit.problem.shooting.forgetting import forgetting, forgetting_of_lost
 from plantfit.trust.verdict.searches import forgetting_sentences
 
@@ -65,6 +66,13 @@ def test_growth_is_that_of_the_largest_exponent():
     [found] = forgetting(_problem(*PLANTS["Lorenz"][:3]), np.array([0.5]))
     assert 0.7 < found.tenfold < 3.5
     assert found.growth > 1e6
+
+
+def test_a_second_call_compiles_nothing(monkeypatch):
+    problem = _problem(*PLANTS["growth"][:3])
+    first = forgetting(problem, np.array([0.5]))
+    monkeypatch.setattr(Kept, "_found_or_made", lambda *_: pytest.fail("a program was made anew"))
+    assert forgetting(problem, np.array([0.5])) == first
 
 
 @pytest.mark.parametrize(

@@ -2,14 +2,15 @@
 motion itself."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
 from plantfit.errors import SearchError, SimulationError
+from plantfit.native.kept_programs import Kept, kept
 from plantfit.problem.problem import Problem
 from plantfit.problem.shooting.start import LOOSE, Shooting
-from plantfit.runtime import jit
-from plantfit.simulate.simulator import Drive
+from plantfit.simulate.simulator import Drive, Simulator
 
 DEVIATION = 1e-7  # of the spread of each state, at the first sample
 FORGOTTEN = (
@@ -63,19 +64,19 @@ def forgetting(problem: Problem, z: np.ndarray) -> list[Forgetting]:
     if not problem.predictor.has_steps or problem.predictor.stepping().vector.model.state_delays:
         return []
     simulator, values = problem.predictor.stepping(), problem.space.physical(z)
-    states = jit(simulator.states)
-    found = []
+    states, found = _states(simulator), []
     for name, drive in problem.data["drive"].items():
         if not isinstance(drive, Drive):
             continue
         p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
-        x = np.stack([np.asarray(v) for v in states(p, drive)])
+        zero = np.zeros(len(simulator.vector.states))
+        x = np.stack([np.asarray(v) for v in states(p, drive, zero)])
         if not np.all(np.isfinite(x)):
             continue
         spread = np.std(x, axis=1)
         moves, growth = np.flatnonzero(spread > 0), np.zeros(x.shape[1])
         for i in moves:  # one state after the other: a deviation of all may lie where it shrinks
-            moved = tuple(x[:, 0] + DEVIATION * spread * (np.arange(len(x)) == i))
+            moved = DEVIATION * spread * (np.arange(len(x)) == i)
             deviation = np.abs(np.stack([np.asarray(v) for v in states(p, drive, moved)]) - x)[moves]
             growth = np.fmax(growth, np.max(deviation / (DEVIATION * spread[moves, None]), axis=0))
         there = np.flatnonzero(growth > FORGOTTEN)
@@ -86,3 +87,15 @@ def forgetting(problem: Problem, z: np.ndarray) -> list[Forgetting]:
                 Forgetting(name, float(np.max(growth[np.isfinite(growth)])), float((t[first] - t[0]) / decades))
             )
     return sorted(found, key=lambda f: f.tenfold)
+
+
+@lru_cache(maxsize=16)
+def _states(simulator: Simulator) -> Kept:
+    """The states of a record of which the first are moved by `offset` (n,): one program for all of them."""
+
+    def states(p, drive, offset):
+        first = simulator.initial(p, drive.first_input, drive.first_output)
+        return simulator.states(p, drive, tuple(a + b for a, b in zip(first, offset, strict=True)))
+
+    settings = simulator.vector.model, simulator.stepper, simulator.substeps, simulator.interpolated
+    return kept(states, "states moved", settings)
