@@ -247,6 +247,8 @@ def test_a_pole_is_seen_at_once_by_who_asks_only_whether_there_is_one(k):
     problem = pole("x' = 1 + k*x^2\n y = x")
     single, drive, p = problem.predictor.stepping(), problem.whole_drives["run"], {"k": np.asarray(k)}
     told, brief = (follow(single, p, drive, evaluations=20_000, briefly=b) for b in (False, True))
+    assert told.stopped is not None
+    assert brief.stopped is not None
     assert not told.stopped.spent
     assert not brief.stopped.spent
     assert brief.stopped.state == told.stopped.state
