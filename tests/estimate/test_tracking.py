@@ -13,13 +13,28 @@ import plantfit as pf
 from plantfit.errors import RecordingError, SearchError
 from plantfit.estimate.watch.causes import causes
 from plantfit.estimate.watch.changes import Calibration, Changes
+from plantfit.folders import code_folder
+from plantfit.native import kept_programs
 from plantfit.recording.readers.formats.text.growing import GrowingTable
 from plantfit.tracking import Alarm
+
+import jax
 
 
 @pytest.fixture(scope="module")
 def tracker():
     return pf.track(lag.problem(lag.record(31, 500)), false_alarm=0.01)
+
+
+@pytest.mark.skipif(code_folder("programs") is None, reason="no cache folder, so that nothing is kept")
+def test_another_tracker_of_the_same_study_compiles_nothing(tracker, monkeypatch):
+    record = lag.record(400, 200)
+    first = [dict(r) for r in fed(tracker, record).rows]
+    made, before = [], kept_programs._made
+    monkeypatch.setattr(kept_programs, "_made", lambda f, k, name, *a: made.append(name) or before(f, k, name, *a))
+    again = pf.track(lag.problem(lag.record(31, 500)), false_alarm=0.01)
+    assert fed(again, record).rows == first
+    assert not [name for name in made if name.startswith("watch")]
 
 
 def fed(tracker, recording, pieces=1):
@@ -142,19 +157,19 @@ def test_slopes_are_those_of_finite_differences(tracker):
     t, u, y = tracker._arrays(recording)
     f = tracker.filter
     f.reset()
-    block, before = f.run(t, u, y), f.values.copy()
+    block, before, program = f.run(t, u, y), f.values.copy(), f._advance
     for j in range(2):
         white = []
         for sign in (1, -1):
             f.values = before + sign * 1e-4 * f.axes[j]
             f.reset()
-            f._advance.clear_cache()
+            f._advance = jax.jit(f._advanced)  # the one that is kept holds the values that it was made with
             white.append(f.run(t, u, y).white)
         # the whitening depends on the parameters too, but hardly: the prediction does
         differences = (white[0] - white[1]) / 2e-4
         f.values = before
         assert block.slopes[:, :, j] == pytest.approx(differences, abs=0.05 * np.max(np.abs(differences)))
-    f._advance.clear_cache()
+    f._advance = program
     f.reset()
 
 

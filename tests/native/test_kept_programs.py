@@ -276,6 +276,34 @@ def test_a_problem_gives_the_same_bits_from_disk(folder):
     assert np.array_equal(numbers[-1], plain)
 
 
+def test_a_program_that_is_read_runs_once_for_its_first_numbers(folder, monkeypatch):
+    z, numbers = np.array([0.4, 0.6]), (np.eye(2),)
+    first = kept(Counted())(z, numbers)
+    runs, load = [], kept_programs.deserialize_and_load
+
+    def counted(*given):
+        program = load(*given)
+        return lambda *args: runs.append(1) or program(*args)
+
+    monkeypatch.setattr(kept_programs, "deserialize_and_load", counted)
+    function = Counted()
+    again = kept(function)
+    for _ in range(2):
+        found = again(z, numbers)
+        np.testing.assert_array_equal(found[0], first[0])
+        np.testing.assert_array_equal(found[1]["square"], first[1]["square"])
+    assert (len(runs), function.traced) == (2, 0)
+
+
+def test_what_is_compiled_with_care_is_another_program(folder):
+    test, made = hashlib.sha256(os.environ["PYTEST_CURRENT_TEST"].encode()).hexdigest()[:8], []
+    for careful in (False, True):
+        function = Kept(Counted(), f"f {OWN} {test} {careful}", described("one"), careful)
+        made.append(function(np.array([0.4, 0.6]), (np.eye(2),))[0])
+    assert len(programs(folder)) == 4  # two keys, two executables
+    np.testing.assert_allclose(*made, rtol=1e-14)
+
+
 def test_a_second_process_reads_what_the_first_one_kept(tmp_path):
     text = """
 import sys, numpy as np
@@ -314,8 +342,8 @@ sys.path.insert(0, str(Path(sys.argv[1])))
 from test_kept_programs import problem
 from plantfit.native import kept_programs
 made, before = [], kept_programs._made
-kept_programs._made = lambda f, k, name, jitted, a: (
-    made.append(jitted.__name__.split("_")[1]) or before(f, k, name, jitted, a))
+kept_programs._made = lambda f, k, name, jitted, *a: (
+    made.append(jitted.__name__.split("_")[1]) or before(f, k, name, jitted, *a))
 """
     environment = {**os.environ, "PLANTFIT_CACHE": str(cache)}
     command = [sys.executable, "-c", begin + text, str(Path(__file__).parent)]

@@ -6,7 +6,9 @@ from scipy.signal import lsim
 
 from plantfit import Parameter, Problem, Recording, Signal
 from plantfit.models import equations
+from plantfit.native.kept_programs import Kept
 from plantfit.problem.shooting.forgetting import forgetting, forgetting_of_lost
+from plantfit.problem.shooting.start import Shooting
 from plantfit.trust.verdict.searches import forgetting_sentences
 
 PLANTS: dict[str, tuple[str, dict[str, float], float, bool]] = {
@@ -65,6 +67,13 @@ def test_growth_is_that_of_the_largest_exponent():
     [found] = forgetting(_problem(*PLANTS["Lorenz"][:3]), np.array([0.5]))
     assert 0.7 < found.tenfold < 3.5
     assert found.growth > 1e6
+
+
+def test_a_second_call_compiles_nothing(monkeypatch):
+    problem = _problem(*PLANTS["growth"][:3])
+    first = forgetting(problem, np.array([0.5]))
+    monkeypatch.setattr(Kept, "_found_or_made", lambda *_: pytest.fail("a program was made anew"))
+    assert forgetting(problem, np.array([0.5])) == first
 
 
 @pytest.mark.parametrize(
@@ -141,3 +150,25 @@ def _of(plant: tuple[str, dict[str, float]], t: np.ndarray, u: np.ndarray, y: np
         Recording(t, {"u": Signal(u, None), "y": Signal(y, None)}, "run"),
         {"a": Parameter((0.05, 20.0), scale="log")},
     )
+
+
+@pytest.mark.parametrize(
+    ("plant", "searched"),
+    [
+        (("x' = (u - x)/a\ny = x", {"x": 0.0}), False),  # a lag
+        (("x' = v\nv' = (u - v)/a\ny = x", {"x": 0.0, "v": 0.0}), False),  # what sums up a lag
+        (("x' = (a - 18)*x + u\ny = x", {"x": 0.0}), True),  # unstable in a small part of the box
+        (("x' = u - a*x^3\ny = x", {"x": 0.0}), True),  # no linear model
+    ],
+)
+def test_lost_starts_are_searched_for_where_a_model_could_forget_them(monkeypatch, plant, searched):
+    t, asked = np.linspace(0, 60, 200), []
+    monkeypatch.setattr(Shooting, "search", lambda self, **_: asked.append(1) or pytest.fail("searched"))
+    u = np.sign(np.sin(0.7 * t + 1))
+    problem = _of(plant, t, u, np.sin(3 * t))
+    if searched:
+        with pytest.raises(pytest.fail.Exception):
+            forgetting_of_lost(problem, np.array([0.5]))
+    else:
+        assert forgetting_of_lost(problem, np.array([0.5])) == []
+    assert bool(asked) == searched

@@ -240,3 +240,26 @@ def test_finer_meshes_of_a_model_compile_nothing_anew():
         made = mesh._compiled(vector, "exponential", ())
         programs.append((id(made), len(made.rates._all._programs), len(made.course.compiled._programs)))
     assert programs == [(programs[0][0], 1, 1)] * 3
+
+
+@pytest.mark.parametrize("k", [0.05, 0.3, 3.0])
+def test_a_pole_is_seen_at_once_by_who_asks_only_whether_there_is_one(k):
+    problem = pole("x' = 1 + k*x^2\n y = x")
+    single, drive, p = problem.predictor.stepping(), problem.whole_drives["run"], {"k": np.asarray(k)}
+    told, brief = (follow(single, p, drive, evaluations=20_000, briefly=b) for b in (False, True))
+    assert told.stopped is not None
+    assert brief.stopped is not None
+    assert not told.stopped.spent
+    assert not brief.stopped.spent
+    assert brief.stopped.state == told.stopped.state
+    np.testing.assert_allclose(brief.stopped.time, told.stopped.time, rtol=1e-5)
+    assert brief.evaluations < told.evaluations / 4
+
+
+def test_growth_that_can_be_followed_is_no_pole():
+    model = pf.equations("x' = k*x\n y = x", outputs=["y"], states={"x": {"initial": 1e-3}},
+                         parameters={"k": {"bounds": (0.1, 30.0)}})  # fmt: skip
+    problem = problem_of(model, np.ones(len(T)))
+    found = follow(problem.predictor.stepping(), {"k": np.asarray(20.0)}, problem.whole_drives["run"], briefly=True)
+    assert found.stopped is None
+    np.testing.assert_allclose(found.outputs["y"], 1e-3 * np.exp(20.0 * (T - T[0])), rtol=1e-6)

@@ -15,6 +15,7 @@ from scipy.stats import multivariate_normal
 import plantfit as pf
 from plantfit.errors import ModelError, SearchError, SpecError
 from plantfit.experiment_design import _times, _without_limit, at_once
+from plantfit.native.kept_programs import Kept
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.report.pages.next_experiment import asked, write_next_experiment_page
 from plantfit.trust.experiment.criteria import Precision
@@ -317,6 +318,12 @@ def test_the_same_seed_gives_the_same_input(lag):
     one, same, other = (pf.design(lag, inputs={"u": (0, 1)}, budget=400, seed=s).recording["u"] for s in (4, 4, 5))
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
+
+
+def test_another_input_for_the_same_answer_compiles_nothing(lag, monkeypatch):
+    pf.design(lag, inputs={"u": (0, 1)}, budget=200, seed=4)
+    monkeypatch.setattr(Kept, "_found_or_made", lambda *_: pytest.fail("a program was made anew"))
+    pf.design(lag, inputs={"u": (0, 1)}, budget=200, seed=5)
 
 
 def straight_or_bent(rows):

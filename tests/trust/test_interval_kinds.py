@@ -11,6 +11,8 @@ from scipy.stats import t as student
 import plantfit as pf
 from plantfit.errors import SpecError
 from plantfit.findings.results.intervals_compared import ComparisonOfIntervals
+from plantfit.folders import code_folder
+from plantfit.native import kept_programs
 from plantfit.trust.intervals.kinds.bootstrap import bootstrap, percentiles
 from plantfit.trust.intervals.kinds.noise import log_likelihood, noise_of
 from plantfit.trust.intervals.kinds.posterior import posterior
@@ -99,7 +101,7 @@ def test_a_profile_allows_for_what_the_covariance_allows_for(seed):
         assert other.ends == pytest.approx(one.ends, abs=0.03 * one.width), p.name
 
 
-def test_the_posterior_under_coloured_noise_is_that_of_quadrature():
+def test_the_posterior_under_coloured_noise_is_that_of_quadrature(monkeypatch):
     rng = np.random.default_rng(1)
     u = np.repeat(rng.uniform(-1, 1, 12), 10)
     y = 1 + 2 * u + slow_noise(rng, 120, 0.8, 0.3)
@@ -128,6 +130,9 @@ def test_the_posterior_under_coloured_noise_is_that_of_quadrature():
         assert sample.std() == pytest.approx(deviation, rel=0.08)
     assert np.all(found.r_hat < 1.02)
     assert np.all(found.effective > 400)
+    if code_folder("programs") is not None:
+        monkeypatch.setattr(kept_programs, "_made", lambda *_: pytest.fail("compiled anew"))
+        np.testing.assert_array_equal(posterior(problem, z, noise, {}, draws=2000, seed=2).values, found.values)
 
 
 def test_a_prior_and_the_data_meet_as_two_normal_distributions_do(white):

@@ -140,10 +140,11 @@ def _sources() -> bytes:
     return repr(sorted(found)).encode()
 
 
-def _options() -> dict[str, Any]:
+def _options(careful: bool = False) -> dict[str, Any]:
     """How XLA compiles: quickly around native loops, where little is left to it; all programs of a search alike, so
-    that its costs have the same bits in blocks of generations and apart."""
-    return compiler_options() if available() else {}
+    that its costs have the same bits in blocks of generations and apart. What loops in XLA itself is compiled with
+    care."""
+    return compiler_options() if available() and not careful else {}
 
 
 @cache
@@ -164,15 +165,15 @@ def _machine() -> bytes:
 
 class Kept:
     """`jax.jit(function)` whose programs are kept on disk. `description` is the digest of all that the function closes
-    over, or None.
+    over, or None; `careful` as in `_options`.
 
     Not the thing itself is held, which may hold this function: large arrays would then wait for the collector of
     cycles.
     """
 
-    def __init__(self, function: Callable, name: str, description: bytes | None):
+    def __init__(self, function: Callable, name: str, description: bytes | None, careful: bool = False):
         functools.update_wrapper(self, function, assigned=("__name__", "__doc__"), updated=())
-        self.name, self.description = name, description
+        self.name, self.description, self.careful = name, description, careful
         self._plain: Any = jax.jit(_named(function, name))
         self._programs: dict[Any, Callable] = {}
         self._lately: tuple[Any, dict[Any, Callable]] = None, {}
@@ -188,35 +189,37 @@ class Kept:
         if any(isinstance(leaf, Tracer) for leaf in leaves):
             return self._plain(*args)
         shapes = tree, tuple([_kind(leaf) for leaf in leaves])
-        program = self._programs.get(shapes)
+        program, results = self._programs.get(shapes), None
         if program is None:
-            program = self._programs[shapes] = self._found_or_made(shapes, args)
+            program, results = self._found_or_made(shapes, args)
+            self._programs[shapes] = program
         if (
             len(args) == 2 and isinstance(args[1], tuple) and hasattr(args[0], "shape")
         ):  # a mapping could be given again with other entries
             self._lately = args[1], {**(programs if args[1] is lately else {}), _brief(args[0]): program}
-        return program(*args)
+        return program(*args) if results is None else results.of
 
     def clear_cache(self) -> None:
         """Forget the programs of this process, as `clear_cache` of a function of `jax.jit` does."""
         self._programs, self._lately = {}, (None, {})
         self._plain.clear_cache()
 
-    def _found_or_made(self, shapes: Any, args: tuple[Any, ...]) -> Callable:
+    def _found_or_made(self, shapes: Any, args: tuple[Any, ...]) -> "tuple[Callable, _Results | None]":
         """The program for arguments of these shapes, from disk or compiled and put there; jax's own where it cannot
-        be kept."""
+        be kept. With its results where it was called to see that it runs."""
         if not _usual() or None in shapes[1]:
-            return self._plain
-        folder = code_folder("programs")
+            return self._plain, None
+        folder, options = code_folder("programs"), _options(self.careful)
         if folder is None or self.description is None:  # the same bits as where it is kept
-            return self._plain.lower(*args).compile(_options())
+            return self._plain.lower(*args).compile(options), None
         key = hashlib.sha256(repr((self.name, shapes)).encode() + self.description).hexdigest()
-        return _read(folder, key, args) or _made(folder, key, self.name, self._plain, args)
+        return _read(folder, key, args) or _made(folder, key, self.name, self._plain, args, options)
 
 
-def kept(function: Callable, name: str, thing: Any) -> Kept:
-    """A pure function of arrays, compiled; found again by the next process where `thing` describes it."""
-    return Kept(function, name, described(thing))
+def kept(function: Callable, name: str, thing: Any, careful: bool = False) -> Kept:
+    """A pure function of arrays, compiled; found again by the next process where `thing` describes it. `careful` where
+    it loops over samples in XLA."""
+    return Kept(function, name, described(thing), careful)
 
 
 def _brief(z: Any) -> Any:
@@ -226,7 +229,7 @@ def _brief(z: Any) -> Any:
 
 def _kind(leaf: Any) -> Any:
     """What a program is compiled for; None for what jax itself has to judge."""
-    if isinstance(leaf, bool | int | float):
+    if isinstance(leaf, (bool, int, float)):
         return type(leaf).__name__
     return (leaf.shape, leaf.dtype, getattr(leaf, "weak_type", False)) if hasattr(leaf, "dtype") else None
 
@@ -243,6 +246,12 @@ def _usual() -> bool:
     return not odd and jax.default_backend() == "cpu" and len(jax.devices()) == 1
 
 
+class _Results(NamedTuple):
+    """What a program gave; also where that is None."""
+
+    of: Any
+
+
 class _Kept(NamedTuple):
     """What is on disk under the key of a function: what its executable needs to run, and the structure of its
     results."""
@@ -253,17 +262,18 @@ class _Kept(NamedTuple):
     results: Any
 
 
-def _read(folder: Path, key: str, args: tuple[Any, ...]) -> Callable | None:
-    """The program under a key, called once with these arguments; None without one, or where it does not run here."""
+def _read(folder: Path, key: str, args: tuple[Any, ...]) -> tuple[Callable, _Results] | None:
+    """The program under a key, and what it gives for these arguments; None without one, or where it does not run
+    here."""
     content = read_object(folder / key, key)
     if content is None:
         return None
     try:
-        program = _loaded(folder, _Kept(*pickle.loads(content)), args)
+        found = _loaded(folder, _Kept(*pickle.loads(content)), args)
     except Exception:  # made by another jaxlib, or its executable is gone: it is made anew
         return None
     _used(folder / key)
-    return program
+    return found
 
 
 def _used(file: Path) -> None:
@@ -272,7 +282,7 @@ def _used(file: Path) -> None:
         os.utime(file)
 
 
-def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None:
+def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> tuple[Callable, _Results] | None:
     executable = read_object(folder / kept.executable, kept.executable)
     # whoever kept it with native loops had asked this jaxlib for its interface (`compile.interface`)
     if executable is None or not all(register_kept(name, libm) for name, libm in kept.natives):
@@ -280,9 +290,9 @@ def _loaded(folder: Path, kept: _Kept, args: tuple[Any, ...]) -> Callable | None
     if kept.lapack:
         _with_lapack()
     program = deserialize_and_load(executable, jax.tree.structure((args, {})), jax.tree.structure(kept.results))
-    jax.block_until_ready(program(*args))
+    results = jax.block_until_ready(program(*args))
     _used(folder / kept.executable)
-    return program
+    return program, _Results(results)
 
 
 @cache
@@ -292,34 +302,37 @@ def _with_lapack() -> None:
     jax.block_until_ready(jax.jit(jax.numpy.linalg.eigh)(np.eye(2)))
 
 
-def _made(folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...]) -> Callable:
+def _made(
+    folder: Path, key: str, name: str, jitted: Any, args: tuple[Any, ...], options: dict[str, Any]
+) -> tuple[Callable, _Results | None]:
     """The program for these arguments, traced now; compiled and put into the folder where no other function has
     become the same program."""
     lowered = jitted.lower(*args)
     text = lowered.as_text()
     natives = tuple((name, libm_of(name)) for name in sorted(set(_NATIVE.findall(text))))
     results = jax.tree.map(lambda _: 0, lowered.out_info)
-    kept = _Kept(
-        hashlib.sha256(_machine() + text.encode()).hexdigest(), natives, _LAPACK.search(text) is not None, results
-    )
-    program = None
+    otherwise = b"" if options == _options() else repr(options).encode()
+    digest = hashlib.sha256(_machine() + otherwise + text.encode()).hexdigest()
+    kept = _Kept(digest, natives, _LAPACK.search(text) is not None, results)
+    found = None
     with suppress(Exception):  # as in `_read`
-        program = _loaded(folder, kept, args)
-    if program is None:
+        found = _loaded(folder, kept, args)
+    if found is None:
         before = _seen.hits
-        program = lowered.compile(_options())
+        program = lowered.compile(options)
+        found = program, None
         # XLA does not write down a program that it has read itself, nor one that calls back into this process
         if _seen.hits > before or _CALLBACK.search(text):
-            return program
+            return found
         try:
             executable, _, _ = serialize(program)
         except Exception:  # what jax cannot write down works all the same
-            return program
+            return found
         _make_room(folder)
         write_object(folder / kept.executable, kept.executable, executable)
     with suppress(Exception):  # results of other classes than tuples, lists and dictionaries
         write_object(folder / key, key, pickle.dumps(tuple(kept)))
-    return program
+    return found
 
 
 class _Seen(threading.local):

@@ -382,7 +382,7 @@ class Problem:
         """Scaled residuals (m,), simulated minus measured, at a cube point (d,); recording by recording, output by
         output."""
         data = self.unsmoothed
-        return data.compiled["residuals"](jnp.asarray(z), data.arguments)
+        return data.compiled["residuals"](_given(z), data.arguments)
 
     def cost(self, z: Any) -> jax.Array:
         """Mean of the squared scaled residuals at a cube point (d,), and what smoothing adds (`smoothing`, eq. 1)."""
@@ -425,21 +425,21 @@ class Problem:
 
     def costs(self, zs: Any) -> jax.Array:
         """Costs (n,) of cube points (n, d); +inf where a candidate cannot be simulated."""
-        return self.compiled["costs"](jnp.asarray(zs), self.arguments)
+        return self.compiled["costs"](_given(zs), self.arguments)
 
     def values_and_gradients(self, zs: Any) -> tuple[jax.Array, jax.Array]:
         """Costs (n,) and their exact gradients (n, d) at cube points (n, d)."""
-        return self.compiled["values_and_gradients"](jnp.asarray(zs), self.arguments)
+        return self.compiled["values_and_gradients"](_given(zs), self.arguments)
 
     def value_and_gradient(self, z: Any) -> tuple[float, np.ndarray]:
         """Cost and its exact gradient (d,) at a cube point."""
-        f, g = self.values_and_gradients(jnp.asarray(z)[None, :])
-        return float(f[0]), np.asarray(g[0])
+        f, g = self.values_and_gradients(np.asarray(z, dtype=float)[None, :])
+        return float(np.asarray(f)[0]), np.asarray(g)[0]  # an entry of jax's array takes ten times as long
 
     def residuals_and_jacobian(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
         """Residuals (m,) and their exact derivatives by the cube coordinates (m, d); rows of smoothing, if any, at
         their end."""
-        r, jacobian = self.compiled["residuals_and_jacobian"](jnp.asarray(z), self.arguments)
+        r, jacobian = self.compiled["residuals_and_jacobian"](_given(z), self.arguments)
         return np.asarray(r), np.asarray(jacobian)
 
     def compressed(self, z: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -453,7 +453,7 @@ class Problem:
 
         The cost is the mean of the squares of all of them; of a regression they are few, as in `compressed`.
         """
-        blocks = self.compiled["blocks"](jnp.asarray(z), self.arguments)
+        blocks = self.compiled["blocks"](_given(z), self.arguments)
         return [
             (np.asarray(r), np.asarray(j), np.asarray(own))
             for (r, j), own in zip(blocks, self.evaluator.local, strict=True)
@@ -493,7 +493,7 @@ class Problem:
         Of recordings that are not `wanted` (recordings,) there are no rows.
         """
         wanted = np.ones(len(self.evaluator.local), bool) if wanted is None else wanted
-        blocks = self.compiled["blocks"](jnp.asarray(z), self.evaluator.only(self.arguments, wanted))
+        blocks = self.compiled["blocks"](_given(z), self.evaluator.only(self.arguments, wanted))
         count = sum(r.shape[0] for r, _ in blocks)
         ends = [None if w else 0 for w in wanted]
         small = (
@@ -539,3 +539,9 @@ def _or_infinite(costs: Callable[[Any, Any], Any], zs: Any, arguments: Any) -> A
     """Costs (n,), +inf where a candidate cannot be simulated."""
     f = costs(zs, arguments)
     return jnp.where(jnp.isfinite(f), f, jnp.inf)
+
+
+def _given(z: Any) -> Any:
+    """Cube points as compiled functions take them: arrays of floats as they are, which a call of its own would only
+    wrap."""
+    return z if isinstance(z, np.ndarray) and z.dtype == np.float64 else jnp.asarray(z)

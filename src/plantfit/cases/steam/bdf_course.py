@@ -71,9 +71,7 @@ class Course:
         self._arguments = opening, t, rtol, atol, at_the_edge
         self._own = Rate(row, opening)
         self._rate = Rate(row, opening)  # takes other numbers for other solutions
-        begin = self._own.delay if at_the_edge else 0.0
-        self._solver = _solver(self._rate, begin, float(t[-1]), rtol, atol)
-        done = int(np.searchsorted(t, begin, side="right")) if at_the_edge else 0
+        self._solver, done = _begun(self._rate, *self._arguments)
         # of each step; first of the making
         self._noted, self._before, self._done = ([self._rate.noted()], [dict[str, Any]()], [done])
         self.pressures = np.zeros(len(t))
@@ -91,12 +89,14 @@ class Course:
         if first is None:
             return self.pressures
         if first == 0:  # as early as the solver was made
-            return Course(row, *self._arguments).pressures
-        vars(self._solver).update(_copied(self._before[first]))
-        self._rate.take(other)
-        found, done = self.pressures.copy(), self._done[first]
-        while self._solver.status == "running":
-            done = _step(self._solver, t, found, done)
+            solver, done = _begun(other, *self._arguments)
+            found = np.zeros(len(t))
+        else:
+            vars(self._solver).update(_copied(self._before[first]))
+            self._rate.take(other)
+            solver, found, done = self._solver, self.pressures.copy(), self._done[first]
+        while solver.status == "running":
+            done = _step(solver, t, found, done)
         return found
 
     def _first_that_reads(self, other: Rate) -> int | None:
@@ -109,6 +109,13 @@ class Course:
             if read & pieces or (low < high and any(low <= t < high for t in times)):
                 return i
         return None
+
+
+def _begun(rate: Rate, opening: float, t: np.ndarray, rtol: float, atol: float, at_the_edge: bool) -> tuple[BDF, int]:
+    """A solver before its first step, and the samples done then."""
+    begin = rate.delay if at_the_edge else 0.0
+    made = _solver(rate, begin, float(t[-1]), rtol, atol)
+    return made, int(np.searchsorted(t, begin, side="right")) if at_the_edge else 0
 
 
 def _solver(rate: Rate, begin: float, end: float, rtol: float, atol: float) -> BDF:

@@ -15,6 +15,8 @@ from plantfit.estimate.filters.rows_on_line import RowsOnLine
 from plantfit.estimate.filters.square_root import whitened
 from plantfit.estimate.filters.state_space import Row, StateSpace, state_space
 from plantfit.native import native_scan
+from plantfit.native.kept_programs import Kept as Program
+from plantfit.native.kept_programs import described
 from plantfit.problem.problem import Problem
 
 import jax
@@ -95,10 +97,11 @@ class BlockFilter:
         self.own = tracked.place(self.values[list(tracked.joint)])
         self.rows = RowsOnLine(self.plant, self.values)
         self.size = length * (1 + len(self.rows.dead_times))  # rows that are worked off at once
-        self._advance = jax.jit(self._advanced)
-        self._since = jax.jit(self._slopes_since)
-        self._begun = jax.jit(
-            jax.vmap(lambda a, drive: jax.jvp(lambda v: held.first(v, drive), (self.values,), (a,)), (0, None))
+        begun = jax.vmap(lambda a, drive: jax.jvp(lambda v: held.first(v, drive), (self.values,), (a,)), (0, None))
+        of = described((*map(_compiled_in, (self.plant, tracked)), self.values, self.axes, self.drift))
+        self._advance, self._since, self._begun = (
+            Program(f, f"watch {name}", of, careful=True)
+            for f, name in ((self._advanced, "advanced"), (self._slopes_since, "since"), (begun, "begun"))
         )
         self.carry: Any = None
         self.past: deque[Kept] = deque(maxlen=KEPT)
@@ -230,6 +233,15 @@ class BlockFilter:
         each = jax.vmap(jax.vmap(along, (None, 0, 0)), (0, 0, None))
         (beliefs, tangents), (_, slopes) = each(jnp.asarray(self.axes), tangents, gates)
         return jax.tree.map(lambda v: v[0, 0], beliefs), tangents, slopes
+
+
+def _compiled_in(plant: StateSpace) -> tuple[Any, ...]:
+    """What the programs of a state-space model depend on."""
+    simulator, space = plant.simulator, plant.space
+    steps = simulator.stepper, simulator.substeps, simulator.interpolated
+    return (
+        simulator.vector.model, *steps, space.parameters, space.recordings, plant.joint, plant.recording, plant.exact,
+    )  # fmt: skip
 
 
 def shapes(plant: StateSpace, values: np.ndarray) -> np.ndarray:

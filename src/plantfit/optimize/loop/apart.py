@@ -89,12 +89,13 @@ def _advance(
     """As `Generations.advance`; of no generation at all it compiles."""
     limits, history, g = Limits(budget, target, patience), np.zeros((BLOCK, len(keys), 2)), first
 
-    def following(carry: Carry, g: int, counted: int = 1) -> Carry:
+    def following(carry: Carry, g: int, counted: bool = True) -> Carry:
         asked = parts.ask(carry, keys, start, np.asarray(g))
-        return parts.tell(carry, asked, parts.evaluate(asked.x, counted * asked.counts, data), limits)
+        counts = asked.counts if counted else 0 * asked.counts
+        return parts.tell(carry, asked, parts.evaluate(asked.x, counts, data), limits)
 
     if first == last:
-        following(carry, g, counted=0)  # no candidate is simulated
+        following(carry, g, counted=False)  # no candidate is simulated
     while g < last and np.any(np.asarray(carry.ending) == RUNNING):
         carry = following(carry, g)
         history[g - first] = np.stack([np.asarray(carry.evaluations, dtype=float), carry.best_f], axis=-1)

@@ -113,7 +113,7 @@ def _explodes(problem: Problem, z: np.ndarray) -> bool:
     values, single = problem.space.physical(z), problem.predictor.stepping()
     for name, drive in problem.whole_drives.items():
         p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
-        stopped = follow(single, p, drive, evaluations=LOST).stopped
+        stopped = follow(single, p, drive, evaluations=LOST, briefly=True).stopped
         if stopped is not None and not stopped.spent:
             return True
     return False

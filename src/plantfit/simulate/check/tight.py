@@ -32,6 +32,7 @@ EVALUATIONS = 6_000_000  # of the rate, for a whole record
 STEPS = 5_000  # of a solver between two edges of the inputs
 GROWTH = 1e6  # times what a state was before, from which on it is said to grow without bound
 ECHOES = 6
+STUCK = 10  # times as many evaluations at one time as a Jacobian takes, by which LSODA's steps are too short to move it
 
 
 @dataclass(frozen=True)
@@ -74,6 +75,7 @@ class _Run:
     atol: np.ndarray
     scale: np.ndarray  # the largest size of every state so far
     most: int
+    briefly: bool = False
     evaluations: int = 0
     past: list[Any] = field(default_factory=list)  # dense outputs, in order of time
     ends: list[float] = field(default_factory=list)
@@ -104,9 +106,13 @@ def follow(
     rtol: float = 1e-9,
     atol: float = 1e-11,
     evaluations: int = EVALUATIONS,
+    briefly: bool = False,
 ) -> Tight:
     """Follow a whole record; `atol` is relative to the largest size of each state. It never raises for what a model
     does.
+
+    Beside a pole LSODA spends its steps at one time, and a method for stiff plants then comes up to it once more to
+    tell where it is. `briefly` ends at the first sign, for whoever asks only whether a record can be followed.
 
     24 000 samples with a held input that changes at each take 800 000 evaluations for two states (two minutes on a busy
     machine).
@@ -120,7 +126,7 @@ def follow(
     x = np.array([float(v) for v in simulator.initial(p, drive.first_input, drive.first_output)])
     ours = np.asarray(record.states) if n else np.zeros((0, count))
     size = np.max(np.abs(np.where(np.isfinite(ours), ours, 0.0)), axis=1, initial=1e-9) if n else np.zeros(0)
-    run = _Run(vector, rtol, atol * size, size, evaluations)
+    run = _Run(vector, rtol, atol * size, size, evaluations, briefly)
     reached = np.abs(x)
     states, stopped = np.full((n, count), np.nan), None
     late = np.full((len(model.state_delays), count), np.nan)
@@ -282,9 +288,15 @@ def _by_lsoda(run: _Run, motion: _Smooth, x: np.ndarray, span: Any, inside: np.n
     (a, slope), start, n = _line(span), span[0], len(x)
     q = np.empty(n + len(a))
     plain = None if motion.plain is None else motion.plain(start, a, slope)
+    at, since, held = start, 0, STUCK * (n + 4)
 
     def rate(x, t):
+        nonlocal at, since
         run.evaluations += 1
+        if run.briefly:
+            at, since = (at, since + 1) if abs(t - at) <= 1e-15 * abs(t) else (t, 0)
+            if since > held and np.any(np.abs(x) > GROWTH * run.scale):
+                raise _Failed(run.stop(t, x))
         if plain is not None:
             with suppress(ArithmeticError, ValueError):  # infinite, NaN, or nothing that math has: jax knows what it is
                 return plain(x, t)

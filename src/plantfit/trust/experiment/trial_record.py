@@ -9,17 +9,16 @@ import numpy as np
 
 from plantfit.errors import ModelError
 from plantfit.models.model import Model
+from plantfit.problem.evaluate.points import several
 from plantfit.problem.measure.experiment import Experiment
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
-from plantfit.runtime import jit
 from plantfit.simulate.simulator import Simulator
 from plantfit.simulate.steps.dependencies import dependencies
 from plantfit.simulate.steps.grid import Pieces
 from plantfit.simulate.steps.registry import STEPPERS
 from plantfit.simulate.steps.vector import placeholders
 
-import jax
 import jax.numpy as jnp
 
 STEP = 0.05  # of a standard error, by which a parameter is moved to see its effect
@@ -133,13 +132,16 @@ class TrialRecord:
 
     @cached_property
     def _simulate(self) -> Any:
-        predictor = self.problem.predictor.with_simulator(self._own_simulator)
-        return jit(jax.vmap(predictor.outputs, in_axes=(0, None)))
+        return several(self._compiled(self._own_simulator)["outputs"])
 
     @cached_property
     def _follow(self) -> Any:
-        predictor = self.problem.predictor.with_simulator(self._own_simulator)
-        return jit(jax.vmap(predictor.trajectories, in_axes=(0, None)))
+        return several(self._compiled(self._own_simulator)["trajectories"])
+
+    def _compiled(self, simulator: Simulator) -> dict[str, Any]:
+        """The problem's functions with these steps, which it keeps: another input is designed without compiling
+        anew."""
+        return self.problem.with_simulator(simulator).compiled
 
     def drive(self, u: np.ndarray) -> Any:
         """The numbers of a recording with these inputs (N, inputs)."""
@@ -189,7 +191,7 @@ class TrialRecord:
         p = {n: jnp.asarray(v[0]) for n, v in self._parameters.items()}
         while True:
             twice = simulator.refined(2)
-            coarse, fine = (jit(predictor.with_simulator(s).outputs) for s in (simulator, twice))
+            coarse, fine = (self._compiled(s)["outputs"] for s in (simulator, twice))
             error = max(
                 _step_error(coarse(p, self.drive(u)), fine(p, self.drive(u)), STEPPERS[simulator.stepper].order)
                 for u in trials

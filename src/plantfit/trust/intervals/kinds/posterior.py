@@ -4,6 +4,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.metadata import version
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import MissingExtra
+from plantfit.native.kept_programs import Kept, described
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.first_values import first_value_effects
@@ -59,52 +61,27 @@ def posterior(
     best. (Hoffman and Gelman, J. Mach. Learn. Res. 15 (2014) 1593.)
     """
     need_blackjax()
-    import blackjax
     from blackjax.diagnostics import effective_sample_size, potential_scale_reduction
 
     begin = np.clip(z, INSIDE, 1.0 - INSIDE)
     columns, onto = _starts(problem.unsmoothed, z, noises)
     origin, axes = np.log(begin / (1 - begin)), _axes(problem, begin, noises, priors, columns, onto)
-    # records and noise are arguments of the compiled programs: those of another record of this shape are found in the
-    # cache
-    density, given = (
-        _density(problem, noises, priors),
-        _Given(origin, axes, problem.unsmoothed.arguments, *_places(noises), columns, onto),
-    )
+    given = _Given(origin, axes, problem.unsmoothed.arguments, *_places(noises), columns, onto)
     key = jax.random.key(seed)
     start_key, warm_key, draw_key = jax.random.split(key, 3)
     positions = jax.random.normal(start_key, (chains, len(z)))
     total = WARM + draws
     tell(0, total)
 
-    def adapted(given: _Given, key: Any, position: Any) -> Any:
-        warm = blackjax.window_adaptation(blackjax.nuts, partial(density, given), max_num_doublings=DOUBLINGS)
-        (state, found), _ = warm.run(key, position, num_steps=WARM)
-        return state, found["step_size"], found["inverse_mass_matrix"]
-
-    states, steps, metrics = jax.jit(jax.vmap(adapted, (None, 0, 0)))(
-        given, jax.random.split(warm_key, chains), positions
-    )
-
-    def some(given: _Given, keys: Any, state: Any, step: Any, metric: Any) -> Any:
-        kernel = blackjax.nuts(
-            partial(density, given), step_size=step, inverse_mass_matrix=metric, max_num_doublings=DOUBLINGS
-        )
-
-        def one(state: Any, key: Any) -> Any:
-            state, info = kernel.step(key, state)
-            return state, (state.position, state.logdensity, info.is_divergent)
-
-        return jax.lax.scan(one, state, keys)
-
-    many = jax.jit(jax.vmap(some, (None, 0, 0, 0, 0)))
+    adapted, some = _programs(problem, noises, priors)
+    states, steps, metrics = adapted(given, jax.random.split(warm_key, chains), positions)
     tell(WARM, total)
     found, done = [], 0
     while done < draws:
         keys = jax.vmap(lambda k: jax.random.split(k, CHUNK))(
             jax.random.split(jax.random.fold_in(draw_key, done), chains)
         )
-        states, out = many(given, keys, states, steps, metrics)
+        states, out = some(given, keys, states, steps, metrics)
         found.append([np.asarray(o) for o in out])
         done += CHUNK
         tell(min(WARM + done, total), total)
@@ -119,6 +96,40 @@ def posterior(
         np.asarray(potential_scale_reduction(split)),
         np.asarray(effective_sample_size(split)),
         diverged,
+    )
+
+
+def _programs(
+    problem: Problem, noises: Sequence[OutputNoise], priors: Mapping[int, tuple[float, float]]
+) -> tuple[Kept, Kept]:
+    """Chains that adapt themselves, and `CHUNK` draws of each. Records and noise are arguments: other records of this
+    shape have the same programs."""
+    import blackjax
+
+    density = _density(problem, noises, priors)
+
+    def adapted(given: _Given, key: Any, position: Any) -> Any:
+        warm = blackjax.window_adaptation(blackjax.nuts, partial(density, given), max_num_doublings=DOUBLINGS)
+        (state, found), _ = warm.run(key, position, num_steps=WARM)
+        return state, found["step_size"], found["inverse_mass_matrix"]
+
+    def some(given: _Given, keys: Any, state: Any, step: Any, metric: Any) -> Any:
+        kernel = blackjax.nuts(
+            partial(density, given), step_size=step, inverse_mass_matrix=metric, max_num_doublings=DOUBLINGS
+        )
+
+        def one(state: Any, key: Any) -> Any:
+            state, info = kernel.step(key, state)
+            return state, (state.position, state.logdensity, info.is_divergent)
+
+        return jax.lax.scan(one, state, keys)
+
+    evaluate = problem.unsmoothed.compiled["residuals_and_jacobian"]
+    rest = evaluate.description, [n.order for n in noises], dict(priors), version("blackjax")
+    description = None if evaluate.description is None else described(rest)
+    return (
+        Kept(jax.vmap(adapted, (None, 0, 0)), "posterior adapted", description, careful=True),
+        Kept(jax.vmap(some, (None, 0, 0, 0, 0)), "posterior draws", description, careful=True),
     )
 
 
