@@ -159,15 +159,32 @@ def test_an_input_that_never_moves_is_told_as_what_it_is():
 
     (look,) = found(np.full(n, 2.0))  # nothing moves
     assert look.level == "warning"
-    assert "nothing that depends on it can be told" in look.sentence
+    assert (
+        look.sentence == "u never moves: it is 1 throughout, so that the record does not show what a change of it does."
+    )
     (look,) = found(2.0 * (1 - np.exp(-t / 0.5)))  # it settles from its start
     assert look.level == "info"
-    assert look.sentence.endswith(
-        "throughout, so that what it does shows only in how the plant settles from its start."
-    )
+    assert look.sentence.endswith("throughout, so that the record does not show what a change of it does.")
     assert not found(2.0 * (1 - np.exp(-t / 0.5)), before={"u": 0.0})  # a step at the first sample
     (look,) = found(np.full(n, 2.0), before={"u": 1.0})  # said to have been the same before
     assert look.level == "warning"
+
+
+@pytest.mark.parametrize(("start", "gain", "seed"), [(6.0, 2.0, 1), (0.0, 2.0, 2), (60.0, 20.0, 3)])
+def test_an_input_that_never_moves_has_an_effect_that_the_level_tells(start, gain, seed):
+    """At rest, and settling from elsewhere, the gain is known by the level: no sentence says that it cannot be told."""
+    t = np.arange(0.0, 300.0, 2.0)
+    noise = 0.05 * np.random.default_rng(seed).normal(size=len(t))
+    y = 3.0 * gain + (start - 3.0 * gain) * np.exp(-t / 20.0) + noise
+    model = equations(
+        "x' = (K*u - x)/tau; y = x", inputs=["u"], states={"x": {"initial": start}}, outputs=["y"],
+        constants={"tau": "20 s"}, parameters={"K": {"bounds": (0.1 * gain, 10 * gain)}},
+    )  # fmt: skip
+    problem = Problem(model, Recording(t, {"u": Signal(np.full(len(t), 3.0)), "y": Signal(y)}, "a"))
+    said = [s["sentence"] for s in fit(problem).findings["verdict"]] + [k.sentence for k in problem_looks(problem)]
+    assert any("The data determine 1 of 1 parameters" in s for s in said)
+    assert any("u never moves: it is 3 throughout, so that the record does not show" in s for s in said)
+    assert not any("can be told" in s or "shows only" in s for s in said)
 
 
 @pytest.mark.parametrize("wrong", [False, True])
