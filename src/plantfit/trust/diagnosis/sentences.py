@@ -190,7 +190,7 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
     much = _stands_for_more(d)
     if d.beside is not None and len(d.beside) < len(d.end.additions):
         return "possibly"  # a disturbance or a drift does without it
-    if d.rival is not None:
+    if d.rival is not None or d.surpassed:
         return "possibly"
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
@@ -210,6 +210,8 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     text = f"{shown} explains {percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
     if instead:
         text += f": less than the {instead} does, so it may stand for that."
+    elif d.surpassed:  # what a state more does may look like any of them
+        text += ": less than a linear model does (see below), so it may stand for that."
     elif one.untried:
         text += f": it may be missing, or stand for one of the {len(one.untried)} additions that were not tried."
     elif len(one.found) == 1:
@@ -222,6 +224,8 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
             named = [f"{t.extension.article} {t.extension.name}".strip() for t in rest]
             others = f"{', '.join(named[:-1])} and {named[-1]} explain"
         text += f", and {others} it as well: one of them is {likely} missing, and this record cannot tell which."
+    if not instead and not d.surpassed and any(t.extension.kind in ("lag", "sensor_lag") for t in one.found):
+        text += " Another part of the plant that lags looks the same, as a second mass that takes up heat."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
     return say("warning", text, **figures)
 
