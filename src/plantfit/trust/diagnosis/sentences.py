@@ -216,7 +216,7 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     elif d.surpassed:  # what a state more does may look like any of them
         text += ": less than a linear model does (see below), so it may stand for that."
     elif one.untried:
-        text += f": it may be missing, or stand for one of the {len(one.untried)} additions that were not tried."
+        text += f": it may be missing, or stand for {_untried(d, one)}."
     elif len(one.found) == 1:
         text += f": {likely} missing{', or it stands for something that is not among the additions' if much else ''}."
     else:
@@ -238,6 +238,18 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         text += " Another part of the plant that lags looks the same, as a second mass that takes up heat."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
     return say("warning", text, **figures)
+
+
+def _untried(d: Diagnosis, one: Round) -> str:
+    """What a finding may stand for: additions that no round tried, else those not tried beside what was found."""
+    tried = {t.extension for r in d.rounds for t in r.trials}
+    never = [e for e in one.untried if e not in tried]
+    count, where = (len(never), "") if never else (len(one.untried), " beside what was found before")
+    return (
+        f"one of the {count} additions that were not tried{where}"
+        if count > 1
+        else (f"the one addition that was not tried{where}")
+    )
 
 
 def _exponent(d: Diagnosis, t: Trial) -> str:
