@@ -259,3 +259,29 @@ def test_a_number_for_no_value_is_told_as_the_file_has_it(unit, told):
     [look] = [k for k in with_signals(u, y, unit) if k.kind == "no_value"]
     assert look.figures["value"] == pytest.approx(-999.0 if unit == "mm" else -0.999)
     assert tomllib.loads(look.write) == told
+
+
+@pytest.mark.parametrize("delayed", [False, True])
+def test_a_clock_has_one_range_in_all_looks_at_it(delayed):
+    """Outputs and recordings estimate by how much an input is stamped late, and differ."""
+    rng, n, late = np.random.default_rng(4), 1200, {"a": 4, "b": 7}
+    recordings = {}
+    for name, by in late.items():
+        raw = np.convolve(rng.normal(size=n + 60), np.ones(3) / 3, "same")
+        x, z = np.zeros(n + 60), np.zeros(n + 60)
+        for k in range(1, n + 60):
+            x[k], z[k] = 0.8 * x[k - 1] + 0.2 * raw[k - 1], 0.9 * z[k - 1] + 0.1 * x[k - 1]
+        u = raw[60 - by : n + 60 - by]
+        y, w = (v[60:] + 0.01 * rng.normal(size=n) for v in (x, z))
+        recordings[name] = Recording(0.02 * np.arange(n), {"u": Signal(u), "y": Signal(y), "w": Signal(w)}, name)
+    text = f"x' = ({'delay(u, L)' if delayed else 'u'} - x)/tau\nz' = (x - z)/tau\ny = x\nw = z"
+    bounds = {"tau": {"unit": "s", "bounds": (0.01, 2.0)}} | ({"L": {"unit": "s", "bounds": (0, 1)}} if delayed else {})
+    model = equations(text, inputs=["u"], states=["x", "z"], outputs=["y", "w"], parameters=bounds)
+    found = [k for k in problem_looks(Problem(model, recordings)) if k.kind == "feedback" and k.write]
+    assert len({k.figures["late"] for k in found}) > 1
+    assert len({k.write for k in found}) == 1
+    most = 2 * max(k.figures["late"] or 0.0 for k in found)
+    assert found[0].write == f"clock_shift = {{ u = [{-most:.3g}, {most:.3g}] }}"
+    for look in found:
+        assert f"Try {look.write} under [model]{' in place of L' if delayed else ''} first" in look.sentence
+        assert look.sentence.count("clock_shift") == 1
