@@ -128,6 +128,17 @@ def test_a_model_that_misses_many_times_the_noise_does_not_hold_whatever_the_spr
         assert float(stated) == pytest.approx(times * above, rel=0.25)
 
 
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_split_whose_rest_was_not_measured_is_not_asked_for(kept):
+    found = findings(noise(40, 0.0), np.zeros(40))
+    if kept:
+        own = found["recordings"][0]["outputs"]["y"]
+        own |= {k: [*own[k], v] for k, v in (("measured", None), ("simulated", 0.0), ("part", "validation"))}
+    (told,) = unseen_sentences(found)
+    assert told["sentence"].startswith("No output was measured where samples were kept unseen") is kept
+    assert told["sentence"].startswith("Nothing was kept unseen") is not kept
+
+
 @pytest.mark.parametrize("above", [1.0, 59.0])
 def test_many_recordings_do_not_hold_at_many_times_the_noise(above):
     left = np.sqrt(2.0) * np.sin(np.arange(400) / 40.0) + noise(400, 0.0) / above

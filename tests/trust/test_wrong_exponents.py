@@ -78,3 +78,27 @@ def test_where_no_exponent_is_wrong_none_is_named(kind):
     low = -0.8 if kind == "both signs" else 0.3
     told = said(record(3, rate, 4.0, 0.01, low=low), "h' = (q - c*h)/A\ny = h", TANK)
     assert not any("a power of h" in s for s in told)
+
+
+@pytest.mark.parametrize("law", ["root", "time"])
+def test_what_changes_with_time_in_a_plant_that_nothing_drives_may_change_with_its_state(law):
+    """A tank that drains by the root of its level, fitted as a decay: its time constant falls in proportion to time."""
+    t = 5.0 * np.arange(140)
+    level = (3.0 - 0.0035 * t) ** 2 if law == "root" else 9.0 * np.exp(-t / 300.0 - (t / 500.0) ** 2)
+    y = level + 0.01 * np.random.default_rng(2).normal(size=len(t))
+    model = equations(
+        "x' = -x/tau\ny = x",
+        states={"x": {"initial": "start"}},
+        outputs=["y"],
+        parameters=["tau", "start"],
+        check=False,
+    )
+    parameters = {"tau": Parameter((10.0, 1e4), scale="log"), "start": Parameter((1.0, 20.0))}
+    answer = fit(Problem(model, Recording(t, {"y": Signal(y)}, "run"), parameters, split=0.7), budget=1000, seed=1)
+    told = [s["sentence"] for s in answer.diagnose()["verdict"] if "likely missing" in s["sentence"]]
+    assert told
+    for sentence in told:
+        if " by " in sentence and "1/s explains" in sentence:
+            assert "very likely" not in sentence
+            assert "Nothing drives the plant, so that a change with its state" in sentence
+    assert any("Nothing drives the plant" in s for s in told) or law == "time"

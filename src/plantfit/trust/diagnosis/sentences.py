@@ -190,7 +190,7 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
         and best.unseen is not None
         and best.unseen >= 0.5 * best.explained
     )
-    much = _stands_for_more(d) or _beside_exponent(d, one)
+    much = _stands_for_more(d) or _beside_exponent(d, one) or _undriven(d, one)
     if d.beside is not None and len(d.beside) < len(d.end.additions):
         return "possibly"  # a disturbance or a drift does without it
     if d.rival is not None or d.surpassed:
@@ -206,7 +206,7 @@ def _instead(d: Diagnosis) -> str:
 def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     """One addition, or several that explain alike."""
     best = max(one.found, key=lambda t: t.explained)
-    likely, much = likelihood(d, one), _stands_for_more(d) or _beside_exponent(d, one)
+    likely, much = likelihood(d, one), _stands_for_more(d) or _beside_exponent(d, one) or _undriven(d, one)
     left = "what is left" if k == 0 else "what is then left"
     instead = _instead(d)
     shown = f"Without that {instead}, {_phrase(one.found[0])}" if instead else _shown(one.found[0])
@@ -234,6 +234,8 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         text += " A rate that is curved in a state, as the outflow of a tank in its level, looks like that."
     if not instead and not d.surpassed:
         text += _exponent(d, one.found[0])
+    if not instead and _undriven(d, one):
+        text += " Nothing drives the plant, so that a change with its state, as of a wrong exponent, looks the same."
     if not instead and not d.surpassed and any(t.extension.kind in ("lag", "sensor_lag") for t in one.found):
         text += " Another part of the plant that lags looks the same, as a second mass that takes up heat."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
@@ -277,6 +279,16 @@ def _exponent(d: Diagnosis, t: Trial) -> str:
 def _beside_exponent(d: Diagnosis, one: Round) -> bool:
     """Whether another round found what a wrong exponent does: an offset beside that is a part of the same curve."""
     return any(_exponent(d, r.found[0]) for r in d.rounds if r.found and r is not one)
+
+
+def _undriven(d: Diagnosis, one: Round) -> bool:
+    """Whether a change with time was found of a plant that no input moves: its state is a function of time, and a
+    change with the state does the same."""
+    given = d.carrier.given
+    if not isinstance(given.model, Model) or not any(t.extension.signal.endswith(f"{WITH}t") for t in one.found):
+        return False
+    records = [e.recording for e in given.experiments.values()]
+    return not any(np.ptp(np.nan_to_num(r[u])) > 0 for r in records for u in given.model.inputs)
 
 
 def _lowest(d: Diagnosis, state: str) -> float:

@@ -31,7 +31,13 @@ SOLVED = 99.99  # percent of what an output does: the rest may be the error of a
 def unseen_sentences(findings: Findings) -> Iterator[Sentence]:
     """Whether it holds on samples that were not fitted."""
     unseen = [r for r in findings["scores"] if r["part"] == "validation"]
-    if not unseen:
+    if not unseen and any("validation" in o["part"] for r in findings["recordings"] for o in r["outputs"].values()):
+        yield say(
+            "warning",
+            "No output was measured where samples were kept unseen, so nothing shows yet that the "
+            "model holds on new data: give an earlier split or a second recording.",
+        )
+    elif not unseen:
         yield say(
             "warning",
             "Nothing was kept unseen, so nothing shows yet that the "
