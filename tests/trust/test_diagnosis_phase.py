@@ -279,7 +279,9 @@ def test_additions_that_were_tried_alone_are_not_called_untried(untried, second,
     rounds = [SimpleNamespace(trials=tried, untried=tuple(untried))]
     if second is not None:
         rounds.append(SimpleNamespace(trials=tried[-1:], untried=tuple(second)))
-    assert _untried(SimpleNamespace(rounds=rounds), rounds[-1]) == said
+    whole: Any = SimpleNamespace(rounds=rounds)
+    last: Any = rounds[-1]
+    assert _untried(whole, last) == said
 
 
 @pytest.mark.parametrize(

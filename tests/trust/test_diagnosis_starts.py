@@ -1,6 +1,7 @@
 """Initial values that are off: which measured sample is to blame, and that it is no offset of the sensor."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,7 +37,8 @@ def test_a_first_sample_is_blamed_for_states_that_begin_at_it_alone(off, said):
     assert outputs_begun_at(given, z) == ["y"]
     found = [SimpleNamespace(extension=SimpleNamespace(kind="start", signal=s)) for s in off]
     found.append(SimpleNamespace(extension=SimpleNamespace(kind="lag", signal="x2")))
-    told = list(_first_values(given, z, SimpleNamespace(found=found)))
+    made: Any = SimpleNamespace(found=found)
+    told = list(_first_values(given, z, made))
     assert [("that sample may be wrong" in s["sentence"]) for s in told] == [True] * said
 
 

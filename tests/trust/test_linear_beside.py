@@ -133,9 +133,8 @@ def two_masses(seed, size=1.0, level=20.0, second=60.0, between=2.0, n=600):
     `level`, which the surroundings keep."""
     rng = np.random.default_rng(seed)
     t = 10.0 * np.arange(n)
-    power = 30.0 + sum(
-        9.0 * np.sin(2 * np.pi * t / w + p) for w, p in zip((500, 860, 260), rng.uniform(0, 6, 3), strict=True)
-    )
+    waves = [9.0 * np.sin(2 * np.pi * t / w + p) for w, p in zip((500, 860, 260), rng.uniform(0, 6, 3), strict=True)]
+    power = 30.0 + np.sum(waves, axis=0)
     a = np.array(
         [[-(1.0 + 1.0 / between) / 200, 1.0 / between / 200], [1.0 / between / second, -1.0 / between / second]]
     )
@@ -160,7 +159,9 @@ def test_a_second_mass_that_is_missing_is_no_cause_that_looks_like_it(seed, size
     )
     parameters = {"R": Parameter((0.01, 100.0), scale="log"), "C": Parameter((1.0, 1e5), scale="log")}
     answer = fit(Problem(model, two_masses(seed, size, level), parameters, split=0.7), budget=1000, seed=1)
-    said = [s["sentence"] for s in answer.diagnose()["verdict"]]
+    made = answer.diagnose()
+    assert made is not None
+    said = [s["sentence"] for s in made["verdict"]]
     (linear,) = [s for s in said if s.startswith("A linear model of order 2")]
     assert linear.endswith("what is missing is mostly linear. The model has 1 state; write one more.")
     assert not any("likely missing" in s or "from Ta" in s for s in said)

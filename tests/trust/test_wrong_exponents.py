@@ -95,7 +95,9 @@ def test_what_changes_with_time_in_a_plant_that_nothing_drives_may_change_with_i
     )
     parameters = {"tau": Parameter((10.0, 1e4), scale="log"), "start": Parameter((1.0, 20.0))}
     answer = fit(Problem(model, Recording(t, {"y": Signal(y)}, "run"), parameters, split=0.7), budget=1000, seed=1)
-    told = [s["sentence"] for s in answer.diagnose()["verdict"] if "likely missing" in s["sentence"]]
+    made = answer.diagnose()
+    assert made is not None
+    told = [s["sentence"] for s in made["verdict"] if "likely missing" in s["sentence"]]
     assert told
     for sentence in told:
         if " by " in sentence and "1/s explains" in sentence:
