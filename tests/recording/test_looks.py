@@ -406,6 +406,21 @@ def test_a_number_that_stands_for_no_value_is_named(value, measured):
     assert look.times == pytest.approx(T[list(MARKED)])
 
 
+@pytest.mark.parametrize(("value", "size"), [(-999.0, 1.0), (9999.0, 0.1), (-32768.0, 30.0)])
+@pytest.mark.parametrize("long", [15, 40])
+def test_a_long_loss_of_a_level_is_no_end_of_its_sensor(value, size, long):
+    """15 samples in a row of -999 beside levels of 1.3 to 5.9 dm were told as the lower end of the sensor."""
+    y = size * (3.0 + plant(steps()))
+    y[60 : 60 + long] = value
+    [look] = signal_looks(recorded(y), "y", True)
+    assert (look.kind, look.figures["samples"]) == ("no_value", long)
+    assert tomllib.loads(look.write) == {"missing": [value]}
+    ended = size * (3.0 + plant(steps()))
+    ended = np.maximum(ended, np.quantile(ended, 0.1))  # an end that the signal comes to
+    assert "no_value" not in kinds(ended)
+    assert "clipped" in kinds(ended)
+
+
 @pytest.mark.parametrize("kind", ["once", "unlike", "near", "rests", "switch", "steps"])
 def test_what_only_looks_like_a_number_for_no_value_is_none(kind):
     y = plant(steps())

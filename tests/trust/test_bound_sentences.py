@@ -43,6 +43,12 @@ def told(more, findings=None):
 def test_what_the_data_pull_below_zero_is_not_to_be_taken_out():
     assert told({"pulled": 0.36}).endswith("something else in the model is missing or wrong. Find that, and keep it.")
     assert "clock_shift = { u = [-T, T] }" in told({"pulled": 0.36, "delays": "u"})
+    assert "under [model], in place of d, tells by how much" in told({"pulled": 0.36, "delays": "u"})
+    line = "clock_shift = { u = [-0.4, 0.4] }"  # a report has one range
+    looks = [{"kind": "feedback", "signal": s, "write": w} for s, w in (("v", line.replace("u", "v")), ("u", line))]
+    said = told({"pulled": 0.36, "delays": "u"}, {"data": looks})
+    assert line in said
+    assert "[-T, T]" not in said
     for calm in ({"pulled": 0.05}, {"pulled": 0.05, "delays": "u"}, {}):
         assert told(calm).endswith("cannot be told from zero: take it out of the model.")
 

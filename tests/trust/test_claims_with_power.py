@@ -1,5 +1,7 @@
 """Sentences on inputs, unseen samples and noise are said where a test could have told the contrary, and only there."""
 
+import re
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter, lsim, lti
@@ -81,8 +83,8 @@ def test_residuals_that_know_nothing_of_an_input_are_not_foretold_by_it(memory):
     ("percent", "unseen", "level"), [(90.0, 1.1, "good"), (30.0, 1.1, "warning"), (30.0, 3.0, "bad")]
 )
 def test_unseen_samples_hold_only_where_something_is_explained(percent, unseen, level):
-    slow = np.sin(np.arange(400) / 40.0)
-    (told,) = unseen_sentences(findings(slow, np.zeros(400), unseen=unseen, percent=percent))
+    left = np.sin(np.arange(400) / 40.0) + 0.5 * noise(400, 0.0)
+    (told,) = unseen_sentences(findings(left, np.zeros(400), unseen=unseen, percent=percent))
     assert told["level"] == level
     assert told["sentence"].endswith("a fit of 30 % only.") is (level == "warning")
     assert told["sentence"].endswith("it holds.") is (level == "good")
@@ -96,6 +98,56 @@ def test_a_middling_fit_holds_only_where_noise_allows_no_more(slow):
     assert told["level"] == ("warning" if slow else "good")
     assert told["sentence"].endswith("times the noise from sample to sample.") is slow
     assert told["sentence"].endswith("it holds.") is not slow
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e6])
+@pytest.mark.parametrize("times", [0.9, 1.25])
+@pytest.mark.parametrize(
+    ("percent", "above", "said"),
+    [
+        (
+            98.0,
+            59.0,
+            "no worse than there, with a fit of 98 %, but",
+        ),  # well beside the spread, and badly beside the noise
+        (99.93, 10.0, "no worse than there, with a fit of 99.93 %, but"),
+        (99.995, 59.0, None),  # a program may leave as much
+        (98.0, 2.0, None),
+        (90.0, 1.0, None),
+    ],
+)
+def test_a_model_that_misses_many_times_the_noise_does_not_hold_whatever_the_spread(percent, above, said, times, size):
+    left = np.sqrt(2.0) * np.sin(np.arange(400) / 40.0) + noise(400, 0.0) / above
+    left *= size / float(np.std(left))
+    (told,) = unseen_sentences(findings(left, np.zeros(400), rmse=size, unseen=times * size, percent=percent))
+    assert told["sentence"].endswith("it holds.") is (said is None)
+    assert told["level"] == ("good" if said is None else "info")
+    if said:
+        assert said in told["sentence"]
+        (stated,) = re.findall(r"but ([\d.e+]+) times the noise from sample to sample\.$", told["sentence"])
+        assert float(stated) == pytest.approx(times * above, rel=0.25)
+
+
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_split_whose_rest_was_not_measured_is_not_asked_for(kept):
+    found = findings(noise(40, 0.0), np.zeros(40))
+    if kept:
+        own = found["recordings"][0]["outputs"]["y"]
+        own |= {k: [*own[k], v] for k, v in (("measured", None), ("simulated", 0.0), ("part", "validation"))}
+    (told,) = unseen_sentences(found)
+    assert told["sentence"].startswith("No output was measured where samples were kept unseen") is kept
+    assert told["sentence"].startswith("Nothing was kept unseen") is not kept
+
+
+@pytest.mark.parametrize("above", [1.0, 59.0])
+def test_many_recordings_do_not_hold_at_many_times_the_noise(above):
+    left = np.sqrt(2.0) * np.sin(np.arange(400) / 40.0) + noise(400, 0.0) / above
+    found = findings(left, np.zeros(400))
+    score = {**found["scores"][0], "part": "validation", "rmse": 1.1, "fit_percent": 97.0}
+    rows = [{**score, "recording": f"r{k}"} for k in range(5)]
+    (told,) = unseen_sentences({**found, "scores": [*found["scores"], *rows]})
+    assert ("it holds (5" in told["sentence"]) is (above == 1.0)
+    assert ("at more than 3 times the noise from sample to sample (5" in told["sentence"]) is (above > 1.0)
 
 
 def test_a_poor_percentage_of_pure_noise_holds():

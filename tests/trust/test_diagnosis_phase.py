@@ -24,6 +24,7 @@ from plantfit.report import render_html
 from plantfit.report.sections.sentences import independence
 from plantfit.spec import load
 from plantfit.trust.diagnosis import Meter, Stopped, asked_for, diagnose, phase
+from plantfit.trust.diagnosis.sentences import _untried
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 from plantfit.trust.verdict.unseen import unseen_sentences
 
@@ -260,6 +261,27 @@ def test_beside_a_parameter_that_is_pressed_on_its_bound_no_addition_is_proposed
     else:
         assert said == []
         assert "--try" in d["next"]
+
+
+@pytest.mark.parametrize(
+    ("untried", "second", "said"),
+    [
+        ("abc", None, "one of the 3 additions that were not tried"),
+        ("a", None, "the one addition that was not tried"),
+        ("ab", "cd", "one of the 2 additions that were not tried beside what was found before"),  # alone they were
+        ("", "d", "the one addition that was not tried beside what was found before"),
+        ("ab", "ab", "one of the 2 additions that were not tried"),  # neither alone nor beside it
+        ("b", "bcd", "the one addition that was not tried"),
+    ],
+)
+def test_additions_that_were_tried_alone_are_not_called_untried(untried, second, said):
+    tried = [SimpleNamespace(extension=e) for e in "abcdef" if e not in untried]
+    rounds = [SimpleNamespace(trials=tried, untried=tuple(untried))]
+    if second is not None:
+        rounds.append(SimpleNamespace(trials=tried[-1:], untried=tuple(second)))
+    whole: Any = SimpleNamespace(rounds=rounds)
+    last: Any = rounds[-1]
+    assert _untried(whole, last) == said
 
 
 @pytest.mark.parametrize(

@@ -123,3 +123,46 @@ def test_a_swing_that_inputs_move_is_one_of_the_plant_however_little_it_fades():
     _, (one,) = told(FIRST, record(3, 3.0, 0.002), OWN)
     assert "no input moves" not in one["sentence"]
     assert "It oscillates with a period of 2.09 s" in one["sentence"]
+
+
+TWO_MASSES = "x' = (P - (x - Ta)/R)/C\ny = x"
+
+
+def two_masses(seed, size=1.0, level=20.0, second=60.0, between=2.0, n=600):
+    """A heated mass with a second one that hangs on it, 10 s a sample; temperatures are `size` times as large about a
+    `level`, which the surroundings keep."""
+    rng = np.random.default_rng(seed)
+    t = 10.0 * np.arange(n)
+    waves = [9.0 * np.sin(2 * np.pi * t / w + p) for w, p in zip((500, 860, 260), rng.uniform(0, 6, 3), strict=True)]
+    power = 30.0 + np.sum(waves, axis=0)
+    a = np.array(
+        [[-(1.0 + 1.0 / between) / 200, 1.0 / between / 200], [1.0 / between / second, -1.0 / between / second]]
+    )
+    plant = (a, np.array([[1.0 / 200], [0.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
+    y = size * (lsim(plant, power, t, interp=False)[1] + 0.1 * rng.standard_normal(n)) + level
+    signals = {"P": Signal(power, "W"), "Ta": Signal(np.full(n, level), "degC"), "y": Signal(y, "degC")}
+    return Recording(t, signals, "run")
+
+
+@pytest.mark.parametrize(
+    ("seed", "size", "level"),
+    [(4, 1.0, 20.0), *(pytest.param(*p, marks=pytest.mark.slow) for p in ((5, 30.0, -10.0), (6, 0.1, 300.0)))],
+)
+def test_a_second_mass_that_is_missing_is_no_cause_that_looks_like_it(seed, size, level):
+    model = equations(
+        TWO_MASSES,
+        inputs={"P": "W", "Ta": "degC"},
+        states={"x": {"unit": "degC", "initial": "y"}},
+        outputs={"y": "degC"},
+        parameters=["R", "C"],
+        check=False,
+    )
+    parameters = {"R": Parameter((0.01, 100.0), scale="log"), "C": Parameter((1.0, 1e5), scale="log")}
+    answer = fit(Problem(model, two_masses(seed, size, level), parameters, split=0.7), budget=1000, seed=1)
+    made = answer.diagnose()
+    assert made is not None
+    said = [s["sentence"] for s in made["verdict"]]
+    (linear,) = [s for s in said if s.startswith("A linear model of order 2")]
+    assert linear.endswith("what is missing is mostly linear. The model has 1 state; write one more.")
+    assert not any("likely missing" in s or "from Ta" in s for s in said)
+    assert all("it may stand for that" in s for s in said if "explains" in s and " of what is " in s and "RMSE" in s)

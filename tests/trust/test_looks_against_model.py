@@ -159,15 +159,32 @@ def test_an_input_that_never_moves_is_told_as_what_it_is():
 
     (look,) = found(np.full(n, 2.0))  # nothing moves
     assert look.level == "warning"
-    assert "nothing that depends on it can be told" in look.sentence
+    assert (
+        look.sentence == "u never moves: it is 1 throughout, so that the record does not show what a change of it does."
+    )
     (look,) = found(2.0 * (1 - np.exp(-t / 0.5)))  # it settles from its start
     assert look.level == "info"
-    assert look.sentence.endswith(
-        "throughout, so that what it does shows only in how the plant settles from its start."
-    )
+    assert look.sentence.endswith("throughout, so that the record does not show what a change of it does.")
     assert not found(2.0 * (1 - np.exp(-t / 0.5)), before={"u": 0.0})  # a step at the first sample
     (look,) = found(np.full(n, 2.0), before={"u": 1.0})  # said to have been the same before
     assert look.level == "warning"
+
+
+@pytest.mark.parametrize(("start", "gain", "seed"), [(6.0, 2.0, 1), (0.0, 2.0, 2), (60.0, 20.0, 3)])
+def test_an_input_that_never_moves_has_an_effect_that_the_level_tells(start, gain, seed):
+    """At rest, and settling from elsewhere, the gain is known by the level: no sentence says that it cannot be told."""
+    t = np.arange(0.0, 300.0, 2.0)
+    noise = 0.05 * np.random.default_rng(seed).normal(size=len(t))
+    y = 3.0 * gain + (start - 3.0 * gain) * np.exp(-t / 20.0) + noise
+    model = equations(
+        "x' = (K*u - x)/tau; y = x", inputs=["u"], states={"x": {"initial": start}}, outputs=["y"],
+        constants={"tau": "20 s"}, parameters={"K": {"bounds": (0.1 * gain, 10 * gain)}},
+    )  # fmt: skip
+    problem = Problem(model, Recording(t, {"u": Signal(np.full(len(t), 3.0)), "y": Signal(y)}, "a"))
+    said = [s["sentence"] for s in fit(problem).findings["verdict"]] + [k.sentence for k in problem_looks(problem)]
+    assert any("The data determine 1 of 1 parameters" in s for s in said)
+    assert any("u never moves: it is 3 throughout, so that the record does not show" in s for s in said)
+    assert not any("can be told" in s or "shows only" in s for s in said)
 
 
 @pytest.mark.parametrize("wrong", [False, True])
@@ -242,3 +259,29 @@ def test_a_number_for_no_value_is_told_as_the_file_has_it(unit, told):
     [look] = [k for k in with_signals(u, y, unit) if k.kind == "no_value"]
     assert look.figures["value"] == pytest.approx(-999.0 if unit == "mm" else -0.999)
     assert tomllib.loads(look.write) == told
+
+
+@pytest.mark.parametrize("delayed", [False, True])
+def test_a_clock_has_one_range_in_all_looks_at_it(delayed):
+    """Outputs and recordings estimate by how much an input is stamped late, and differ."""
+    rng, n, late = np.random.default_rng(4), 1200, {"a": 4, "b": 7}
+    recordings = {}
+    for name, by in late.items():
+        raw = np.convolve(rng.normal(size=n + 60), np.ones(3) / 3, "same")
+        x, z = np.zeros(n + 60), np.zeros(n + 60)
+        for k in range(1, n + 60):
+            x[k], z[k] = 0.8 * x[k - 1] + 0.2 * raw[k - 1], 0.9 * z[k - 1] + 0.1 * x[k - 1]
+        u = raw[60 - by : n + 60 - by]
+        y, w = (v[60:] + 0.01 * rng.normal(size=n) for v in (x, z))
+        recordings[name] = Recording(0.02 * np.arange(n), {"u": Signal(u), "y": Signal(y), "w": Signal(w)}, name)
+    text = f"x' = ({'delay(u, L)' if delayed else 'u'} - x)/tau\nz' = (x - z)/tau\ny = x\nw = z"
+    bounds = {"tau": {"unit": "s", "bounds": (0.01, 2.0)}} | ({"L": {"unit": "s", "bounds": (0, 1)}} if delayed else {})
+    model = equations(text, inputs=["u"], states=["x", "z"], outputs=["y", "w"], parameters=bounds)
+    found = [k for k in problem_looks(Problem(model, recordings)) if k.kind == "feedback" and k.write]
+    assert len({k.figures["late"] for k in found}) > 1
+    assert len({k.write for k in found}) == 1
+    most = 2 * max(k.figures["late"] or 0.0 for k in found)
+    assert found[0].write == f"clock_shift = {{ u = [{-most:.3g}, {most:.3g}] }}"
+    for look in found:
+        assert f"Try {look.write} under [model]{' in place of L' if delayed else ''} first" in look.sentence
+        assert look.sentence.count("clock_shift") == 1

@@ -14,6 +14,7 @@ from plantfit.problem.problem import Problem
 
 # a linear model says something from that many times the noise on, and that part of the grey box's RMSE
 NOISE, CLOSER = (1.5, 0.8)
+ALIKE = 1.1  # times the least RMSE of any order: more states do no better
 DAMPED = 0.7  # damping ratio from which on nobody sees an oscillation
 FAST = 0.8  # of the Nyquist frequency: poles beyond it are noise
 LONGEST = 20_000  # samples of a recording beyond which it takes long
@@ -58,9 +59,12 @@ def linear_beside(
         best = baseline(records, ORDERS)
     except RecordingError:
         return ""
-    for fit in best.fits:  # the fewest states that do
+    least = min(_rmse(records, fit, "fit") for fit in best.fits)
+    for fit in best.fits:  # the fewest states that do, and leave hardly more than more states would
         own = [_rmse(records, fit, part) for part in ("fit", "unseen")]
-        if all(v <= min(NOISE * noise, CLOSER * mine) for v, mine in zip(own, rmse, strict=True) if np.isfinite(mine)):
+        if own[0] <= ALIKE * least and all(
+            v <= min(NOISE * noise, CLOSER * mine) for v, mine in zip(own, rmse, strict=True) if np.isfinite(mine)
+        ):
             break
     else:
         return ""
@@ -81,7 +85,7 @@ def linear_beside(
         or (wave is not None and wave.period > SLOW * length)
     ):
         return ""  # modes that no input moves imitate a disturbance
-    return f"{text} what is missing is mostly linear. {_what(model, found, inputs)}".strip()
+    return f"{text} what is missing is mostly linear. {_what(model, found, _gains(records, found, inputs))}".strip()
 
 
 def _lasting(fit: LinearFit, samples: int) -> float | None:
@@ -110,15 +114,21 @@ def _rmse(records: Sequence[Data], fit: LinearFit, part: str) -> float:
     return float(np.sqrt(np.mean(errors**2))) if len(errors) else float("nan")
 
 
-def _what(model: Model, found: Baseline, inputs: Sequence[str]) -> str:
+def _gains(records: Sequence[Data], found: Baseline, inputs: Sequence[str]) -> dict[str, float]:
+    """Static gains from the inputs that move; of one that never does nothing is known."""
+    gains = zip(inputs, found.chosen.gains, strict=True)
+    return {u: float(g) for k, (u, g) in enumerate(gains) if any(np.ptp(d.inputs[:, k]) > 0 for d in records)}
+
+
+def _what(model: Model, found: Baseline, gains: Mapping[str, float]) -> str:
     """What the poles and gains of the linear model say about the equations."""
     own = tuple(s for s in model.states if s not in {b.state for b in model.backlashes})
     wave, order = oscillation(found), found.chosen.order
     if wave is None:
         if order > len(own):
             return f"The model has {_states(len(own))}; write one more."
-        gains = [f"from {u} is {gain:.3g}" for u, gain in zip(inputs, found.chosen.gains, strict=True)]
-        return f"Its static gain {', '.join(gains)}; see whether equations and bounds allow that."
+        told = [f"from {u} is {gain:.3g}" for u, gain in gains.items()]
+        return f"Its static gain {', '.join(told)}; see whether equations and bounds allow that." if told else ""
     text = f"It oscillates with a period of {wave.period:.3g} s and a damping ratio of {wave.damping:.2g}"
     if len(own) != 1:
         return f"{text}; see whether the equations can oscillate so."

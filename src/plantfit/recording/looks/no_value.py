@@ -10,6 +10,7 @@ MOST = 0.2  # of the samples: what a signal is so often is a state of the plant
 LEVELS = 10  # that the others have: a switch has few
 APART = 1.0  # times the range of all others, from the nearest of them
 SHORT = 3.0  # samples in a row in the mean: an interruption, and no other state of the plant
+FAR = 5.0  # times that range: so far away no sensor ends and no plant goes, and an interruption may be long
 BACK = 0.5  # of the way to the number, by which the signal may be elsewhere behind it
 
 
@@ -26,7 +27,8 @@ def no_value_look(recording: Recording, name: str) -> Look | None:
             continue
         low, high = float(others.min()), float(others.max())
         away = max(low - end, end - high)
-        if away < APART * (high - low) or not _interrupts(values, at, away):
+        most = np.inf if end != 0.0 and away >= FAR * (high - low) else SHORT  # a plant at rest shows 0
+        if away < APART * (high - low) or not _interrupts(values, at, away, most):
             continue
         unit = f" {recording.signals[name].unit}" if recording.signals[name].unit not in (None, "", "1") else ""
         times = recording.t[good][at]
@@ -42,12 +44,12 @@ def no_value_look(recording: Recording, name: str) -> Look | None:
     return None
 
 
-def _interrupts(values: np.ndarray, at: np.ndarray, away: float) -> bool:
-    """Whether the samples `at` (n,) bool come one or a few in a row, and the signal (n,) is behind them where it was
-    before."""
+def _interrupts(values: np.ndarray, at: np.ndarray, away: float, most: float) -> bool:
+    """Whether the samples `at` (n,) bool come at `most` so many in a row in the mean, and the signal (n,) is behind
+    them where it was before."""
     edges = np.flatnonzero(np.diff(np.r_[False, at, False].astype(int)))
     begins, ends = edges[::2], edges[1::2]
-    if float(np.mean(ends - begins)) > SHORT:
+    if float(np.mean(ends - begins)) > most:
         return False
     inside = (begins > 0) & (ends < len(values))
     return bool(np.all(np.abs(values[ends[inside]] - values[begins[inside] - 1]) < BACK * away))

@@ -47,12 +47,11 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
     low, high = float(values.min()), float(values.max())
     every = (float(t[0]), float(t[-1]))
     if high == low:
-        level, what = (
-            "warning",
-            "and there is nothing to fit" if measured else "and nothing that depends on it can be told",
+        # a model may know what it does all the same, by the level that it leads to
+        what = (
+            "and there is nothing to fit" if measured else "so that the record does not show what a change of it does"
         )
-        if settles:
-            level, what = "info", "so that what it does shows only in how the plant settles from its start"
+        level = "info" if settles else "warning"
         yield Look(
             "constant", level, recording.name, name, f"{name} never moves: it is {low:.4g}{unit} throughout, {what}.",
             *every,

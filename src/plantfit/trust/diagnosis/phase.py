@@ -23,7 +23,7 @@ from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelih
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.finish.other_columns import Change, OtherColumns, other_columns, shares
 from plantfit.trust.finish.other_starts import OtherStarts, other_starts
-from plantfit.trust.intervals.first_values import outputs_begun_at
+from plantfit.trust.intervals.first_values import states_begun_at
 from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
@@ -222,10 +222,14 @@ def _as_change(change: Change) -> str:
 
 
 def _first_values(problem: Problem, z: np.ndarray, found: Diagnosis) -> Iterator[Sentence]:
-    """That initial values which are off are measured ones: the sample is to blame, and not the model."""
-    if not any(t.extension.kind == "start" for t in found.found):
+    """That initial values which are off are measured ones: the sample may be to blame, and not the model. Nothing of a
+    sample at which other states begin than those that are off."""
+    off = {t.extension.signal for t in found.found if t.extension.kind == "start"}
+    if not off:
         return
-    for output in outputs_begun_at(problem, z):
+    for output, states in states_begun_at(problem, z).items():
+        if not off & set(states):
+            continue
         seen = {n: e.recording[output] for n, e in problem.experiments.items() if n in problem.data["drive"]}
         first = {n: float(y[np.isfinite(y)][0]) for n, y in seen.items() if np.isfinite(y).any()}
         unit = problem.model.outputs[output]

@@ -24,6 +24,7 @@ from plantfit.trust.diagnosis.plant.hypothesis import (
     speed_places,
     without,
 )
+from plantfit.trust.intervals.first_values import states_begun_at
 
 QUICK, FINALISTS = 3, 6  # steps of a first try, additions fitted in full
 CHANGES = 6  # of what may change with what that are tried
@@ -240,7 +241,17 @@ def _found(
             continue
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
-    return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+    return tuple(sorted(_consistent(carrier, alike), key=lambda t: extensions.index(t.extension)))
+
+
+def _consistent(carrier: Carrier, alike: Sequence[Trial]) -> list[Trial]:
+    """Additions that explain alike, without an offset of an output beside the start of a state that begins at its first
+    measured value: a sensor that is off shows that value off as well, and the state then begins with it, as of a plant
+    that integrates."""
+    starts = {t.extension.signal for t in alike if t.extension.kind == "start"}
+    offsets = [t for t in alike if t.extension.kind == "offset"]
+    begun = states_begun_at(carrier.given, carrier.z) if starts and offsets else {}
+    return [t for t in alike if not (t in offsets and starts & set(begun.get(t.extension.signal, ())))]
 
 
 def why_not(t: Trial, carrier: Carrier, limit: float, use: np.ndarray, kept: np.ndarray) -> WhyNot | None:

@@ -7,9 +7,10 @@ from typing import Any, Literal
 import numpy as np
 
 from plantfit.findings import diagnosis as records
+from plantfit.models.extensions.changes import REFERENCE, WITH
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
-from plantfit.trust.diagnosis.candidates import of_packages
+from plantfit.trust.diagnosis.candidates import Changing, of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
 from plantfit.trust.diagnosis.judge import by_output
@@ -34,6 +35,8 @@ from plantfit.trust.verdict.words import Sentence, estimate, number, percent, pl
 from plantfit.units import difference_of
 
 SMALL = 0.05  # of the mean square, from which on it is told why an addition is not named
+FAILS = 2.0  # times the RMSE of fitted samples with what was found, from which on it does not hold on unseen ones
+TELLS, LEAST_POWER = 0.25, 0.2  # of an exponent: its standard error at most, and its size at least
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 
 
@@ -187,10 +190,10 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
         and best.unseen is not None
         and best.unseen >= 0.5 * best.explained
     )
-    much = _stands_for_more(d)
+    much = _stands_for_more(d) or _beside_exponent(d, one) or _undriven(d, one)
     if d.beside is not None and len(d.beside) < len(d.end.additions):
         return "possibly"  # a disturbance or a drift does without it
-    if d.rival is not None:
+    if d.rival is not None or d.surpassed:
         return "possibly"
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
 
@@ -203,15 +206,17 @@ def _instead(d: Diagnosis) -> str:
 def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     """One addition, or several that explain alike."""
     best = max(one.found, key=lambda t: t.explained)
-    likely, much = likelihood(d, one), _stands_for_more(d)
+    likely, much = likelihood(d, one), _stands_for_more(d) or _beside_exponent(d, one) or _undriven(d, one)
     left = "what is left" if k == 0 else "what is then left"
     instead = _instead(d)
     shown = f"Without that {instead}, {_phrase(one.found[0])}" if instead else _shown(one.found[0])
     text = f"{shown} explains {percent(one.found[0].explained)} of {left} ({_figures(d, one.found[0])})"
     if instead:
         text += f": less than the {instead} does, so it may stand for that."
+    elif d.surpassed:  # what a state more does may look like any of them
+        text += ": less than a linear model does (see below), so it may stand for that."
     elif one.untried:
-        text += f": it may be missing, or stand for one of the {len(one.untried)} additions that were not tried."
+        text += f": it may be missing, or stand for {_untried(d, one)}."
     elif len(one.found) == 1:
         text += f": {likely} missing{', or it stands for something that is not among the additions' if much else ''}."
     else:
@@ -221,9 +226,80 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         else:
             named = [f"{t.extension.article} {t.extension.name}".strip() for t in rest]
             others = f"{', '.join(named[:-1])} and {named[-1]} explain"
-        text += f", and {others} it as well: one of them is {likely} missing, and this record cannot tell which."
+        or_else = ", or they stand for something that is not among the additions" if much else ""
+        text += (
+            f", and {others} it as well: one of them is {likely} missing{or_else}, and this record cannot tell which."
+        )
+    if not instead and much and any(t.extension.kind in ("dead_zone", "input_offset") for t in one.found):
+        text += " A rate that is curved in a state, as the outflow of a tank in its level, looks like that."
+    if not instead and not d.surpassed:
+        text += _exponent(d, one.found[0])
+    if not instead and _undriven(d, one):
+        text += " Nothing drives the plant, so that a change with its state, as of a wrong exponent, looks the same."
+    if not instead and not d.surpassed and any(t.extension.kind in ("lag", "sensor_lag") for t in one.found):
+        text += " Another part of the plant that lags looks the same, as a second mass that takes up heat."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
     return say("warning", text, **figures)
+
+
+def _untried(d: Diagnosis, one: Round) -> str:
+    """What a finding may stand for: additions that no round tried, else those not tried beside what was found."""
+    tried = {t.extension for r in d.rounds for t in r.trials}
+    never = [e for e in one.untried if e not in tried]
+    count, where = (len(never), "") if never else (len(one.untried), " beside what was found before")
+    return (
+        f"one of the {count} additions that were not tried{where}"
+        if count > 1
+        else (f"the one addition that was not tried{where}")
+    )
+
+
+def _exponent(d: Diagnosis, t: Trial) -> str:
+    """What a change with a state that stays positive says of an exponent: near x0 a factor 1 + c (x - x0) does what a
+    power c x0 of x does, as of an outflow by the root of a level or a reaction of another order."""
+    e = t.extension
+    if not isinstance(e.candidate, Changing) or t.value is None or t.standard_error is None or t.at is None:
+        return ""
+    subject, driver = e.signal.split(WITH)
+    model = d.carrier.given.model
+    if not isinstance(model, Model) or driver not in model.states or subject in model.inputs:
+        return ""
+    low, reference = _lowest(d, driver), d.carrier.values.get(f"{REFERENCE}_{e.signal.replace(' ', '_')}", 0.0)
+    power, error = t.value * reference, t.standard_error * reference
+    if not low > 0.0 or reference <= 0.0 or error > TELLS or abs(power) < LEAST_POWER:
+        return ""
+    more = "higher" if power > 0 else "lower"
+    near = with_unit(reference, plain_unit(model.states[driver]))
+    return (
+        f" Near {driver} = {near} a power of {driver} that is {number(abs(power), 2)} {more} does the same: an "
+        f"exponent of {driver} in what {subject} does may be wrong, as of an outflow or the order of a reaction."
+    )
+
+
+def _beside_exponent(d: Diagnosis, one: Round) -> bool:
+    """Whether another round found what a wrong exponent does: an offset beside that is a part of the same curve."""
+    return any(_exponent(d, r.found[0]) for r in d.rounds if r.found and r is not one)
+
+
+def _undriven(d: Diagnosis, one: Round) -> bool:
+    """Whether a change with time was found of a plant that no input moves: its state is a function of time, and a
+    change with the state does the same."""
+    given = d.carrier.given
+    if not isinstance(given.model, Model) or not any(t.extension.signal.endswith(f"{WITH}t") for t in one.found):
+        return False
+    records = [e.recording for e in given.experiments.values()]
+    return not any(np.ptp(np.nan_to_num(r[u])) > 0 for r in records for u in given.model.inputs)
+
+
+def _lowest(d: Diagnosis, state: str) -> float:
+    """The least value of a state in all recordings, at the answer of the model as it is."""
+    given = d.carrier.given
+    values, found = given.space.physical(d.carrier.z), np.inf
+    for name in given.experiments:
+        drive = given.whole_drives[name]
+        x = np.asarray(given.compiled["trajectories"](given.space.tree(values, name), drive)[state], dtype=float)
+        found = min(found, float(np.min(x)) if x.size and np.all(np.isfinite(x)) else -np.inf)
+    return found
 
 
 def _rivalled(d: Diagnosis, found: Rival) -> Sentence:
@@ -360,8 +436,11 @@ def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:
 
 def _stands_for_more(d: Diagnosis) -> bool:
     """Whether what was found may stand for something else: a cause that is not in the catalogue may look like one
-    that is."""
-    return d.surpassed or any(times > MORE for times in by_output(d.carrier, d.end, d.apart).values())
+    that is, and then more than noise is left, or unseen samples are followed far worse than fitted ones."""
+    if d.surpassed or any(times > MORE for times in by_output(d.carrier, d.end, d.apart).values()):
+        return True
+    last = d.found[-1] if d.found and not d.unseen_blocks else None
+    return last is not None and last.unseen_rmse is not None and last.unseen_rmse[1] >= FAILS * last.rmse[1]
 
 
 def _much_left(d: Diagnosis) -> dict[str, float]:

@@ -108,10 +108,16 @@ def is_scored(problem: Problem, effect: ValueEffect) -> bool:
 
 def outputs_begun_at(problem: Problem, z: np.ndarray) -> list[str]:
     """Outputs whose first measured value enters the states at the start, by the first recordings that have one."""
+    return list(states_begun_at(problem, z))
+
+
+def states_begun_at(problem: Problem, z: np.ndarray) -> dict[str, tuple[str, ...]]:
+    """By output the states that begin elsewhere where its first measured value is another one, by the first recordings
+    that have one; outputs on which none depends are not among them."""
     if not problem.predictor.has_steps:
-        return []
+        return {}
     simulator, values = problem.predictor.stepping(), problem.space.physical(np.asarray(z, dtype=float))
-    found = []
+    found = {}
     for place, output in enumerate(simulator.vector.outputs):
         measured = [
             (n, d)
@@ -123,8 +129,9 @@ def outputs_begun_at(problem: Problem, z: np.ndarray) -> list[str]:
             p = {k: np.asarray(v) for k, v in problem.space.tree(values, name).items()}
             other = tuple(v + (1e-3 * abs(v) + 1e-6) * (k == place) for k, v in enumerate(first))
             begin, moved = (simulator.initial(p, drive.first_input, seen) for seen in (first, other))
-            if any(float(a) != float(b) for a, b in zip(begin, moved, strict=True)):
-                found.append(output)
+            begun = zip(simulator.vector.states, begin, moved, strict=True)
+            if states := tuple(s for s, a, b in begun if float(a) != float(b)):
+                found[output] = states
                 break
     return found
 

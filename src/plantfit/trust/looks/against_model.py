@@ -5,6 +5,7 @@ Those against the model are made here: length and period against the bounds of i
 """
 
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -72,7 +73,20 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
             set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, recording)
         ):
             found += _start(problem, model, recording)
-    return found
+    return [_one_shift(look, found, model) for look in found]
+
+
+def _one_shift(look: Look, found: Sequence[Look], model: Model) -> Look:
+    """A look that tells how to free the clock of an input, with one range for all outputs and recordings, in place of
+    a dead time of that input."""
+    shifts = [k.figures.get("late") or 0.0 for k in found if k.kind == "feedback" and k.signal == look.signal]
+    if look.kind != "feedback" or not look.write:
+        return look
+    most = max(shifts)
+    write = f"clock_shift = {{ {look.signal} = [{-2 * most:.3g}, {2 * most:.3g}] }}"
+    own = next((d.parameter for d in model.delays if d.input == look.signal), None)
+    told = f"{write} under [model]{f' in place of {own}' if own else ''}"
+    return replace(look, write=write, sentence=look.sentence.replace(f"{look.write} under [model]", told))
 
 
 def _same_in(problem: Problem, model: Model, name: str) -> Iterator[Look]:

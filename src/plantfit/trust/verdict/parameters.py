@@ -46,6 +46,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
     needs = (findings.get("determined") or {}).get("only_if", {})
     if failing(findings) or lacking(findings):
         single = [dict[str, Any](p, lacking=True) for p in single]
+    single = [dict[str, Any](p, clock=_clock(findings, p)) if p.get("delays") else p for p in single]
     single = [{**p, "part_of": part} if (part := _part_of(p, findings)) else p for p in single]
     for status, one, many, all_of in (
         ("weak", _weak, _weaks, _all_weak), ("flat", _flat, _flats, _all_flat), ("at bound", _bound, _bounds, None),
@@ -428,9 +429,17 @@ def _below_zero(p: Row) -> str:
         u = p["delays"]
         return (
             f"{text}: the plant moves before {u} does, as it is recorded. The clock of {u} may be another one, in one "
-            f"recording or in all: clock_shift = {{ {u} = [-T, T] }} under [model] tells by how much (s)."
+            f"recording or in all: {p.get('clock') or f'clock_shift = {{ {u} = [-T, T] }}'} under [model], in place of "
+            f"{p['parameter'] if p.get('parameter') else p['name']}, tells by how much (s)."
         )
     return f"{text} and it means nothing: something else in the model is missing or wrong. Find that, and keep it."
+
+
+def _clock(findings: Mapping[str, Any], p: Row) -> str:
+    """The line that a look at the record writes for the clock of the input that a dead time delays; "" without one."""
+    looks = findings.get("data") or ()
+    lines = (k["write"] for k in looks if k["kind"] == "feedback" and k["signal"] == p["delays"])
+    return next((line for line in lines if line.startswith("clock_shift")), "")
 
 
 def _at_most(p: Row) -> str:

@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from plantfit.trust.verdict.outputs import (
     FLOOR,
     GOOD,
@@ -22,13 +24,20 @@ from plantfit.trust.verdict.words import Sentence, number, say, span, times_the_
 HOLDS, FAILS = (1.3, 2.0)
 EXACT = 99.9  # percent: so much of what an output does, and unseen samples hold whatever the fitted ones do
 POOR = 50  # percent of unseen samples below which a model that is no worse than on the fitted ones does not hold there
-MUCH = 3.0  # times that noise: more is left than noise
+MUCH = 3.0  # times that noise: more is left than noise, however small that is beside what an output does
+SOLVED = 99.99  # percent of what an output does: the rest may be the error of a solver, and is no noise to compare with
 
 
 def unseen_sentences(findings: Findings) -> Iterator[Sentence]:
     """Whether it holds on samples that were not fitted."""
     unseen = [r for r in findings["scores"] if r["part"] == "validation"]
-    if not unseen:
+    if not unseen and any("validation" in o["part"] for r in findings["recordings"] for o in r["outputs"].values()):
+        yield say(
+            "warning",
+            "No output was measured where samples were kept unseen, so nothing shows yet that the "
+            "model holds on new data: give an earlier split or a second recording.",
+        )
+    elif not unseen:
         yield say(
             "warning",
             "Nothing was kept unseen, so nothing shows yet that the "
@@ -182,9 +191,27 @@ def _but(findings: Findings, row: Row, level: str) -> str | None:
     if percent is not None and _is_poor(findings, row, level, noise):
         worse = "no worse than there, but" if level == "good" else "worse than there, and"
         return f"{worse} {times_the_mean(percent) or f'a fit of {percent:.0f} % only'}"
-    if level == "good" and percent is not None and percent < GOOD and noise and row["rmse"] > MUCH * noise:
-        return f"no worse than there, but {row['rmse'] / noise:.2g} times the noise from sample to sample"
+    if level == "good" and (times := _times_noise(findings, row)):
+        worse = _off(row) >= HOLDS * (_base(findings, row) or np.inf)  # than there, and yet next to nothing
+        return f"{_in_words(percent, worse)}{number(times, 2)} times the noise from sample to sample"
     return None
+
+
+def _in_words(percent: float | None, worse: bool) -> str:
+    """How unseen samples are followed beside the fitted ones, before how many times the noise is left."""
+    text = "worse than there" if worse else "no worse than there"
+    if percent is None or percent < GOOD:
+        return f"{text}, but "
+    return f"{text}, with a fit of {number(percent, 6 if percent >= EXACT else 3)} %, but "
+
+
+def _times_noise(findings: Findings, row: Row) -> float | None:
+    """How many times its noise from sample to sample an unseen output is off, where that is much: the model holds as
+    well as on the fitted samples, and not to the noise. None where it is not, and where a solver may leave as much."""
+    noise, percent = most_noise(findings, row["output"]), row["fit_percent"]
+    if not noise or (percent is not None and percent >= SOLVED):
+        return None
+    return _off(row) / noise if _off(row) > MUCH * noise else None
 
 
 def _unseen(findings: Findings, row: Row) -> Sentence:
@@ -194,13 +221,14 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         return say("info", f"{text}{_alone(findings, row['output'])}.", rmse=row["rmse"])
     ratio, begun = row["rmse"] / base, _off(row) / base
     level = _held_level(row, begun)
-    if ratio >= HOLDS > begun and not _exact(row):
+    much = level == "good" and _times_noise(findings, row) is not None
+    if ratio >= HOLDS > begun and not _exact(row) and not much:
         text += (
             f", {ratio:.2f} times that of the fitted samples, and {begun:.2f} times if the simulation begins at the "
             "first measured values less their noise: it holds."
         )
         return say("good", text, rmse=row["rmse"], ratio=ratio, started=row["started"])
-    if ratio >= HOLDS and _exact(row):
+    if ratio >= HOLDS and _exact(row) and not much:
         text += (
             f", {ratio:.2f} times that of the fitted samples, and a fit of {number(row['fit_percent'], 6)} %: it holds."
         )
@@ -221,8 +249,8 @@ def _unseen(findings: Findings, row: Row) -> Sentence:
         )
         text += "`plantfit design` plans one."
         return say("warning", text, rmse=row["rmse"], ratio=ratio, foretold=row["foretold"])
-    words = words or _but(findings, row, level)
-    level = "warning" if words else level
+    words, well = words or _but(findings, row, level), (row["fit_percent"] or 0.0) >= GOOD
+    level = ("info" if much and well else "warning") if words else level
     less = f" ({begun:.2f} times {_WITHOUT})" if begun < ratio else ""
     text = f"{text}, {ratio:.2f} times that of the fitted samples{less}: {words or _HOLDS[level]}."
     text += _shift(findings, row)
@@ -239,6 +267,8 @@ def _drift_ends(findings: Findings, row: Row) -> str | None:
 
 _POOR = ("warning", f"a fit of less than {POOR} % only")
 
+_ABOVE = ("info", f"followed, but at more than {MUCH:g} times the noise from sample to sample")
+
 _CHANCE = ("info", "no worse than noise and the uncertainty of the parameters let expect")
 
 _FORETOLD = (
@@ -251,7 +281,9 @@ def _end(findings: Findings, row: Row, level: str, noise: float | None) -> tuple
     """Level and words for one of many recordings."""
     if _is_foretold(findings, row, level):
         return _CHANCE if level == "warning" else _FORETOLD
-    return _POOR if level != "bad" and _is_poor(findings, row, level, noise) else (level, _HOLDS[level])
+    if level != "bad" and _is_poor(findings, row, level, noise):
+        return _POOR
+    return _ABOVE if level == "good" and _times_noise(findings, row) else (level, _HOLDS[level])
 
 
 def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sentence]:
@@ -269,7 +301,7 @@ def _unseens(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[S
     ends = [_end(findings, r, _held_level(r, q), noise) for r, q in zip(rows, begun, strict=True)]
     by = {
         end: [r for r, own in zip(rows, ends, strict=True) if own == end]
-        for end in (*_HOLDS.items(), _CHANCE, _POOR, _FORETOLD)
+        for end in (*_HOLDS.items(), _ABOVE, _CHANCE, _POOR, _FORETOLD)
         if end in ends
     }
     held = "; ".join(f"{words} ({len(own)}: {recordings_named(own)})" for (_, words), own in by.items())
