@@ -45,11 +45,23 @@ class Followed(Refits):
         """The range of coordinate i."""
         self.met = []
         ends = [self._end(i, sign) for sign in (-1.0, 1.0)]
-        for side in (0, 1):
-            # beside an open end, a refit at the edge of the room that did not come down is rather one that was lost
-            if ends[1 - side] == self.limits[i][1 - side] and ends[side] == self.value(i, float(side)):
-                ends[side] = float(self.limits[i][side])
-        return Range(min(ends[0], self.linear.values[i]), max(ends[1], self.linear.values[i]), list(self.met))
+        found = Range(min(ends[0], self.linear.values[i]), max(ends[1], self.linear.values[i]), list(self.met))
+        self.open_at_edges(i, found)
+        return found
+
+    def open_at_edges(self, i: int, found: Range) -> None:
+        """Open the other end of a range that has one open end, where it lies at the edge of the room, or near it and
+        beyond the bounds of the search: a refit there that did not come down is rather one that was lost."""
+        ends = found.low, found.high
+        if ends[1] == self.limits[i][1] and self._at_the_edge(i, ends[0], 0.0, bool(np.isinf(ends[1]))):
+            found.low = float(self.limits[i][0])
+        if ends[0] == self.limits[i][0] and self._at_the_edge(i, ends[1], 1.0, bool(np.isinf(ends[0]))):
+            found.high = float(self.limits[i][1])
+
+    def _at_the_edge(self, i: int, end: float, edge: float, near: bool) -> bool:
+        at = self.cube(i, end, edge)
+        outer = float(self.room.outer(np.where(np.arange(len(self.z)) == i, at, self.z))[i])
+        return at == edge or (near and abs(at - edge) <= NEAR and not 0.0 <= outer <= 1.0)
 
     def narrow(self, i: int, found: Range) -> bool:
         """Whether a range is short beside the value."""

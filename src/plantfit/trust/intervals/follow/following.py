@@ -51,6 +51,8 @@ def followed_ranges(
     if open_ones:
         for i in sorted(set(found) - set(open_ones)):
             walk.look_beyond(i, found[i], _starts([walk.z, *(z for own in found.values() for z in own.points)], i))
+    for i, own in found.items():
+        walk.open_at_edges(i, own)
     return {i: replace(own, points=[walk.room.outer(w) for w in own.points]) for i, own in found.items()}
 
 

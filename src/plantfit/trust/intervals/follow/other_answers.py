@@ -38,8 +38,6 @@ def holding_others(
     tables costs less by chance, one variance for each. Each interval is held as wide as it is at z, less for a higher
     cost. What is one model written twice is left out.
     """
-    if problem.smoothing is not None:
-        return list(rows)
     problem = as_known(problem)
     looked = [(np.asarray(o, dtype=float), None) for o in others][:LOOKED] + list(_moved(problem, z))
     if not looked:
@@ -58,7 +56,7 @@ def holding_others(
             continue
         known.append(other)
         beside = points.residuals(problem, other)
-        growth = (float(beside @ beside) - square) / variance
+        growth = (float(beside @ beside) - square) / variance  # by the data alone: a smoothing is none
         if not growth <= wider * float(chdtri(1 + entries, 1.0 - LEVEL)):  # also where it cannot be simulated
             continue
         top = wider * float(chdtri(1 + max(entries - _entries(problem, other), 0), 1.0 - LEVEL))
@@ -97,8 +95,15 @@ def _moved(problem: Problem, z: np.ndarray) -> Iterator[tuple[np.ndarray, str]]:
                     moved[j] += way * steps[0]
                     for t in own:
                         at = np.asarray(places[t.name])
-                        moved[at] = values[at][np.clip(np.arange(len(at)) - way, 0, len(at) - 1)]
+                        moved[at] = _continued(values[at], np.arange(len(at)) - way)
                     yield np.clip(space.cube(moved), 0.0, 1.0), own[0].name
+
+
+def _continued(values: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """Entries (n,) of a table at the places `at` (n,), in a straight line beyond its ends, which no smoothing minds."""
+    n, last = len(values), len(values) - 1
+    beyond = np.minimum(at, 0) * (values[1] - values[0]) + np.maximum(at - last, 0) * (values[-1] - values[-2])
+    return values[np.clip(at, 0, n - 1)] + beyond
 
 
 def _entries(problem: Problem, z: np.ndarray) -> int:
