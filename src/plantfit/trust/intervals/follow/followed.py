@@ -59,9 +59,11 @@ class Followed(Refits):
             found.high = float(self.limits[i][1])
 
     def _at_the_edge(self, i: int, end: float, edge: float, near: bool) -> bool:
+        if not near or not self.lower[i] < end < self.upper[i]:
+            return end == self.value(i, edge)
         at = self.cube(i, end, edge)
         outer = float(self.room.outer(np.where(np.arange(len(self.z)) == i, at, self.z))[i])
-        return at == edge or (near and abs(at - edge) <= NEAR and not 0.0 <= outer <= 1.0)
+        return abs(at - edge) <= NEAR and not 0.0 <= outer <= 1.0
 
     def narrow(self, i: int, found: Range) -> bool:
         """Whether a range is short beside the value."""
