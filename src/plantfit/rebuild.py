@@ -33,14 +33,12 @@ def prepared_study(study: spec.Study, start: np.ndarray | None = None) -> Prepar
 
 def recipe_of(study: spec.Study) -> Recipe:
     """The study with the bytes of its recordings, for machines that share no disk. Raises RecordingError."""
-    named = [(f"Recording {n!r}", r.file, spec.recording_file(r, study.path)) for n, r in study.table.recording.items()]
-    named += [
-        (f"Table {n!r}", t.file, spec.characteristic_file(t.file, study.path))
-        for n, t in study.table.model.tables.items()
-        if t.file is not None
-    ]
+    table = study.table
+    named = [(f"Recording {n!r}", r.file) for n, r in table.recording.items()]
+    named += [(f"Table {n!r}", t.file) for n, t in table.model.tables.items() if t.file is not None]
     files = {}
-    for name, file, place in named:
+    for name, file in named:
+        place = spec.named_file(file, study.path)
         try:
             files[file] = place.read_bytes()
         except OSError as error:

@@ -73,8 +73,18 @@ def test_nodes_and_values_are_those_of_the_file_in_the_models_units(folder):
     assert isinstance(problem.model, Model)
     [table] = problem.model.tables
     assert np.asarray(table.nodes[0]) == pytest.approx(SOC)
-    with pytest.raises(PlantfitError, match="joins mV and A"):  # the unit of the column, where none is asked for
-        parsed(folder, STUDY.replace('unit = "V"\n[par', "[par"))
+    assert "from ocv.csv" in next(p.sentence for p in problem.model.parameters if p.name == "ocv")
+
+
+def test_the_unit_of_values_is_that_of_the_table_or_of_its_parameter(folder):
+    """One that only the file knows would stand in no line of the study."""
+    bare = STUDY.replace('unit = "V"\n[par', "[par")
+    with pytest.raises(
+        PlantfitError, match=r"\[mV\]' is in mV.* has no unit; declare its unit under \[model.tables.ocv\]"
+    ):
+        parsed(folder, bare)
+    own = parsed(folder, bare + 'ocv = { unit = "V", bounds = [1.0, 6.0] }\n').problem.space.parameters["ocv"]
+    assert np.asarray(own.start) == pytest.approx(OCV, abs=1e-7)
 
 
 def test_a_search_begins_at_the_files_values_where_bounds_are_given(folder):
@@ -108,6 +118,13 @@ g = { bounds = [0.1, 10] }
     (tmp_path / "map.csv").write_text("a,n,k\n" + "".join("{1},{0},{2}\n".format(*r) for r in rows[:-1]))
     with pytest.raises(PlantfitError, match=r"map.csv has no row for n = 400 with a = 1\. .*every pair"):
         spec.parse(text, tmp_path / "map.toml")
+    for kept, said in (
+        (rows[:3], "map.csv has one value of n alone; a table"),
+        ([*rows, rows[4]], "n = 200 with a = 0.5 stands"),
+    ):
+        (tmp_path / "map.csv").write_text("a,n,k\n" + "".join("{1},{0},{2}\n".format(*r) for r in kept))
+        with pytest.raises(PlantfitError, match=said):
+            spec.parse(text, tmp_path / "map.toml")
 
 
 @pytest.mark.parametrize(

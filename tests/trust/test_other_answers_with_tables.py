@@ -85,7 +85,8 @@ def test_with_the_start_or_the_curve_held_the_rest_is_known(held):
     found = ranges(answer)
     if held == "ocv":
         assert {found[n][0] for n in ("Q", "soc0")} == {"determined"}
-        assert found["soc0"][2] - found["soc0"][1] < 0.01
+        assert found["soc0"][2] - found["soc0"][1] < 1e-3
+        assert found["Q"][2] - found["Q"][1] < 2e-3 * TRUTH["Q"]
     assert found["Q"][1] < TRUTH["Q"] < found["Q"][2]
 
 

@@ -6,9 +6,8 @@ from plantfit.lazy import names_of
 
 if TYPE_CHECKING:
     from plantfit.spec.before_filter import before_filter
-    from plantfit.spec.characteristics import characteristic_file
     from plantfit.spec.reading import load, parse
-    from plantfit.spec.recordings import CLEANING, read_recording, recording_file
+    from plantfit.spec.recordings import CLEANING, named_file, read_recording
     from plantfit.spec.rewritten.in_combinations import Rewritten, in_combinations
     from plantfit.spec.rewritten.in_pieces import in_pieces
     from plantfit.spec.rewritten.with_additions import with_additions
@@ -21,14 +20,13 @@ __all__ = [
     "SpecTable",
     "Study",
     "before_filter",
-    "characteristic_file",
     "in_combinations",
     "in_pieces",
     "load",
     "model_of",
+    "named_file",
     "parse",
     "read_recording",
-    "recording_file",
     "validated",
     "with_additions",
 ]
@@ -37,9 +35,8 @@ names_of(
     __name__,
     {
         "before_filter": "before_filter",
-        "characteristics": "characteristic_file",
         "reading": "load parse",
-        "recordings": "CLEANING read_recording recording_file",
+        "recordings": "CLEANING read_recording named_file",
         "rewritten.in_combinations": "Rewritten in_combinations",
         "rewritten.in_pieces": "in_pieces",
         "rewritten.with_additions": "with_additions",

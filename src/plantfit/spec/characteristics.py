@@ -9,6 +9,7 @@ import numpy as np
 
 from plantfit.errors import SpecError, UnitError
 from plantfit.spec.error_place import errors_at
+from plantfit.spec.recordings import named_file
 from plantfit.spec.tables import ParameterTable, SpecTable, TableTable
 
 if TYPE_CHECKING:
@@ -24,40 +25,40 @@ def with_characteristics(table: SpecTable, path: Path, files: Mapping[str, Path]
     """
     tables, parameters = dict(table.model.tables), dict(table.parameters)
     for name, t in tables.items():
-        if t.file is None:
+        file = t.file
+        if file is None:
             continue
         with errors_at(f"{path.name}, [model.tables.{name}]"):
-            axes, values, unit = _read(name, t, table, files.get(t.file) or characteristic_file(t.file, path))
             own = parameters.get(name, ParameterTable())
+            over = [t.over] if isinstance(t.over, str) else t.over
+            t = t.model_copy(update={"unit": t.unit or own.unit})
+            axes, values = _read(name, over, t, table, files.get(file) or named_file(file, path))
             if own.value is not None:
-                raise SpecError(f"its values stand in {t.file!r} and in [parameters.{name}]; leave one of them out.")
-            if own.start is None:
-                key = "value" if own.bounds is None else "start"
-                parameters[name] = own.model_copy(update={key: values})
-        tables[name] = t.model_copy(update={"nodes": axes, "unit": unit})
+                raise SpecError(f"its values stand in {file!r} and in [parameters.{name}]; leave one of them out.")
+            told = {"sentence": own.sentence or f"table over {' and '.join(over)}, from {file}"}
+            if own.start is None and own.tied is None:
+                told |= {"value" if own.bounds is None else "start": values}
+            parameters[name] = own.model_copy(update=told)
+        tables[name] = t.model_copy(update={"nodes": axes})
     return table.model_copy(
         update={"model": table.model.model_copy(update={"tables": tables}), "parameters": parameters}
     )
 
 
-def characteristic_file(file: str, path: Path) -> Path:
-    """Where the file of a characteristic lies."""
-    return Path(file) if Path(file).is_absolute() else path.parent / file
-
-
-def _read(name: str, t: TableTable, table: SpecTable, file: Path) -> tuple[list[list[float]], Any, str | None]:
-    """Nodes of each signal, values (nested tuples) and their unit."""
+def _read(name: str, over: Sequence[str], t: TableTable, table: SpecTable, file: Path) -> tuple[list[list[float]], Any]:
+    """Nodes of each signal in `over`, and values (nested tuples)."""
     from plantfit.recording.readers.any_format import table as columns_of  # polars, only where a file is named
 
-    over = [t.over] if isinstance(t.over, str) else list(t.over)
     units = _units(table)
     if unknown := [s for s in over if s not in units]:
         raise SpecError(f"over names {unknown[0]!r}, which the model does not declare; it declares {', '.join(units)}.")
+    units[name] = t.unit
     found = columns_of(file)
     wanted = _columns(found, t, [*over, name])
-    units[name] = t.unit or found.column(wanted[-1], name).unit
-    columns = [_numbers(found, c, s, units[s]) for c, s in zip(wanted, [*over, name], strict=True)]
-    unit = units[name]
+    columns = [
+        _numbers(found, c, s, units[s], "under [model]" if s != name else f"under [model.tables.{name}]")
+        for c, s in zip(wanted, [*over, name], strict=True)
+    ]
     if len(over) == 1:
         order = np.argsort(columns[0], kind="stable")
         nodes, values = columns[0][order], columns[1][order]
@@ -68,8 +69,8 @@ def _read(name: str, t: TableTable, table: SpecTable, file: Path) -> tuple[list[
             )
         if len(nodes) < 2:
             raise SpecError(f"{found.source} has {len(nodes)} row; a table needs two nodes or more.")
-        return [nodes.tolist()], tuple(values.tolist()), unit
-    return *_grid(found, over, columns), unit
+        return [nodes.tolist()], tuple(values.tolist())
+    return _grid(found, over, columns)
 
 
 def _units(table: SpecTable) -> dict[str, str | None]:
@@ -97,8 +98,8 @@ def _columns(found: "Table", t: TableTable, names: Sequence[str]) -> list[str | 
     )
 
 
-def _numbers(found: "Table", wanted: str | int, purpose: str, need: str | None) -> np.ndarray:
-    """A column (n,) in the unit that is needed."""
+def _numbers(found: "Table", wanted: str | int, purpose: str, need: str | None, where: str) -> np.ndarray:
+    """A column (n,) in the unit that is needed, which is declared `where` it says."""
     from plantfit.recording.readers.numbers import casted, numbers
     from plantfit.units import convert
 
@@ -118,7 +119,7 @@ def _numbers(found: "Table", wanted: str | int, purpose: str, need: str | None) 
     if need is None:
         raise UnitError(
             f"{found.source}: column {column.header!r} is in {column.unit}, and the model's {purpose} has no unit; "
-            "declare its unit in [model], and the column is converted."
+            f"declare its unit {where}, and the column is converted."
         )
     with errors_at(f"{found.source}, column {column.header!r}"):
         return np.asarray(convert(values, column.unit, need))
@@ -142,5 +143,8 @@ def _grid(found: "Table", over: Sequence[str], columns: Sequence[np.ndarray]) ->
             f"signals needs a value for every pair of its {len(first)} and {len(second)} nodes."
         )
     if min(values.shape) < 2:
-        raise SpecError(f"{found.source} has one value of a signal alone; a table needs two nodes or more of each.")
+        alone = over[0] if len(first) < 2 else over[1]
+        raise SpecError(
+            f"{found.source} has one value of {alone} alone; a table needs two nodes or more of each signal."
+        )
     return [first.tolist(), second.tolist()], tuple(tuple(row) for row in values.tolist())

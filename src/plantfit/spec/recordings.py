@@ -30,14 +30,14 @@ CLEANING = (
 _LEVEL = re.compile(r".*[^_\W]_(?P<unit>dB[mVuW]?)")  # names that end in a level
 
 
-def recording_file(r: RecordingTable, path: Path) -> Path:
-    """Where the file of a recording lies."""
-    return Path(r.file) if Path(r.file).is_absolute() else path.parent / r.file
+def named_file(file: str, path: Path) -> Path:
+    """Where a file lies that the study file at `path` names."""
+    return Path(file) if Path(file).is_absolute() else path.parent / file
 
 
 def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str, Path] | None = None) -> rec.Recording:
     """The recording of one table, cleaned as it says."""
-    file = (files or {}).get(r.file) or recording_file(r, path)
+    file = (files or {}).get(r.file) or named_file(r.file, path)
     given = {
         "time": r.time, "time_unit": r.time_unit, "period": r.period, "signals": r.signals, "units": r.units or None,
         "sheet": r.sheet, "sort": r.sort or None, "duplicates": r.duplicates,

@@ -65,7 +65,7 @@ def holding_others(
         share = float(np.sqrt(1.0 - max(growth, 0.0) / top))
         values = np.asarray(problem.space.physical(other))
         free = [
-            _held(row, own, c, float(value), share, table) if row["low"] is not None else row
+            _held(row, own, c, float(value), share, table) if own["status"] in ("determined", "weak") else row
             for row, own, c, value in zip(found, rows, problem.space.coordinates, values, strict=False)
         ]
         found = free + found[len(free) :]  # what is fixed comes last
