@@ -15,8 +15,8 @@ from plantfit.study.comparing.symmetry import same_by_symmetry
 from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.identify.table_visits import table_visits
 from plantfit.trust.intervals.covariance import known_variance
-from plantfit.trust.intervals.linearised import Local, residual_blocks
-from plantfit.trust.intervals.parameter_rows import ROUGH
+from plantfit.trust.intervals.linearised import Local, linearise, residual_blocks
+from plantfit.trust.intervals.parameter_rows import ROUGH, parameter_rows
 from plantfit.trust.intervals.ranges import LEVEL, degrees_left
 
 Row = dict[str, Any]
@@ -35,7 +35,7 @@ def holding_others(
 
     A table of another length goes with another rate of the state that it is over. At whole nodes the fit is the same,
     and between them it is worse, so that standard errors tell of half a node. An answer that reads more entries of
-    tables costs less by chance, one variance for each. Each interval is held as wide as it is at z, less for a higher
+    tables costs less by chance, one variance for each. Each interval is held as wide as it is there, less for a higher
     cost. What is one model written twice is left out.
     """
     problem = as_known(problem)
@@ -55,18 +55,20 @@ def holding_others(
         if min(float(np.max(np.abs(other - k))) for k in known) <= APART:
             continue
         known.append(other)
-        beside = points.residuals(problem, other)
-        growth = (float(beside @ beside) - square) / variance  # by the data alone: a smoothing is none
+        left = points.residuals(problem, other)
+        growth = (float(left @ left) - square) / variance  # by the data alone: a smoothing is none
         if not growth <= wider * float(chdtri(1 + entries, 1.0 - LEVEL)):  # also where it cannot be simulated
             continue
         top = wider * float(chdtri(1 + max(entries - _entries(problem, other), 0), 1.0 - LEVEL))
         if growth > top or same_by_symmetry(problem, z, other) is not None:
             continue
         share = float(np.sqrt(1.0 - max(growth, 0.0) / top))
+        # a moved table leaves errors as they are
+        there = rows if table is not None else parameter_rows(problem.space, linearise(problem, other))
         values = np.asarray(problem.space.physical(other))
         free = [
-            _held(row, own, c, float(value), share, table) if own["status"] in ("determined", "weak") else row
-            for row, own, c, value in zip(found, rows, problem.space.coordinates, values, strict=False)
+            _held(row, own, beside, c, float(value), share, table) if own["status"] in ("determined", "weak") else row
+            for row, own, beside, c, value in zip(found, rows, there, problem.space.coordinates, values, strict=False)
         ]
         found = free + found[len(free) :]  # what is fixed comes last
     return found
@@ -111,12 +113,12 @@ def _entries(problem: Problem, z: np.ndarray) -> int:
     return sum(int(v.visited.sum()) for v in table_visits(problem, np.asarray(problem.space.physical(z))))
 
 
-def _held(row: Row, own: Row, c: Coordinate, value: float, share: float, table: str | None) -> Row:
-    """A row whose interval holds another value, with a `share` of the width that it has at the answer (`own`) there;
-    `table` was moved for it."""
-    below, above = own["value"] - own["low"], own["high"] - own["value"]
-    low = max(min(row["low"], value - share * below), c.limits[0])
-    high = min(max(row["high"], value + share * above), c.limits[1])
+def _held(row: Row, own: Row, beside: Row, c: Coordinate, value: float, share: float, table: str | None) -> Row:
+    """A row whose interval holds another value, with a `share` of the width that it has there (`beside`), or where it
+    is open there of that at the answer (`own`); `table` was moved for it."""
+    known = beside if beside["status"] in ("determined", "weak") else own
+    low = max(min(row["low"], value - share * (known["value"] - known["low"])), c.limits[0])
+    high = min(max(row["high"], value + share * (known["high"] - known["value"])), c.limits[1])
     wide = max(high - row["value"], row["value"] - low) > NORMAL * ROUGH * max(abs(row["value"]), c.typical)
     status = "weak" if row["status"] == "determined" and wide else row["status"]
     moved = {"moved_with": table} if table is not None and not c.index and value != row["value"] else {}
