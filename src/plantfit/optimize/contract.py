@@ -143,7 +143,8 @@ class Objective:
     (n, d) to ((n, k), (n, k, d)): rows with the same mean square, gradient and Gauss-Newton matrix as the residuals and
     Jacobians of n points, for methods that run many starts side by side. `projected` makes the same problem with the
     parameters solved for in which the residuals are affine, None if there are none. `lower` and `upper` (d,) are the
-    bounds in units; `log` (d,) tells which coordinates are logarithms.
+    bounds in units; `log` (d,) tells which coordinates are logarithms. `held` is a number that is another one where
+    values that are held are others: costs at a few points may not show it.
     """
 
     dimension: int
@@ -162,6 +163,7 @@ class Objective:
     upper: np.ndarray | None = None
     log: np.ndarray | None = None
     noise_floor: float | None = None  # expected cost at the truth when known
+    held: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
