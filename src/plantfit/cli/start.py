@@ -1,19 +1,14 @@
 """Where the command `plantfit` begins: Ctrl-C is watched before anything large is imported."""
 
-import gc
 import signal
 
+from plantfit import collector
 from plantfit.cli.terminal.interrupts import watched
-
-# A command makes a million objects that stay, most of them by importing jax. At Python's own 700 new objects the
-# collector of cycles walks through them again and again, which takes a sixth of a `plantfit check`; at its end another
-# third is one walk through all of them.
-COLLECTED = (50_000, 20, 20)
 
 
 def run() -> None:
     """The command line, and the end of the process; see main.py."""
-    gc.set_threshold(*COLLECTED)
+    collector.seldom()
     try:
         with watched():
             try:
@@ -24,7 +19,7 @@ def run() -> None:
     finally:
         # everything is said and saved: a late Ctrl-C must not end what libraries do at exit in a traceback
         signal.signal(signal.SIGINT, signal.SIG_IGN)
-        gc.freeze()  # what is left goes with the process; `atexit` and finalizers run as ever
+        collector.left()
 
 
 def _stopped() -> int:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Generic, TypeVar
 
+from plantfit import collector
 from plantfit.errors import SimulationError
 
 T = TypeVar("T")
@@ -48,4 +49,6 @@ def answer_pipe(function: Callable[..., Any]) -> None:
     """What `function` makes of the pickled arguments at standard input, pickled to standard output."""
     out = sys.stdout.buffer
     sys.stdout = sys.stderr  # nothing else may be written there
+    collector.seldom()
     out.write(pickle.dumps(function(*pickle.loads(sys.stdin.buffer.read()))))
+    collector.left()

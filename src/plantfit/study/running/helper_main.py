@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable
 from contextlib import suppress
 
+from plantfit import collector
 from plantfit.errors import PlantfitError, StoreError
 from plantfit.study.problem_recipe import STUDY_FILES, Recipe
 from plantfit.study.running.helper_processes import ADDRESS
@@ -23,6 +24,7 @@ from plantfit.study.store.store import Store
 
 def main(maker: str, seconds: str, *studies: str) -> int:
     """What a helper does; returns its exit code."""
+    collector.seldom()
     stop = latched(_asked_to_stop().is_set)
     try:
         store = Store.open(os.environ[ADDRESS], create=False)
