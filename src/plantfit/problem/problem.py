@@ -30,6 +30,7 @@ from plantfit.problem.parameters import space_of
 from plantfit.problem.predictor import Predictor, predictor_of
 from plantfit.problem.told import problem_text
 from plantfit.recording.record import Recording
+from plantfit.simulate.records.of_one_length import as_long_as_others
 from plantfit.simulate.simulator import Drive, Simulator
 from plantfit.simulate.steps.vector import vectorise
 from plantfit.space import Space
@@ -532,7 +533,12 @@ class Problem:
 
     def outputs_over(self, name: str, p: Mapping[str, Any]) -> dict[str, np.ndarray]:
         """Every output (n,) over the whole recording `name` at named parameter values, as `Space.tree` gives them."""
-        return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, self.parts.whole[name]).items()}
+        drive = self.parts.whole[name]
+        if not isinstance(drive, Drive):
+            return {k: np.asarray(v) for k, v in self.compiled["outputs"](p, drive).items()}
+        lengthened = as_long_as_others(drive, self.whole_drives.values())
+        count = len(drive.t) if drive.samples is None else len(drive.samples)
+        return {k: np.asarray(v)[:count] for k, v in self.compiled["outputs"](p, lengthened).items()}
 
 
 def _or_infinite(costs: Callable[[Any, Any], Any], zs: Any, arguments: Any) -> Any:
