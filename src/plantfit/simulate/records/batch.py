@@ -166,7 +166,7 @@ class Batch:
     def _rolled(self, p_rows, x, z, reverse: bool):
         """States (K, R) after all steps."""
         values = substeps(self.simulator, values_of(self.simulator.step))
-        rollout = make_rollout(substeps(self.simulator), values, reverse=reverse)
+        rollout = make_rollout(substeps(self.simulator, pulled=True), values, reverse=reverse)
         return jax.vmap(rollout, in_axes=(0, 0, -1), out_axes=-1)(p_rows, x, z)
 
     def _states_in_window(self, p_rows, x, chunk: Chunks, reverse: bool):

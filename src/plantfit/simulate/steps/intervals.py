@@ -18,7 +18,11 @@ import jax
 import jax.numpy as jnp
 
 MOST_EDGES = 4  # that straight code is written for; with more, edges are merged into a grid of steps
-UNROLLED = 8  # substeps that are written out, where nothing can happen in them; more become a loop
+# substeps that are written out, where nothing can happen in them; more become a loop
+UNROLLED = 8
+# of a model that reads tables: a loop of its long steps is as fast, and made in a fifth of the time. Pulled back it is
+# slower by a third; loops of short steps are slower by up to a half.
+UNROLLED_TABLES = 1
 
 
 class Row(NamedTuple):
@@ -47,11 +51,21 @@ def _kept(make: Callable) -> Callable:
     return kept
 
 
-def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
+def _written_out(simulator: Simulator, pulled: bool) -> int:
+    """How many substeps are written out at most; `pulled`: they are differentiated backwards."""
+    if isinstance(simulator.step, Switching):
+        return 1
+    model = simulator.vector.model
+    tables = any(model.declared(n).shape for n in simulator.vector.parameters)
+    # inputs that change within an interval have shares of it that are known before only where they are written out
+    return UNROLLED_TABLES if tables and not simulator.varying and not pulled else UNROLLED
+
+
+def substeps(simulator: Simulator, stepper: Callable | None = None, *, pulled: bool = False) -> Callable:
     """`step(p, x, z)`: all substeps over z = (inputs at the start, at the end or None, length), of the simulator's
-    stepper or another."""
+    stepper or another; `pulled` tells that it is differentiated backwards."""
     vector, m, varying = simulator.vector, simulator.parts, simulator.varying
-    stepper = simulator.step if stepper is None else stepper
+    stepper, most = simulator.step if stepper is None else stepper, _written_out(simulator, pulled)
 
     def part(p, x, u0, u1, h):
         return stepper(vector.rate, x, u0, u0 if u1 is None else u1, h, p, varying, vector.pattern)
@@ -70,7 +84,7 @@ def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
         def one(j, x):
             return part(p, x, between(j / m), None if u1 is None else between((j + 1) / m), h)
 
-        if m > (1 if isinstance(simulator.step, Switching) else UNROLLED):
+        if m > most:
             return jax.lax.fori_loop(0, m, one, x)
         for j in range(m):
             x = one(j, x)
@@ -79,13 +93,14 @@ def substeps(simulator: Simulator, stepper: Callable | None = None) -> Callable:
     return step
 
 
-def interval(simulator: Simulator, edges: bool, *, derived: bool = False) -> Callable:
+def interval(simulator: Simulator, edges: bool, *, derived: bool = False, pulled: bool = False) -> Callable:
     """`advance(p, x, row, around) -> (x, y)`: the states and outputs at the next sample; to be differentiated only when
-    `derived`.
+    `derived`, and backwards better when `pulled` too.
 
     `row` is one interval of a `Row`; `around` the `Knots` (E,) of every delayed channel, looked at only with `edges`.
     """
-    return _interval(simulator, edges, simulator.step if derived else values_of(simulator.step), lambda x: x)
+    stepper = simulator.step if derived else values_of(simulator.step)
+    return _interval(simulator, edges, stepper, lambda x: x, pulled)
 
 
 def quiet_interval(simulator: Simulator, edges: bool) -> Callable | None:
@@ -112,8 +127,8 @@ def quiet_interval(simulator: Simulator, edges: bool) -> Callable | None:
     return advance
 
 
-def _interval(simulator: Simulator, edges: bool, stepper: Callable, states: Callable) -> Callable:
-    vector, step = simulator.vector, substeps(simulator, stepper)
+def _interval(simulator: Simulator, edges: bool, stepper: Callable, states: Callable, pulled: bool = False) -> Callable:
+    vector, step = simulator.vector, substeps(simulator, stepper, pulled=pulled)
     places = [vector.parameters.index(d.parameter) for d in vector.model.delays]
 
     def advance(p, x, row: Row, around: tuple[Knots, ...]):
@@ -236,7 +251,7 @@ def backwards_through(simulator: Simulator, edges: bool) -> Callable:
     """
     quiet, step = quiet_interval(simulator, edges), simulator.step
     if quiet is None:
-        return jax.jit(partial(_pulled, interval(simulator, edges, derived=True)), inline=True)
+        return jax.jit(partial(_pulled, interval(simulator, edges, derived=True, pulled=True)), inline=True)
     assert isinstance(step, Switching)  # else there is no quiet interval
     # of one step it is known where something may have happened in it
     step = step.whole if simulator.parts == 1 else step
@@ -267,7 +282,7 @@ def sensitivities(simulator: Simulator, edges: bool) -> Callable:
     derivatives of a step are pulled back from its few results, so that the work does not grow with the number of
     parameters but for one recursion.
     """
-    advance = interval(simulator, edges, derived=True)
+    advance = interval(simulator, edges, derived=True, pulled=True)
 
     @partial(jax.jit, inline=True)
     def run(p, x, s, rows: Row, around):
