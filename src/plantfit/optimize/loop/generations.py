@@ -7,12 +7,12 @@ alone.
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache, partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from plantfit.errors import SearchError
-from plantfit.optimize.contract import CostOfData, Facts, KeptCosts, Objective, Population
+from plantfit.optimize.contract import CostOfData, Facts, KeptCosts, Objective, Population, Refreshing
 from plantfit.runtime import jit
 
 import jax
@@ -154,6 +154,28 @@ def _compiled(generations: "Generations") -> Callable:
     return jax.jit(generations.advance)
 
 
+def _mapped_beside(function: Callable[[Any, Any], tuple[Any, Any]], given: Any, state: Any) -> tuple[Any, Any]:
+    """`lax.map` of `function(given, state) -> (found, state)`, in which what stays as it is in the state is not copied
+    out run by run: matrices of a covariance take longer to copy than to use."""
+    changes: list[bool] = []
+
+    def one(both: Any) -> tuple[Any, list[Any]]:
+        found, after = function(*both)
+        pairs = list(zip(jax.tree.leaves(both[1]), jax.tree.leaves(after), strict=True))
+        changes[:] = [new is not old for old, new in pairs]
+        return found, [new for old, new in pairs if new is not old]
+
+    found, changed = lax.map(one, (given, state))
+    leaves, tree = jax.tree.flatten(state)
+    changing = iter(changed)
+    return found, jax.tree.unflatten(tree, [next(changing) if c else a for a, c in zip(leaves, changes, strict=True)])
+
+
+def _mapped(function: Callable[[Any], Any], state: Any) -> Any:
+    """`lax.map(function, state)`, copied likewise."""
+    return _mapped_beside(lambda _, s: ((), function(s)), (), state)[1]
+
+
 @dataclass(frozen=True)
 class Steps:
     """What a method does in a generation, whatever the cost: it asks for candidates, and is told their costs."""
@@ -166,9 +188,10 @@ class Steps:
         """What generation g asks for."""
         state = carry.state
         if self.period is not None:
-            state = lax.cond(g % self.period == 0, partial(lax.map, self.method.refresh), lambda s: s, state)  # pyrefly: ignore[missing-attribute]
+            refresh = cast(Refreshing, self.method).refresh
+            state = lax.cond(g % self.period == 0, partial(_mapped, refresh), lambda s: s, state)
         counts = jnp.where(carry.ending == RUNNING, self._due(state, len(keys)), 0)
-        x, state = lax.map(lambda ks: self.method.ask(jax.random.fold_in(ks[0], g), ks[1]), (keys, state))
+        x, state = _mapped_beside(lambda key, s: self.method.ask(jax.random.fold_in(key, g), s), keys, state)
         if start.shape[0]:
             x = jnp.where(g == 0, x.at[:, : start.shape[0]].set(start), x)
         return Asked(state, x, counts)

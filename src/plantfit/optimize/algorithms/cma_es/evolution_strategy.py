@@ -70,6 +70,12 @@ class Ranked(NamedTuple):
         return jnp.where(w < 0, w * n / jnp.maximum(jnp.sum(self.white**2, axis=1), 1e-300), w / total)
 
 
+def _one_of(first: Array, these: Search, those: Search) -> Search:
+    """`these` if `first`, else `those`. What both share is not chosen number by number: for large matrices that takes
+    as long as a generation."""
+    return jax.tree.map(lambda a, b: a if a is b else jnp.where(first, a, b), these, those)
+
+
 @dataclass(frozen=True)
 class EvolutionStrategy(ABC):
     """(mu/mu_w, lambda) strategy around a shape that a variant defines by `fresh_shape`, `stretch`, `whiten`,
@@ -148,15 +154,13 @@ class EvolutionStrategy(ABC):
             mu_eff = weights(*x.shape).mu_eff
             penalty = adapted(state.penalty, f, learned.mean, learned.sigma, self.variances(learned.shape), mu_eff)
             learned = learned._replace(penalty=penalty)
-        updated = jax.tree.map(lambda a, b: jnp.where(jump, a, b), moved, learned)._replace(
-            memory=remember(state.memory, f)
-        )
+        updated = _one_of(jump, moved, learned)._replace(memory=remember(state.memory, f))
         alive = jnp.any(jnp.isfinite(f))
-        kept = jax.tree.map(lambda new, old: jnp.where(alive, new, old), updated, state)
+        kept = _one_of(alive, updated, state)
         done = ~alive | exhausted(kept.memory, f, n) | self._degenerate(kept)
         last = done & (kept.restarts >= self.restarts)
         fresh = self._restart(kept)
-        return jax.tree.map(lambda new, old: jnp.where(done, new, old), fresh, kept), {"stop": last}
+        return _one_of(done, fresh, kept), {"stop": last}
 
     @abstractmethod
     def fresh_shape(self, n: int) -> Any:
