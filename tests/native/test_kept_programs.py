@@ -295,6 +295,22 @@ def test_a_program_that_is_read_runs_once_for_its_first_numbers(folder, monkeypa
     assert (len(runs), function.traced) == (2, 0)
 
 
+def test_a_program_around_another_is_found_again(folder):
+    z, numbers = np.arange(3.0), (np.ones(3),)
+
+    def around(inner):
+        return inner.around(lambda z, numbers: inner(z, numbers)[0] / 2.0, f"half {OWN}", ("half", 1))
+
+    first, second = Counted(), Counted()
+    result = around(kept(first))(z, numbers)
+    assert float(result) == pytest.approx(float(np.sum(np.sin(2.0 * z))) / 2.0, rel=1e-15)
+    before = programs(folder)
+    assert float(around(kept(second))(z, numbers)) == float(result)
+    assert (first.traced, second.traced) == (1, 0)
+    assert programs(folder) == before
+    assert Kept(Counted(), "f", None).around(Counted(), "half", ()).description is None
+
+
 def test_what_is_compiled_with_care_is_another_program(folder):
     test, made = hashlib.sha256(os.environ["PYTEST_CURRENT_TEST"].encode()).hexdigest()[:8], []
     for careful in (False, True):

@@ -199,6 +199,12 @@ class Kept:
             self._lately = args[1], {**(programs if args[1] is lately else {}), _brief(args[0]): program}
         return program(*args) if results is None else results.of
 
+    def around(self, function: Callable, name: str, thing: Any) -> "Kept":
+        """A pure function of arrays that calls this one, compiled; found again by the next process where `thing`
+        describes its rest."""
+        own = None if self.description is None else described((self.name, self.description, thing))
+        return Kept(function, name, own, self.careful)
+
     def clear_cache(self) -> None:
         """Forget the programs of this process, as `clear_cache` of a function of `jax.jit` does."""
         self._programs, self._lately = {}, (None, {})

@@ -171,7 +171,8 @@ class CostOfData:
     """Costs as `Objective` takes them, of a `function(x, data)` that is compiled once for all `data` (a pytree of
     arrays) of one shape.
 
-    `function` maps ((n, d), data) to (n,), is jax-traceable and pure, and is found again by its hash.
+    `function` maps ((n, d), data) to (n,), is jax-traceable and pure, and is found again by its hash. Where it is a
+    `KeptCosts`, programs around it outlive the process.
     """
 
     function: Callable[[Array, Any], Array]
@@ -189,12 +190,12 @@ class KeptCosts:
     from that; `keep_alone` one that does not call it.
     """
 
-    function: Callable[[Array], Array]
+    function: Callable[..., Array]
     keep: Callable[[Callable, str, Any], Callable]
     keep_alone: Callable[[Callable, str, Any], Callable]
 
-    def __call__(self, x: Array) -> Array:
-        return self.function(x)
+    def __call__(self, x: Array, *data: Any) -> Array:
+        return self.function(x, *data)
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,9 @@ import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.steam.problems import STATIC_START, opening_costs, static_problem
+from plantfit.native.kept_programs import kept
 from plantfit.optimize import minimise
-from plantfit.optimize.contract import CostOfData, Objective
+from plantfit.optimize.contract import CostOfData, KeptCosts, Objective
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording, Signal
 from plantfit.rig.steam_chamber import SteamChamberRig
@@ -96,7 +97,8 @@ def two_step_by(
 
 def _compiled_once(problem: Problem) -> Objective:
     """What a search sees of a problem, by programs that serve all openings of as many samples."""
-    return replace(objective_of(problem), costs=CostOfData(problem.compiled["costs"], problem.arguments))
+    program = problem.compiled["costs"]
+    return replace(objective_of(problem), costs=CostOfData(KeptCosts(program, program.around, kept), problem.arguments))
 
 
 def beginning(recording: Recording, until: float = WINDOW) -> Recording:
