@@ -7,7 +7,7 @@ from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
+import scipy  # scipy.signal is loaded at its first use
 
 from plantfit.errors import SimulationError
 from plantfit.models.library.steam_chamber import steam_chamber
@@ -189,7 +189,7 @@ class SteamChamberRig:
         draws = rng.standard_normal(n)
         memory = float(np.exp(-self.period / self.drift_time))
         draws[1:] *= np.sqrt(1.0 - memory**2)
-        return 1.0 + self.drift * lfilter([1.0], [1.0, -memory], draws)
+        return 1.0 + self.drift * scipy.signal.lfilter([1.0], [1.0, -memory], draws)
 
     def _converted(self, y: np.ndarray) -> np.ndarray:
         step = self.span / 2**self.bits

@@ -28,7 +28,6 @@ from plantfit.cases.steam.dynamic_runs import (
     steps_of,
 )
 from plantfit.cases.steam.problems import dynamic_problem, static_problem, tables_from_static, total_cost
-from plantfit.cases.steam.sections.closed_loop_section import closed_loop_section
 from plantfit.cases.steam.sections.dynamic_section import (
     NEAR,
     PAPER,
@@ -41,7 +40,6 @@ from plantfit.cases.steam.sections.dynamic_section import (
 )
 from plantfit.cases.steam.sections.screening_section import not_screened, screening_section
 from plantfit.cases.steam.sections.static_section import WANTED, static_section
-from plantfit.cases.steam.sections.tables_section import tables_section
 from plantfit.cases.steam.sections.uncertainty_section import (
     constant_uncertainty,
     table_uncertainty,
@@ -183,6 +181,9 @@ def _meaning_sections(
     begins("screening")
     sections = [screening_section(problem, best, SEED) if has_salib() else not_screened()]
     if full:
+        from plantfit.cases.steam.sections.closed_loop_section import closed_loop_section  # half a second
+        from plantfit.cases.steam.sections.tables_section import tables_section
+
         begins("tables")
         sections.append(tables_section({n: r.recording for n, r in runs.items()}, truth_of(runs)))
         begins("closed loop")
