@@ -11,29 +11,33 @@ from benchmarks import coverage
 NAME = "motor by speed"
 
 
-def lower_ends(seeds):
-    """How many parameters are called flat, and those of them that have a lower end."""
-    flat, ended = 0, []
+def false_ends(seeds):
+    """How many parameters are open, and the ends that are told of them: there are none but a largest Kb."""
+    still_open, ended = 0, []
     for seed, rows in zip(seeds, coverage.fits(NAME, seeds), strict=True):
-        for name, (status, low, _, value) in rows.items():
-            flat += status == "flat"
-            if status == "flat" and low is not None and low > 1e-9 * value:
-                ended.append((seed, name, low))
-    return flat, ended
+        for name, (status, low, high, value) in rows.items():
+            if status == "determined":
+                continue
+            still_open += 1
+            if low is not None and low > 1e-9 * value:
+                ended.append((seed, name, "low", low))
+            if status != "flat" and name != "Kb":
+                ended.append((seed, name, "high", high))
+    return still_open, ended
 
 
-@pytest.mark.parametrize("seed", [2, 10])
-def test_what_voltage_and_speed_leave_open_has_no_lower_end(seed):
+@pytest.mark.parametrize("seed", [2, 3, 10])
+def test_what_voltage_and_speed_leave_open_has_no_end(seed):
     """Kt/(L*J), R/L + b/J and (R*b + Kt*Kb)/(L*J) are all that is known: an inertia as small as you like goes with a
     large inductance and little friction. It was "Jm is at least 1.71e-9": the torque constant stood at the edge of the
-    room there."""
-    flat, ended = lower_ends([seed])
-    assert flat >= 4
+    room there; and "Cm: the data allow 0 to 0.026", where the linear problem ends, and no refit had come."""
+    still_open, ended = false_ends([seed])
+    assert still_open >= 6
     assert ended == []
 
 
 @pytest.mark.slow
-def test_of_twenty_motors_one_range_in_fifty_at_most_has_a_false_end():
-    flat, ended = lower_ends(range(1, 21))
-    assert flat >= 95
-    assert len(ended) <= 2, ended
+def test_of_forty_motors_one_end_in_a_hundred_at_most_is_false():
+    still_open, ended = false_ends(range(21, 61))
+    assert still_open >= 250
+    assert len(ended) <= 5, ended

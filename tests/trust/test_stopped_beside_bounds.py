@@ -41,10 +41,11 @@ def test_a_measured_start_has_ends_where_an_activation_energy_presses_on_its_bou
     assert start["status"] == "determined"
     assert start["low"] < 2.0 < start["high"]
     assert start["high"] - start["low"] < 0.02  # 0.0085 by its standard error alone
-    # what the same bound does hold stays open
+    # what the same bound does hold stays open: with a wide box, E may be 54 000 to 84 000 K, and k 0.35 to 2.2
     assert found["E"]["status"] == "flat"
-    assert found["k"]["status"] == "weak"
-    assert found["k"]["high"] > 3.0 * found["k"]["value"]
+    assert found["k"]["status"] in ("weak", "flat")
+    assert found["k"]["low"] == pytest.approx(0.0122, rel=0.03)  # where nothing changes with the temperature
+    assert found["k"]["high"] >= 0.3
 
 
 # the law, and the number before v

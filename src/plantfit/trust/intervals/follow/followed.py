@@ -12,7 +12,7 @@ from plantfit.trust.intervals.follow.refits import ENOUGH, STEPS, Place, Refits
 from plantfit.trust.intervals.ranges import EDGE, Linear, Range, linear_end
 
 SHORT = 0.02  # of the way so far, or of the cube: steps below are not tried
-PROBES = 12  # refits for one end
+PROBES = 18  # refits for one end
 # of an end's distance, and times its distance from a physical limit: how near it has to be found by wider rooms
 CLOSE, NEARER = 0.3, 2.0
 NEAR = 0.15  # of an end's distance: how near it is found where the linear problem was wrong
@@ -26,6 +26,9 @@ FURTHER = 1.3  # times the distance of an end at which it is tried from elsewher
 BEYOND = 1.5
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
 AROUND = 4  # refits to each side of another answer
+LOST = 300.0  # times the threshold: a refit that ends above from far away is taken for one that found no way
+EACH = 3  # times the Jacobians of a refit: those that each end may take without success, whatever others took
+GROWS = 2.0  # steps after one that succeeded, beside the longest one so far
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 FARTHER = 10.0  # times the way so far at which it is tried whether the data stop a range that leans on a bound
 
@@ -181,7 +184,7 @@ class Followed(Refits):
         if abs(edge - float(self.z[i])) <= EDGE or step == 0.0:
             return end
         here = Place(float(self.z[i]), 0.0, self.z, *self.first)
-        self.left = max(self.left, 2 * STEPS)
+        self.left = max(self.left, EACH * STEPS)
         return self._march(i, sign, here, self.cube(i, end, edge), self.within(x), end)
 
     def _march(
@@ -190,9 +193,11 @@ class Followed(Refits):
         """Where the range ends, from a place `inside` of it: `at` is tried first, from `start` (d,) if given; `end` is
         known so far.
 
-        `on`: from elsewhere, where `at` is no end of the linear problem; refits that succeed are not counted then.
+        Steps grow after success and become short after a refit that found no way; those that succeed are not counted.
+        `on`: from elsewhere, where `at` is no end of the linear problem.
         """
         here, edge, outside, again = float(self.z[i]), 0.0 if sign < 0 else 1.0, None, None
+        longest = np.inf
         if at == inside.at:
             return self._beyond(i, sign, inside.share, end)
         for probe in range(PROBES):
@@ -200,19 +205,22 @@ class Followed(Refits):
             # at the edge of the box the growth itself says how the range goes on
             enough = 0.5 * SLIGHT if at == edge else ENOUGH
             found = self.grown(i, at, self.predicted(i, inside, at) if start is None else start, enough)
-            if found is None or (
-                found.share > 1.0 and not (found.settled and found.limited)
-            ):  # too far for one refit, or for the box
+            ended = found is not None and found.settled and found.limited
+            if found is None or (found.share > 1.0 and not (ended and (found.share <= LOST or found.held))):
+                # too far for one refit, or for the box
                 if found is not None and found.leans and not (outside is not None and outside.held):
                     outside = None  # what was found further out, from another place, says nothing
                     if self._beyond_bounds(i, inside) and inside.share < 0.5:
                         break  # far enough
                 if abs(at - inside.at) < SHORT * max(abs(inside.at - here), SHORT) or self.left <= 0:
+                    outside = found if ended else outside
                     break
                 at, start = inside.at + (0.3 if found is None or found.share > 10.0 else 0.5) * (at - inside.at), None
+                longest = abs(at - inside.at)
                 continue
             if found.share <= 1.0:
-                inside, self.left = found, left if on else self.left
+                inside, self.left = found, left
+                longest *= GROWS
                 self.met.append(found.point)
             elif found.leans:  # a bound may hold what the data do not
                 if at == edge:
@@ -234,7 +242,7 @@ class Followed(Refits):
             if self.left <= 0:
                 break
             if outside is not None and self._near(i, inside, outside):
-                if not self._cliff(inside, outside):
+                if not self._cliff(inside, outside) or (outside.held and self._beyond_bounds(i, inside)):
                     break
                 if outside.at != again:  # a refit from far away may have ended in another valley
                     again, at, start, outside = outside.at, outside.at, None, None
@@ -242,14 +250,11 @@ class Followed(Refits):
                 if not self._beyond_bounds(i, inside):
                     break
             at, start = self._next(here, edge, inside, outside), None
+            at = inside.at + sign * min(abs(at - inside.at), longest)
         if outside is not None:
             limit = float(self.limits[i][1 if sign > 0 else 0])
-            near, close = self._near(i, inside, outside), self._close(i, sign, inside, outside)
-            if outside.held and not close:
+            if outside.held and not self._close(i, sign, inside, outside):
                 return limit  # a refit that was lost far away is held there, too
-            lost = self._cliff(inside, outside) and self._beyond_bounds(i, inside)
-            if lost and not (close and (near or outside.held)):
-                return limit
             lowest = self.beyond_room(i, outside)
             if lowest < ALIKE[0]:
                 return limit
@@ -257,7 +262,7 @@ class Followed(Refits):
                 return self.value(i, outside.at)
             if inside.leans and self._beyond_bounds(i, inside):
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
-            found = near or inside.share > 0.25
+            found = self._near(i, inside, outside) or inside.share > 0.25
             return self.value(i, self._between(inside, outside) if found else outside.at)
         return self._unstopped(i, sign, inside, end)
 
@@ -265,16 +270,17 @@ class Followed(Refits):
         """Where a range ends that was left before the data stopped it: at the linear end, or nowhere once it was found
         beyond that.
 
-        A wide linear end that no refit has tried is no end: the problem may be curved.
+        A wide linear end to which no refit came is no end: the problem may be curved.
         """
         limit = float(self.limits[i][1 if sign > 0 else 0])
+        narrow = abs(end - self.linear.values[i]) <= WIDE * self.linear.size[i]
         if inside.point is self.z:  # nothing was found out
-            return end if abs(end - self.linear.values[i]) <= WIDE * self.linear.size[i] else limit
+            return end if narrow else limit
         reached = self.value(i, inside.at)
         if self._beyond_bounds(i, inside) and inside.share < 0.5:
             return limit  # far, and nothing has stopped it yet
         if sign * (reached - end) <= 0.0:
-            return end
+            return end if narrow or not (inside.share < ENOUGH or inside.leans) else limit
         # a bound of the search stopped it there, and not the data
         return self._farther(i, sign, inside) if inside.share < 0.5 or inside.leans else reached
 

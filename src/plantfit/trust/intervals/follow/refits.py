@@ -13,8 +13,11 @@ from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.follow.room import Room
 from plantfit.trust.intervals.ranges import EDGE, Linear
 
-STEPS = 8  # of one refit
+STEPS = 8  # of one refit, and more while it falls fast
 SMALL = 1e-5  # damping of the others, relative to the largest derivative
+# of a growth: what a step has to take off, lest a refit is given up after `SOME` steps and still `HOPELESS` times the
+# threshold, or after `STEPS`; with that much it may go on to `MOST` steps
+FELL, SOME, HOPELESS, MOST = 0.3, 3, 100.0, 24
 INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
 WIDER, LEVELS = 4, 3  # tries of wider rooms for one end, and how many rooms one try goes through
@@ -151,16 +154,20 @@ class Refits:
         whole["kept"] = whole["tried"]
         if not usable(block.residuals, block.jacobian):
             return None
-        settled = not len(places)
-        for _ in range(STEPS if len(places) else 0):
-            if block.cost - self.least <= enough * top:
+        settled, fell = not len(places), 1.0
+        for taken in range(MOST if len(places) else 0):
+            growth = block.cost - self.least
+            if fell < FELL and (taken >= STEPS or (taken >= SOME and growth > HOPELESS * top)):
+                break
+            if growth <= enough * top:
                 break  # inside, which is what was asked
             step, promised = block.step()
-            settled = bool(block.damping <= 1e-3 and promised <= max(0.02 * top, 0.05 * (block.cost - self.least)))
+            settled = bool(block.damping <= 1e-3 and promised <= max(0.02 * top, 0.05 * growth))
             if settled:
                 break
             before = block.cost
             block.update(step, promised, *evaluated(np.clip(block.x + step, 0.0, 1.0)))
+            fell = (before - block.cost) / max(growth, 1e-300)
             if block.cost < before:
                 whole["kept"] = whole["tried"]
             if block.done or self.left <= 0:
