@@ -27,7 +27,8 @@ BEYOND = 1.5
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
 AROUND = 4  # refits to each side of another answer
 LOST = 300.0  # times the threshold: a refit that ends above from far away is taken for one that found no way
-EACH = 3  # times the Jacobians of a refit: those that each end may take without success, whatever others took
+EACH = 8  # times the Jacobians of a refit: those that each end may take without success, whatever others took
+SAME = 0.01  # of a growth: two refits at one place that differ by less have found the same
 GROWS = 2.0  # steps after one that succeeded, beside the longest one so far
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
 FARTHER = 10.0  # times the way so far at which it is tried whether the data stop a range that leans on a bound
@@ -196,8 +197,8 @@ class Followed(Refits):
         Steps grow after success and become short after a refit that found no way; those that succeed are not counted.
         `on`: from elsewhere, where `at` is no end of the linear problem.
         """
-        here, edge, outside, again = float(self.z[i]), 0.0 if sign < 0 else 1.0, None, None
-        longest = np.inf
+        here, edge, outside = float(self.z[i]), 0.0 if sign < 0 else 1.0, None
+        again, longest = None, np.inf
         if at == inside.at:
             return self._beyond(i, sign, inside.share, end)
         for probe in range(PROBES):
@@ -208,6 +209,9 @@ class Followed(Refits):
             ended = found is not None and found.settled and found.limited
             if found is None or (found.share > 1.0 and not (ended and (found.share <= LOST or found.held))):
                 # too far for one refit, or for the box
+                if found is not None and again is not None and at == again.at and _alike(found, again):
+                    outside = again  # from two sides it comes to the same
+                    break
                 if found is not None and found.leans and not (outside is not None and outside.held):
                     outside = None  # what was found further out, from another place, says nothing
                     if self._beyond_bounds(i, inside) and inside.share < 0.5:
@@ -244,8 +248,8 @@ class Followed(Refits):
             if outside is not None and self._near(i, inside, outside):
                 if not self._cliff(inside, outside) or (outside.held and self._beyond_bounds(i, inside)):
                     break
-                if outside.at != again:  # a refit from far away may have ended in another valley
-                    again, at, start, outside = outside.at, outside.at, None, None
+                if again is None or outside.at != again.at:  # a refit from far away may have ended in another valley
+                    again, at, start, outside = outside, outside.at, None, None
                     continue
                 if not self._beyond_bounds(i, inside):
                     break
@@ -260,10 +264,10 @@ class Followed(Refits):
                 return limit
             if lowest <= 1.0:
                 return self.value(i, outside.at)
-            if inside.leans and self._beyond_bounds(i, inside):
+            near = self._near(i, inside, outside)
+            if inside.leans and self._beyond_bounds(i, inside) and not near:
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
-            found = self._near(i, inside, outside) or inside.share > 0.25
-            return self.value(i, self._between(inside, outside) if found else outside.at)
+            return self.value(i, self._between(inside, outside) if near or inside.share > 0.25 else outside.at)
         return self._unstopped(i, sign, inside, end)
 
     def _unstopped(self, i: int, sign: float, inside: Place, end: float) -> float:
@@ -373,3 +377,8 @@ class Followed(Refits):
             return float(limit)
         end = reached if np.isfinite(reached) else end
         return float(np.clip(end, *self.limits[i]))
+
+
+def _alike(one: Place, other: Place) -> bool:
+    """Whether two refits at one place cost the same, so that both are the least there."""
+    return abs(one.share - other.share) <= SAME * other.share
