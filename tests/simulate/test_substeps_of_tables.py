@@ -52,10 +52,8 @@ def test_programs_do_not_grow_with_the_substeps(name):
     assert size(name, 8) < 1.1 * size(name, 2)
 
 
-def test_what_is_pulled_back_is_written_out():
-    step = intervals.interval(problem(8).predictor.stepping(), edges=True, pulled=True)
-    looped = intervals.interval(problem(8).predictor.stepping(), edges=True)
-    assert step is not looped
+def test_only_what_is_pulled_back_is_written_out():
+    """Pulled back, a loop is slower by a third."""
     stepping = problem(8).predictor.stepping()
     assert intervals._written_out(stepping, pulled=True) == intervals.UNROLLED
-    assert intervals._written_out(stepping, pulled=False) == 1
+    assert intervals._written_out(stepping, pulled=False) == intervals.UNROLLED_TABLES == 1

@@ -13,10 +13,10 @@ from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.follow.room import Room
 from plantfit.trust.intervals.ranges import EDGE, Linear
 
-STEPS = 8  # of one refit, and more while it falls fast
+STEPS = 8  # of one refit that falls slowly
 SMALL = 1e-5  # damping of the others, relative to the largest derivative
-# of a growth: what a step has to take off, lest a refit is given up after `SOME` steps and still `HOPELESS` times the
-# threshold, or after `STEPS`; with that much it may go on to `MOST` steps
+# A step that takes off less than `FELL` of the growth ends a refit after `STEPS`, and after `SOME` if the growth is still
+# above `HOPELESS` times the threshold. A refit that falls faster may take `MOST` steps.
 FELL, SOME, HOPELESS, MOST = 0.3, 3, 100.0, 24
 INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
@@ -167,7 +167,7 @@ class Refits:
                 break
             before = block.cost
             block.update(step, promised, *evaluated(np.clip(block.x + step, 0.0, 1.0)))
-            fell = (before - block.cost) / max(growth, 1e-300)
+            fell = (before - block.cost) / growth
             if block.cost < before:
                 whole["kept"] = whole["tried"]
             if block.done or self.left <= 0:
