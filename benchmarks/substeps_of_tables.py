@@ -28,7 +28,9 @@ def run(quick: bool) -> dict[str, float]:
     """Print the table and return the figures: a loop over what is written out, to make and to call."""
     jax.config.update("jax_enable_compilation_cache", False)
     figures: dict[str, float] = {}
-    print(f"{'program':24}{'made, s: loop':>15}{'written':>9}{'ratio':>7}{'call, ms: loop':>16}{'written':>9}{'ratio':>7}")
+    print(
+        f"{'program':24}{'made, s: loop':>15}{'written':>9}{'ratio':>7}{'call, ms: loop':>16}{'written':>9}{'ratio':>7}"
+    )
     for name in ("residuals", "residuals_and_jacobian", "costs"):
         made: dict[str, list[float]] = {kind: [] for kind in MOST}
         called: dict[str, list[float]] = {kind: [] for kind in MOST}

@@ -3,6 +3,7 @@ compared."""
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -205,7 +206,8 @@ class Followed(Refits):
             left = self.left
             # at the edge of the box the growth itself says how the range goes on
             enough = 0.5 * SLIGHT if at == edge else ENOUGH
-            found = self.grown(i, at, self.predicted(i, inside, at) if start is None else start, enough)
+            first = self.predicted(i, inside, at) if start is None else start
+            found = self.grown(i, at, first, enough, partial(self.straight, i, inside, at))
             ended = found is not None and found.settled and found.limited
             if found is None or (found.share > 1.0 and not (ended and (found.share <= LOST or found.held))):
                 # too far for one refit, or for the box

@@ -1,5 +1,6 @@
 """What a coordinate costs where it is held: all others fitted anew, and whether the data stop it there or the room."""
 
+from collections.abc import Callable
 from copy import copy
 from dataclasses import dataclass, replace
 
@@ -112,6 +113,23 @@ class Refits:
         point[others] = np.clip(point[others] + change, 0.0, 1.0)
         return point
 
+    def straight(self, i: int, inside: Place, at: float) -> np.ndarray:
+        """Where the others go by the same derivatives in their own units, in which a value near zero on a logarithmic
+        scale may grow by decades: by its logarithm it seems to do nothing."""
+        others = np.arange(len(self.z)) != i
+        slopes, values = self.room.slopes(inside.point), self.room.physical(inside.point)
+        columns = inside.jacobian / slopes
+        sizes = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)[others]
+        moved = inside.residuals + (self.value(i, at) - values[i]) * columns[:, i]
+        rows = np.vstack([columns[:, others] / sizes, SMALL * np.eye(int(others.sum()))])
+        low, high = ((end - values)[others] * sizes - sign * 1e-15 for end, sign in ((self.lower, 1), (self.upper, -1)))
+        change = lsq_linear(rows, np.r_[-moved, np.zeros(int(others.sum()))], (low, high), method="bvls").x
+        whole = values.copy()
+        whole[others] = np.clip(values[others] + change / sizes, self.lower[others], self.upper[others])
+        point = np.clip(self.room.cube(whole), 0.0, 1.0)
+        point[i] = at
+        return point
+
     def searched(self, point: np.ndarray, steps: int) -> Block:
         """A search of all coordinates from a point (d,), of so many steps at most."""
         self.left = max(self.left, 2 * STEPS)
@@ -134,9 +152,20 @@ class Refits:
             *self.rows(point),
         )
 
-    def grown(self, i: int, at: float, start: np.ndarray, enough: float = ENOUGH) -> Place | None:
+    def grown(
+        self,
+        i: int,
+        at: float,
+        start: np.ndarray,
+        enough: float = ENOUGH,
+        otherwise: Callable[[], np.ndarray] | None = None,
+    ) -> Place | None:
         """The others fitted anew with coordinate i held, from `start` (d,), until the growth is `enough` of the
-        threshold; None where it cannot be simulated."""
+        threshold; None where it cannot be simulated.
+
+        Where `start` costs far more than the threshold, or cannot be simulated, it begins at `otherwise()` if that
+        costs less.
+        """
         point, places = np.clip(start, 0.0, 1.0), np.array([k for k in range(len(self.z)) if k != i], dtype=int)
         point[i] = at
         top = self.times * self.linear.threshold[i] * self.linear.variance
@@ -150,8 +179,17 @@ class Refits:
             whole["tried"] = j
             return r, j[:, places]
 
-        block = Block(places, point[places].copy(), *evaluated(point[places].copy()), tolerance=1e-9, damping=SMALL**2)
+        def begun() -> Block:
+            x = point[places].copy()
+            return Block(places, x, *evaluated(x), tolerance=1e-9, damping=SMALL**2)
+
+        block = begun()
         whole["kept"] = whole["tried"]
+        if otherwise is not None and not block.cost - self.least <= HOPELESS * top:
+            point = otherwise()
+            second = begun()
+            if usable(second.residuals, second.jacobian) and not block.cost <= second.cost:
+                block, whole["kept"] = second, whole["tried"]
         if not usable(block.residuals, block.jacobian):
             return None
         settled, fell = not len(places), 1.0
