@@ -16,8 +16,8 @@ from plantfit.trust.intervals.ranges import EDGE, Linear
 
 STEPS = 8  # of one refit that falls slowly
 SMALL = 1e-5  # damping of the others, relative to the largest derivative
-# A step that takes off less than `FELL` of the growth ends a refit after `STEPS`, and after `SOME` if the growth is still
-# above `HOPELESS` times the threshold. A refit that falls faster may take `MOST` steps.
+# A step that takes off less than `FELL` of the growth ends a refit after `STEPS`, and after `SOME` if the growth is
+# still above `HOPELESS` times the threshold. A refit that falls faster may take `MOST` steps.
 FELL, SOME, HOPELESS, MOST = 0.3, 3, 100.0, 24
 INSIDE = 1.3  # times the distance of a bound from the limit, where the effect of a coordinate is compared
 FADES = 0.3  # power of that distance, above which an effect is taken to fade towards the limit
