@@ -6,8 +6,9 @@ the ratios are those of medians.
 """
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from unittest.mock import patch
 
 import numpy as np
 
@@ -64,12 +65,9 @@ def run(quick: bool) -> dict[str, float]:
 
 
 @contextmanager
-def _written_out(most: int) -> Iterator[None]:
-    before, intervals.UNROLLED_TABLES = intervals.UNROLLED_TABLES, most
-    try:
+def _written_out(most: int) -> Generator[None]:
+    with patch.object(intervals, "UNROLLED_TABLES", most):
         yield
-    finally:
-        intervals.UNROLLED_TABLES = before
 
 
 def _problem() -> Problem:

@@ -1,6 +1,7 @@
 """Ends of open ranges: the data set them, and neither the room in which they are followed nor a refit that was lost."""
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -34,6 +35,18 @@ def test_what_voltage_and_speed_leave_open_has_no_end(seed):
     still_open, ended = false_ends([seed])
     assert still_open >= 6
     assert ended == []
+
+
+@pytest.mark.parametrize("seed", [4, 7, 8, 11])
+def test_a_friction_near_zero_may_grow_by_decades_and_take_what_the_motor_constant_gives(monkeypatch, seed):
+    """Kb + R*b/Kt is known, and b stands at 1e-8. It was "Kb = 0.0916, determined" in a quiet record, and 0 to 0.038:
+    by its logarithm b seems to do nothing."""
+    monkeypatch.setitem(coverage.RIGS, NAME, replace(coverage.RIGS[NAME], noise=0.05))
+    [rows] = coverage.fits(NAME, [seed])
+    status, low, high, _ = rows["Kb"]
+    assert status in ("weak", "flat")
+    assert low == 0.0
+    assert high > coverage.MOTOR["Kb"]
 
 
 @pytest.mark.slow

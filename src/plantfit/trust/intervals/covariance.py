@@ -24,6 +24,7 @@ ALIKE = 1e-11  # of the largest eigenvalue: others as near as this are equal but
 TIED = 1e-6  # entry of a projector from which on two coordinates move together in a space
 LEAST_DEGREES = 0.5  # of freedom of an output's residuals, at least
 MANY = 100.0  # from which on Student's t is that of all samples together
+LOST = 1e-13  # of the largest eigenvalue: what is less beside it is as much rounding as number
 BOX_PRECISION = 12.0  # 1 / variance of a uniform variable over the unit cube's edge
 
 
@@ -154,6 +155,27 @@ def box_prior(hessian: np.ndarray) -> np.ndarray:
     return precision
 
 
+def inverse_beside(hessian: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """The inverse (d, d) of a positive semidefinite `hessian` (d, d) plus a positive definite `prior` (d, d).
+
+    Where data are exact, a direction that they leave open has rounding in the hessian that is more than the prior, and
+    would look known. There the prior is made the unit, and what is rounding beside the largest direction is none.
+    """
+    if not _lost(hessian, prior):
+        return np.linalg.inv(hessian + prior)
+    root = np.linalg.inv(np.linalg.cholesky(prior))
+    known, directions = np.linalg.eigh(root @ hessian @ root.T)
+    known = np.where(known > len(known) * np.finfo(float).eps * known[-1], known, 0.0)
+    columns = root.T @ directions
+    return (columns / (1.0 + known)) @ columns.T
+
+
+def _lost(hessian: np.ndarray, prior: np.ndarray) -> bool:
+    """Whether the prior is rounding beside the hessian along some direction that this leaves open."""
+    values = np.linalg.eigvalsh(hessian + prior)
+    return bool(values[0] < LOST * values[-1])
+
+
 def _nonzero(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Rows (m, d) without their columns of zeros, and the places of the columns kept."""
     columns = np.flatnonzero(np.any(rows != 0.0, axis=0))
@@ -172,9 +194,8 @@ def effective_parameters(
         return np.zeros(0)
     data = normal_matrix(jacobian, blocks)
     total = data + smoothing
-    return np.diag(
-        np.linalg.solve(total + max(variance, rounding(data, len(jacobian))) * box_prior(total), data)
-    ).copy()
+    box = max(variance, rounding(data, len(jacobian))) * box_prior(total)
+    return np.diag(inverse_beside(total, box) @ data).copy()
 
 
 def rounding(data: np.ndarray, samples: int) -> float:
@@ -239,7 +260,7 @@ def covariance(
     hessian = data / variance
     smooth = np.zeros_like(hessian) if smoothing is None else smoothing[np.ix_(active, active)] / variance
     before = smooth + (box_prior(hessian + smooth) if prior is None else np.diag(prior[active]))
-    bread = np.linalg.inv(hessian + before)
+    bread = inverse_beside(hessian, before)
     spread = beside_starts(j, residuals, blocks, bread, before, variance, degrees, robust, begins) + begun(
         j, bread, variance, begins
     )

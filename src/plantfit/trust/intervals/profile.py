@@ -14,6 +14,7 @@ from plantfit.trust.finish.refit import refit
 from plantfit.trust.finish.unknown_noise import as_known
 from plantfit.trust.intervals.covariance import (
     box_prior,
+    inverse_beside,
     known_variance,
     normal_matrix,
     own_student,
@@ -187,7 +188,7 @@ def _spread(problem: Problem, z: np.ndarray, place: int, starts: FreeStarts | No
     variance = max(float(residuals @ residuals) / max(1, len(residuals) - int(free.sum())), least)
     hessian = normal_matrix(jacobian, blocks) / variance
     curved = hessian if problem.smoothing is None else hessian + problem.smoothing.matrix[np.ix_(free, free)] / variance
-    whole = np.linalg.inv(curved + box_prior(curved))
+    whole = inverse_beside(curved, box_prior(curved))
     bread = whole[place_in]
     plain = float(bread @ hessian @ bread)
     in_time = robust_errors(problem, residuals, blocks)

@@ -27,8 +27,9 @@ FURTHER = 1.3  # times the distance of an end at which it is tried from elsewher
 BEYOND = 1.5
 OPENS = 2.5  # times as far a range may reach there before it is taken to open
 AROUND = 4  # refits to each side of another answer
-LOST = 300.0  # times the threshold: a refit that ends above from far away is taken for one that found no way
+LOST = 300.0  # times the threshold: a refit that ends above it is taken for one that found no way
 EACH = 8  # times the Jacobians of a refit: those that each end may take without success, whatever others took
+HELD, AGREED = 1e5, 1e3  # that, where wider rooms hold it too, or where two refits at one place found the same
 SAME = 0.01  # of a growth: two refits at one place that differ by less have found the same
 GROWS = 2.0  # steps after one that succeeded, beside the longest one so far
 SLIGHT = 0.05  # of the threshold: a growth below says nothing about where an end lies
@@ -208,12 +209,14 @@ class Followed(Refits):
             enough = 0.5 * SLIGHT if at == edge else ENOUGH
             first = self.predicted(i, inside, at) if start is None else start
             found = self.grown(i, at, first, enough, partial(self.straight, i, inside, at))
+            if found is not None and again is not None and at == again.at and self._agreed(i, inside, found, again):
+                outside = again
+                break
             ended = found is not None and found.settled and found.limited
-            if found is None or (found.share > 1.0 and not (ended and (found.share <= LOST or found.held))):
+            if found is None or (
+                found.share > 1.0 and not (ended and (found.share <= LOST or (found.share <= HELD and found.held)))
+            ):
                 # too far for one refit, or for the box
-                if found is not None and again is not None and at == again.at and _alike(found, again):
-                    outside = again  # from two sides it comes to the same
-                    break
                 if found is not None and found.leans and not (outside is not None and outside.held):
                     outside = None  # what was found further out, from another place, says nothing
                     if self._beyond_bounds(i, inside) and inside.share < 0.5:
@@ -269,7 +272,8 @@ class Followed(Refits):
             near = self._near(i, inside, outside)
             if inside.leans and self._beyond_bounds(i, inside) and not near:
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
-            return self.value(i, self._between(inside, outside) if near or inside.share > 0.25 else outside.at)
+            between = near or (inside.share > 0.25 and not self._cliff(inside, outside))
+            return self.value(i, self._between(inside, outside) if between else outside.at)
         return self._unstopped(i, sign, inside, end)
 
     def _unstopped(self, i: int, sign: float, inside: Place, end: float) -> float:
@@ -331,6 +335,13 @@ class Followed(Refits):
         refit was lost."""
         return outside.share > CLIFF * inside.share
 
+    def _agreed(self, i: int, inside: Place, one: Place, other: Place) -> bool:
+        """Whether two refits at one place, near to the last one inside also by its value, cost the same, so that both
+        are the least there: not far above the threshold, where one that is lost is as flat."""
+        value, last, here = self.value(i, other.at), self.value(i, inside.at), float(self.linear.values[i])
+        alike = abs(one.share - other.share) <= SAME * other.share and other.share <= AGREED
+        return alike and not one.leans and abs(value - last) <= NEAR * abs(value - here)
+
     def _close(self, i: int, sign: float, inside: Place, outside: Place) -> bool:
         """Whether an end that lies between both places is found well enough, also by its distance from a physical
         limit."""
@@ -379,8 +390,3 @@ class Followed(Refits):
             return float(limit)
         end = reached if np.isfinite(reached) else end
         return float(np.clip(end, *self.limits[i]))
-
-
-def _alike(one: Place, other: Place) -> bool:
-    """Whether two refits at one place cost the same, so that both are the least there."""
-    return abs(one.share - other.share) <= SAME * other.share
