@@ -13,10 +13,10 @@ import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Determined, DeterminedCombination, FirstValues, KnownOther
 from plantfit.models.remade import takes
 from plantfit.problem.problem import Problem
+from plantfit.trust.identify.range_ends import ROUGH, Ends, There, free_inverse
 from plantfit.trust.intervals.first_values import start_parameters
 from plantfit.trust.intervals.ranges import Linear, Range
 
-ROUGH = 0.25  # standard error over the value from which on something is only roughly known
 TOGETHER = 4  # parameters of one combination at most
 SUBSETS = 3000  # that are tried at most
 WIDER = 1.2  # times that an interval is wider by measured initial values, from which on it is told
@@ -24,6 +24,7 @@ HEAVY = 0.05  # weight, or weight times reach, of the largest, from which on a p
 POWERS = (1.0, 2.0, 0.5, 3.0, 1.5)  # exponents that a product may have
 ALIKE = 1e-3  # relative, to which weights are equal
 LOOSE = 2.0  # times the least standard error that a rounded exponent or factor may cost
+UNEVEN = 1.5  # times as far as its standard error says that a combination may be moved
 DIGITS = (3, 4, 5, 6)  # of a factor in a sum, the fewest that do
 MANY = 30  # undetermined parameters from which on nothing is named
 NOTHING = 1e-150  # a singular value that is none
@@ -65,8 +66,9 @@ def determined_findings(
     names, d = problem.space.names, len(linear.values)
     status = {row["name"]: row["status"] for row in rows}
     loose = [i for i in range(d) if status[names[i]] != "determined"]
-    found = combinations_of(problem, linear, loose, ranges) if linear.sound and 1 < len(loose) <= MANY else []
-    needs = only_if(linear, loose) if linear.sound and 1 < len(loose) <= MANY else {}
+    ends = Ends(problem, linear, ranges)
+    found = combinations_of(problem, linear, loose, ends) if linear.sound and 1 < len(loose) <= MANY else []
+    needs = only_if(linear, loose, ends) if linear.sound and 1 < len(loose) <= MANY else {}
     return Determined(
         count=d - len(loose) + len(found),
         of=d,
@@ -124,22 +126,24 @@ def _by_first_values(problem: Problem, linear: Linear, status: Mapping[str, str]
     return FirstValues(parameter=names[widest], factor=float(linear.begun[widest]), option=option)
 
 
-def only_if(linear: Linear, loose: Sequence[int]) -> dict[int, tuple[int, float]]:
-    """Of those that the data leave open, which one other has to be known for one to be determined, and its standard
-    error then."""
+def only_if(linear: Linear, loose: Sequence[int], ends: Ends) -> dict[int, tuple[int, float]]:
+    """Of those that the data leave open, which one other has to be known for one to be determined, at the ends of its
+    range as well, and its standard error at the answer then."""
     result: dict[int, tuple[int, float]] = {}
-    _, singular, right = np.linalg.svd(linear.rows, full_matrices=False)
-    bread, weights = (right.T / singular**2) @ right, np.eye(len(linear.values))
-    for j in loose:
-        for k in loose:
-            if k == j:
-                continue
+    bread, weights = free_inverse(linear.rows), np.eye(len(linear.values))
+    for k in loose:
+        errors = {}
+        for j in (j for j in loose if j != k):
             # as the fit with x_j held: what of x_k follows from x_j is no longer open
-            error = float(
-                np.sqrt(linear.variance_of(weights[k] - bread[k, j] / bread[j, j] * weights[j])) * linear.size[k]
-            )
-            if error <= ROUGH * abs(linear.values[k]) and error < result.get(k, (0, np.inf))[1]:
-                result[k] = (j, error)
+            own = weights[k] - bread[k, j] / bread[j, j] * weights[j]
+            error = float(np.sqrt(linear.variance_of(own)) * linear.size[k])
+            if error <= ROUGH * abs(linear.values[k]):
+                errors[j] = error
+        known = (
+            j for j in sorted(errors, key=lambda j: errors[j]) if all(t.known(weights[k], [j]) for t in ends.of(k))
+        )
+        if (other := next(known, None)) is not None:
+            result[k] = (other, errors[other])
     return result
 
 
@@ -148,15 +152,14 @@ def known_directions(linear: Linear, loose: Sequence[int]) -> int:
     return int(np.sum(np.linalg.eigvalsh(linear.spread[np.ix_(loose, loose)]) <= ROUGH**2)) if len(loose) else 0
 
 
-def combinations_of(
-    problem: Problem, linear: Linear, loose: Sequence[int], ranges: Mapping[int, Range]
-) -> list[Combination]:
+def combinations_of(problem: Problem, linear: Linear, loose: Sequence[int], ends: Ends) -> list[Combination]:
     """Independent combinations of the parameters `loose`, the fewest parameters in each, that the data determine.
 
     Weights are those of the direction of least variance of a subset, all others free. A product and a sum have the same
     direction at the answer: what stays the same over the points of about the answer's cost that were met tells which of
     them it is, and what is constant in neither form is not named.
     """
+    ranges = ends.ranges
     met = [linear.values] + [np.asarray(problem.space.physical(z)) for i in sorted(ranges) for z in ranges[i].points]
     cloud = np.array(met)
     # one that is small at the answer may be large elsewhere
@@ -176,11 +179,13 @@ def combinations_of(
             continue
         if max(_evenness(weights), _evenness(weights * reach[list(subset)])) < HEAVY:
             continue
-        found = _named(linear, cloud, [loose[k] for k in subset], weights)
+        found = _named(linear, cloud, [loose[k] for k in subset], weights, ends)
         if found is None:
             continue
+        # of the form as it is named: the weights at the answer are a little off those of a quotient of two others
         direction = np.zeros(len(loose))
-        direction[list(subset)] = weights
+        direction[list(subset)] = _gradient(found, linear.values, linear.size)
+        direction /= np.linalg.norm(direction)
         if np.linalg.matrix_rank(np.vstack([directions, direction]), tol=1e-3) == len(directions) + 1:
             directions = np.vstack([directions, direction])
             kept.append(found)
@@ -195,7 +200,9 @@ def _subsets(n: int) -> Iterator[tuple[int, ...]]:
     return (s for size in range(2, min(TOGETHER, n) + 1) for s in choices(range(n), size))
 
 
-def _named(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray) -> Combination | None:
+def _named(
+    linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray, ends: Ends
+) -> Combination | None:
     """The product or the sum with these weights of relative changes that is constant over the cloud."""
     forms = [
         f for f in (_product(linear, cloud, places, weights), _sum(linear, cloud, places, weights)) if f is not None
@@ -203,7 +210,34 @@ def _named(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np
     best = min(forms, key=lambda f: (f.high - f.low) / max(abs(f.value), 1e-300), default=None)
     if best is None or best.high - best.low > 2 * 1.96 * ROUGH * abs(best.value):
         return None
-    return best
+    return best if _constant(linear, best, ends) else None
+
+
+def _constant(linear: Linear, c: Combination, ends: Ends) -> bool:
+    """Whether the data determine a combination at the ends of its parameters' ranges, too, and points of about the
+    answer's cost that were met leave it as it is, but for what its standard error tells and for a quarter of it: of
+    Kb + R*b/Kt, known, "Kb + 0.101*b" is a slope at the answer."""
+    reach = max(c.high - c.value, c.value - c.low)
+    if reach > max(ROUGH * abs(c.value), UNEVEN * linear.quantile * c.standard_error):
+        return False
+    return all(_known_there(c, there) for k in c.places for there in ends.of(k))
+
+
+def _known_there(c: Combination, there: There) -> bool:
+    weights = np.zeros(len(there.size))
+    if c.product and np.any(there.values[list(c.places)] == 0.0):
+        return False
+    weights[list(c.places)] = _gradient(c, there.values, there.size)
+    return there.known(weights)
+
+
+def _gradient(c: Combination, values: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """By how much of itself, or of what it is at the answer where that is more, a combination changes where a
+    parameter changes by its size: by place."""
+    at, weights = list(c.places), np.array(c.weights)
+    if c.product:
+        return weights * size[at] / values[at]
+    return weights * size[at] / max(abs(c.value), abs(float(values[at] @ weights)), 1e-300)
 
 
 def _product(linear: Linear, cloud: np.ndarray, places: Sequence[int], weights: np.ndarray) -> Combination | None:

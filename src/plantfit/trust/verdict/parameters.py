@@ -143,6 +143,12 @@ def _uneven(p: Row) -> str:
     return f" ({_between(p)})" if reach > UNEVEN * 1.96 * p["standard_error"] else ""
 
 
+def _combined(c: Mapping[str, Any]) -> str:
+    """A combination with its standard error, and its interval where its parts move it farther than that says."""
+    own = {**c, "name": c["formula"], "unit": None, "limits": True}
+    return estimate(own) + _uneven(own)
+
+
 def _told(p: Row) -> str:
     """A value with its standard error, or with all its uncertainty where errors were stated."""
     return estimate({**p, "standard_error": p["uncertainty"]["combined"]} if p.get("uncertainty") else dict(p))
@@ -197,9 +203,7 @@ def _together(found: Mapping[str, Any] | None) -> Iterator[Sentence]:
     if not found or not found["combinations"]:
         return
     own = found["combinations"]
-    listed = ", ".join(
-        estimate({"name": c["formula"], "unit": None, **{k: c[k] for k in ("value", "standard_error")}}) for c in own
-    )
+    listed = ", ".join(_combined(c) for c in own)
     whose = "the others" if found["count"] > len(own) else "the parameters"
     many = f"combinations of {whose} are determined" if len(own) > 1 else f"combination of {whose} is determined"
     text = f"{len(own)} {many}: {listed} (in the units of the parameters). "
