@@ -84,6 +84,17 @@ def test_the_tight_solver_follows_closed_forms(name):
     np.testing.assert_allclose(found.outputs["y"], exact(t), atol=2e-8)
 
 
+@pytest.mark.parametrize("order", ["xv", "vx"])
+def test_models_that_give_another_state_each_are_told_apart(order):
+    """Programs that outlive the process took one for the other: a record of v was compared with x."""
+    exact = {"x": np.cos(2.0 * T), "v": -2.0 * np.sin(2.0 * T)}
+    for output in order:
+        own = f"x' = v\nv' = -k*x\ny = {output}"
+        simulator, drive = simulated(own, {"k": 4.0}, states={"x": {"initial": 1.0}, "v": {"initial": 0.0}})
+        found = follow(simulator, {"k": 4.0}, drive).outputs["y"]
+        np.testing.assert_allclose(found, exact[output], atol=1e-6)
+
+
 def test_play_that_rests_at_a_flank_that_stands_still_is_pushed_again():
     """A drive that came to rest, from where its speed is a rounding error of either sign."""
     t = 0.01 * np.arange(1400)

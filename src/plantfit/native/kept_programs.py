@@ -318,7 +318,7 @@ def _made(
     natives = tuple((name, libm_of(name)) for name in sorted(set(_NATIVE.findall(text))))
     results = jax.tree.map(lambda _: 0, lowered.out_info)
     otherwise = b"" if options == _options() else repr(options).encode()
-    digest = hashlib.sha256(_machine() + otherwise + text.encode()).hexdigest()
+    digest = hashlib.sha256(_machine() + otherwise + _taken(lowered, key) + text.encode()).hexdigest()
     kept = _Kept(digest, natives, _LAPACK.search(text) is not None, results)
     found = None
     with suppress(Exception):  # as in `_read`
@@ -339,6 +339,16 @@ def _made(
     with suppress(Exception):  # results of other classes than tuples, lists and dictionaries
         write_object(folder / key, key, pickle.dumps(tuple(kept)))
     return found
+
+
+def _taken(lowered: Any, key: str) -> bytes:
+    """Which arguments a program takes: jax leaves those out that are not used, so that `x[0]` and `x[1]` are one text,
+    and an executable takes the one that it was compiled for. Where jax does not tell, the key, which no other function
+    has."""
+    try:
+        return repr(sorted(lowered._lowering.compile_args["kept_var_idx"])).encode()
+    except (AttributeError, KeyError, TypeError):
+        return key.encode()
 
 
 class _Seen(threading.local):
