@@ -2,6 +2,7 @@
 archives with right checksums around wrong content. Each function is one of a seeded generator alone; `shaped` has
 one for each layer."""
 
+import copy
 import io
 import json
 import re
@@ -57,13 +58,13 @@ def bent(tree: Any, rng: Draw, changes: int | None = None) -> Any:
     for _ in range(changes or int(rng.integers(1, 3))):
         places = list(_places(tree))
         if not places:
-            return one(rng, VALUES)
+            return _value(rng)
         parent, key = one(rng, places)
         kind = int(rng.integers(12))
         if kind <= 3:
             parent[key] = _near(parent[key], rng)
         elif kind <= 6:
-            parent[key] = one(rng, VALUES)
+            parent[key] = _value(rng)
         elif kind == 7:
             del parent[key]
         elif kind == 8 and isinstance(parent, dict):  # another name
@@ -72,12 +73,17 @@ def bent(tree: Any, rng: Draw, changes: int | None = None) -> Any:
             other, at = one(rng, places)
             parent[key] = json.loads(json.dumps(other[at])) if _has(other, at) else None
         elif kind == 10 and isinstance(parent, dict):  # one more
-            parent[one(rng, KEYS)] = one(rng, VALUES)
+            parent[one(rng, KEYS)] = _value(rng)
         else:
             deep = int(rng.integers(1, 4)) if rng.random() < 0.9 else 150
             for _ in range(deep):
                 parent[key] = [parent[key]] if rng.random() < 0.5 else {one(rng, KEYS): parent[key]}
     return tree
+
+
+def _value(rng: Draw) -> Any:
+    """A value of its own: what is changed in it later is no value of another input, and it never holds itself."""
+    return copy.deepcopy(one(rng, VALUES))
 
 
 def _near(value: Any, rng: Draw) -> Any:

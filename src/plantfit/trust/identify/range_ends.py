@@ -11,7 +11,6 @@ from plantfit.problem.problem import Problem
 from plantfit.trust.intervals.ranges import Linear, Range
 
 FAR = 100.0  # sizes of a value that nothing moves further than: a factor of a sum has few digits
-NEAR_ZERO = 100.0  # times a value, up to which its size at the answer is its size where it is less
 ROUGH = 0.25  # standard error over the value from which on something is only roughly known
 
 
@@ -64,6 +63,6 @@ class Ends:
         values = np.asarray(self.problem.space.physical(z))
         residuals, jacobian = points.compressed(self.problem, z)
         scale = np.sqrt(sum(self.problem.parts.counts.values()) / len(residuals) / self.linear.variance)
-        size = np.clip(self.linear.size, np.abs(values), NEAR_ZERO * np.abs(values))
+        size = np.maximum(self.linear.size, np.abs(values))
         rows = np.vstack([jacobian / self.problem.space.slopes(z) * size * scale, np.eye(len(size)) / FAR])
         return There(values, size, rows)
