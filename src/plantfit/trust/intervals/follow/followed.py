@@ -272,7 +272,7 @@ class Followed(Refits):
             near = self._near(i, inside, outside)
             if inside.leans and self._beyond_bounds(i, inside) and not near:
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
-            between = near or (inside.share > 0.25 and not self._cliff(inside, outside))
+            between = (near or inside.share > 0.25) and not self._cliff(inside, outside)
             return self.value(i, self._between(inside, outside) if between else outside.at)
         return self._unstopped(i, sign, inside, end)
 
