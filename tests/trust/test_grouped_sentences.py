@@ -24,6 +24,15 @@ def test_how_little_is_known_is_told_by_the_range(low, high, words):
     assert said([row("a", "weak", low, high)]) == [words]
 
 
+@pytest.mark.parametrize(("low", "high", "figures"), [
+    (0.4, 2.0, {"value": 1.0, "standard_error": 0.3}),
+    (0.0, 2.0, {"value": 1.0, "low": 0.0, "high": 2.0}),  # by the standard error at the answer it would be known
+])  # fmt: skip
+def test_figures_are_those_that_the_sentence_tells(low, high, figures):
+    [one] = parameter_sentences({"parameters": [row("a", "weak", low, high)], "determined": None})
+    assert one["figures"] == figures
+
+
 @pytest.mark.parametrize("count", [3, 4])
 def test_many_that_are_roughly_known_share_a_sentence(count):
     found = said([row(f"p{k}", "weak", 0.4, 2.0 + k) for k in range(count)])

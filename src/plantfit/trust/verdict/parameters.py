@@ -3,6 +3,8 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from plantfit import units
 from plantfit.trust.finish.unknown_noise import LEAST_FREE
 from plantfit.trust.verdict.outputs import forgotten, found_beside
@@ -252,6 +254,9 @@ def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
             f" The fit is about the same with {p['name']} and the table {p['moved_with']} moved by whole nodes: give "
             f"{p['name']} a value, or hold the table."
         )
+    if _roughly(p) == f"the data allow {_between(p)}":  # far beyond what the standard error at the answer says
+        ends = {k: p[k] for k in ("low", "high") if p[k] is not None and np.isfinite(p[k])}
+        return say("warning", text, value=p["value"], **ends)
     return say("warning", text, value=p["value"], standard_error=p["standard_error"])
 
 
