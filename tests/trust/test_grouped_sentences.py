@@ -80,3 +80,20 @@ def test_what_is_part_of_a_known_product_is_not_zero(product, low, high, words):
            "value": 0.0198, "low": low, "high": high, "standard_error": 7e-5}  # fmt: skip
     found = said([row("a", "weak", 0.0, 2.0)], combinations=[own], count=1, of=2, only_if={}, sound=True)
     assert found[-1] == words
+
+
+@pytest.mark.parametrize(
+    ("high", "told"), [(2.1, "a*b = 2.000 ± 0.050 (in"), (3.0, "a*b = 2.000 ± 0.050 (1.9 to 3) (in")]
+)
+def test_a_combination_has_its_interval_where_its_parts_move_it_far(high, told):
+    own = {
+        "formula": "a*b",
+        "weights": {"a": 1.0, "b": 1.0},
+        "product": True,
+        "value": 2.0,
+        "standard_error": 0.05,
+        "low": 1.9,
+        "high": high,
+    }
+    found = said([row("a", "flat", None, None, ends="both")], combinations=[own], count=1, of=2, only_if={}, sound=True)
+    assert any(told in sentence for sentence in found)
