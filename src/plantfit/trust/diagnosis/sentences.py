@@ -38,6 +38,7 @@ SMALL = 0.05  # of the mean square, from which on it is told why an addition is 
 FAILS = 2.0  # times the RMSE of fitted samples with what was found, from which on it does not hold on unseen ones
 TELLS, LEAST_POWER = 0.25, 0.2  # of an exponent: its standard error at most, and its size at least
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
+HOLDS = 0.9  # of what is left, from which on smooth dry friction explains so much that one which sticks may be all
 
 
 # problem, output, its fitted and unseen samples by recording, RMSE of both, noise from sample to sample, what the model
@@ -232,6 +233,8 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         )
     if not instead and much and any(t.extension.kind in ("dead_zone", "input_offset") for t in one.found):
         text += " A rate that is curved in a state, as the outflow of a tank in its level, looks like that."
+    if not instead and much:
+        text += _holding_friction(d, one)
     if not instead and not d.surpassed:
         text += _exponent(d, one.found[0])
     if not instead and _undriven(d, one):
@@ -240,6 +243,24 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         text += " Another part of the plant that lags looks the same, as a second mass that takes up heat."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
     return say("warning", text, **figures)
+
+
+def _holding_friction(d: Diagnosis, one: Round) -> str:
+    """That dry friction may be what looks like a dead zone: as an addition it is smooth, and a plant that rests against
+    a force creeps away under it."""
+    dry = next((t for t in one.trials if t.extension.kind == "coulomb" and t not in one.found), None)
+    if (
+        dry is None
+        or dry.at is None
+        or dry.explained < HOLDS
+        or not any(t.extension.kind == "dead_zone" for t in one.found)
+    ):
+        return ""
+    signal = dry.extension.signal
+    return (
+        f" So does dry friction of {signal} that holds the plant at rest: it was tried as a smooth one, under which "
+        f"the plant creeps ({_figures(d, dry)}). Subtract friction({signal}, F) in the rate of {signal} and compare."
+    )
 
 
 def _untried(d: Diagnosis, one: Round) -> str:
