@@ -21,6 +21,7 @@ ALIKE = (0.6, 1.6)  # growth at a linear end over the threshold, between which i
 OUTSIDE = 10.0  # sizes of a value that the linear problem is believed outside of the box
 WIDE = 0.5  # sizes of a value up to which a linear end is believed untried
 CLIFF = 10.0  # times the growth at the last place inside: near to it a parabola has much less
+NARROWED = 4  # halvings between places that have a cliff between them
 BETWEEN = 6  # places between the ends of a wide range that are looked at
 FURTHER = 1.3  # times the distance of an end at which it is tried from elsewhere whether the range goes on
 # times the standard errors of a range (three in all) up to which it is looked for a valley that opens just beyond
@@ -272,6 +273,8 @@ class Followed(Refits):
             near = self._near(i, inside, outside)
             if inside.leans and self._beyond_bounds(i, inside) and not near:
                 return self._farther(i, sign, inside)  # what holds it so far out is a bound of the room
+            if near:
+                inside, outside = self._narrowed(i, inside, outside)
             between = (near or inside.share > 0.25) and not self._cliff(inside, outside)
             return self.value(i, self._between(inside, outside) if between else outside.at)
         return self._unstopped(i, sign, inside, end)
@@ -334,6 +337,20 @@ class Followed(Refits):
         """Whether the growth beyond the last place inside is steeper than that of a parabola by far, as it is where a
         refit was lost."""
         return outside.share > CLIFF * inside.share
+
+    def _narrowed(self, i: int, inside: Place, outside: Place) -> tuple[Place, Place]:
+        """The last place inside and the first outside, nearer to each other where the cost is a wall between them."""
+        for _ in range(NARROWED):
+            if not self._cliff(inside, outside):
+                break
+            self.left, at = max(self.left, 2 * STEPS), 0.5 * (inside.at + outside.at)
+            found = self.grown(i, at, self.predicted(i, inside, at), ENOUGH, partial(self.straight, i, inside, at))
+            if found is None or (found.share > 1.0 and not (found.settled and found.limited and found.share <= LOST)):
+                break
+            inside, outside = (found, outside) if found.share <= 1.0 else (inside, found)
+            if found.share <= 1.0:
+                self.met.append(found.point)
+        return inside, outside
 
     def _agreed(self, i: int, inside: Place, one: Place, other: Place) -> bool:
         """Whether two refits at one place, near to the last one inside also by its value, cost the same, so that both
