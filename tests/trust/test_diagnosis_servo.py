@@ -1,11 +1,14 @@
 """A motor that is held in place: dry friction that sticks looks like a dead zone of its input."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from plantfit import Parameter, Problem, Recording, Signal, equations
 from plantfit.fitting import fit
-from plantfit.trust.diagnosis import diagnose, diagnosis_record
+from plantfit.trust.diagnosis import diagnose, diagnosis_record, sentences
 
 STEP, SAMPLE, COUNT = 5e-4, 10, 24_000  # s, steps a sample, steps
 GAIN, TAU = 12.0, 0.08  # rad/s per V, s
@@ -33,6 +36,32 @@ def servo(friction, dead_zone):
         at += end * STEP + TAU * (speed - later)
         speed = 0.0 if friction and later * speed < 0.0 else later
     return np.array(rows).T
+
+
+def trial(kind, explained, fitted=True) -> Any:
+    return SimpleNamespace(
+        extension=SimpleNamespace(kind=kind, signal="w"), explained=explained, at=object() if fitted else None
+    )
+
+
+@pytest.mark.parametrize(
+    ("found", "dry", "said"),
+    [
+        ("dead_zone", trial("coulomb", 0.97), True),
+        ("dead_zone", trial("coulomb", 0.8), False),  # far less than the dead zone
+        ("dead_zone", trial("coulomb", 0.97, fitted=False), False),
+        ("dead_zone", trial("stribeck", 0.97), False),
+        ("offset", trial("coulomb", 0.97), False),
+    ],
+)
+def test_friction_is_named_beside_a_dead_zone_that_it_comes_near(monkeypatch, found, dry, said):
+    monkeypatch.setattr(sentences, "_figures", lambda d, t: "")
+    own = trial(found, 0.99)
+    d: Any = None
+    one: Any = SimpleNamespace(found=[own], trials=[own, dry])
+    text = sentences._holding_friction(d, one)
+    assert ("So does dry friction of w that holds the plant at rest" in text) is said
+    assert ("friction(w, F) subtracted in the rate of w." in text) is said
 
 
 @pytest.mark.slow

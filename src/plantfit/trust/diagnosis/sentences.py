@@ -259,7 +259,8 @@ def _holding_friction(d: Diagnosis, one: Round) -> str:
     signal = dry.extension.signal
     return (
         f" So does dry friction of {signal} that holds the plant at rest: it was tried as a smooth one, under which "
-        f"the plant creeps ({_figures(d, dry)}). Subtract friction({signal}, F) in the rate of {signal} and compare."
+        f"the plant creeps ({_figures(d, dry)}). Compare: write the model as equations, with friction({signal}, F) "
+        f"subtracted in the rate of {signal}."
     )
 
 

@@ -13,8 +13,9 @@ import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Determined, DeterminedCombination, FirstValues, KnownOther
 from plantfit.models.remade import takes
 from plantfit.problem.problem import Problem
-from plantfit.trust.identify.range_ends import ROUGH, Ends, There, free_inverse
+from plantfit.trust.identify.range_ends import EndPoint, Ends, free_inverse
 from plantfit.trust.intervals.first_values import start_parameters
+from plantfit.trust.intervals.parameter_rows import ROUGH
 from plantfit.trust.intervals.ranges import Linear, Range
 
 TOGETHER = 4  # parameters of one combination at most
@@ -223,7 +224,7 @@ def _constant(linear: Linear, c: Combination, ends: Ends) -> bool:
     return all(_known_there(c, there) for k in c.places for there in ends.of(k))
 
 
-def _known_there(c: Combination, there: There) -> bool:
+def _known_there(c: Combination, there: EndPoint) -> bool:
     weights = np.zeros(len(there.size))
     if c.product and np.any(there.values[list(c.places)] == 0.0):
         return False

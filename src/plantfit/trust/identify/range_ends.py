@@ -8,10 +8,10 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.problem.evaluate import points
 from plantfit.problem.problem import Problem
+from plantfit.trust.intervals.parameter_rows import ROUGH
 from plantfit.trust.intervals.ranges import Linear, Range
 
 FAR = 100.0  # sizes of a value that nothing moves further than: a factor of a sum has few digits
-ROUGH = 0.25  # standard error over the value from which on something is only roughly known
 
 
 def free_inverse(rows: np.ndarray) -> np.ndarray:
@@ -21,7 +21,7 @@ def free_inverse(rows: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class There:
+class EndPoint:
     """A point of about the answer's cost: values (d,), their `size` (d,), and `rows` (k, d) of derivatives by relative
     changes of these over the noise, as those of `Linear`."""
 
@@ -49,20 +49,20 @@ class Ends:
 
     def __init__(self, problem: Problem, linear: Linear, ranges: Mapping[int, Range]):
         self.problem, self.linear, self.ranges = problem, linear, ranges
-        self.kept: dict[int, list[There]] = {}
+        self.kept: dict[int, list[EndPoint]] = {}
 
-    def of(self, k: int) -> list[There]:
+    def of(self, k: int) -> list[EndPoint]:
         """Those of coordinate k; none where its range was not followed."""
         if k not in self.kept:
             met = self.ranges[k].points if k in self.ranges else []
             ends = [choose(met, key=lambda z: float(z[k])) for choose in (min, max)] if met else []
-            self.kept[k] = [self._there(z) for z in ends]
+            self.kept[k] = [self._at(z) for z in ends]
         return self.kept[k]
 
-    def _there(self, z: np.ndarray) -> There:
+    def _at(self, z: np.ndarray) -> EndPoint:
         values = np.asarray(self.problem.space.physical(z))
         residuals, jacobian = points.compressed(self.problem, z)
         scale = np.sqrt(sum(self.problem.parts.counts.values()) / len(residuals) / self.linear.variance)
         size = np.maximum(self.linear.size, np.abs(values))
         rows = np.vstack([jacobian / self.problem.space.slopes(z) * size * scale, np.eye(len(size)) / FAR])
-        return There(values, size, rows)
+        return EndPoint(values, size, rows)

@@ -254,7 +254,7 @@ def _weak(p: Row, needs: Mapping[str, Any]) -> Sentence:
             f" The fit is about the same with {p['name']} and the table {p['moved_with']} moved by whole nodes: give "
             f"{p['name']} a value, or hold the table."
         )
-    if _roughly(p) == f"the data allow {_between(p)}":  # far beyond what the standard error at the answer says
+    if _by_range_alone(p):
         ends = {k: p[k] for k in ("low", "high") if p[k] is not None and np.isfinite(p[k])}
         return say("warning", text, value=p["value"], **ends)
     return say("warning", text, value=p["value"], standard_error=p["standard_error"])
@@ -283,9 +283,14 @@ def _point(p: Row) -> bool:
 def _roughly(p: Row) -> str:
     """The value with its standard error where that says something, and the range."""
     between = _between(p)
-    if between and (_kind(p) != "roughly" or not (p["standard_error"] or 0.0) < abs(p["value"])):
+    if _by_range_alone(p):
         return f"the data allow {between}"
     return f"{_told(p)}{f', {between}' if between else ''}"
+
+
+def _by_range_alone(p: Row) -> bool:
+    """Whether the range goes so far beyond what the standard error at the answer says that this says nothing."""
+    return bool(_between(p)) and (_kind(p) != "roughly" or not (p["standard_error"] or 0.0) < abs(p["value"]))
 
 
 def _all_weak(rows: Sequence[Row], needs: Mapping[str, Any]) -> Iterator[Sentence]:
