@@ -298,10 +298,13 @@ def bound(name: str) -> dict[str, float]:
     noise = rig.noise if rig.noise is not None else float(np.sqrt(np.mean(residuals**2)))
     size = np.where(truth == 0.0, 1.0, np.abs(truth))
     columns = np.hstack([jacobian / problem.space.slopes(z) * size, starts(problem, z, noise)])
-    covariance = (
-        rig.covariance(problem) if rig.covariance else noise**2 * toeplitz(rig.memory ** np.arange(len(columns)))
-    )
-    whitened = np.linalg.solve(np.linalg.cholesky(covariance), columns)
+    if rig.covariance or rig.memory:
+        covariance = (
+            rig.covariance(problem) if rig.covariance else noise**2 * toeplitz(rig.memory ** np.arange(len(columns)))
+        )
+        whitened = np.linalg.solve(np.linalg.cholesky(covariance), columns)
+    else:  # white noise: a covariance of tens of thousands of samples would be gigabytes
+        whitened = columns / noise
     _, s, right = np.linalg.svd(whitened, full_matrices=False)
     error = np.sqrt(np.sum((right.T / np.maximum(s, 1e-9 * s[0])) ** 2, axis=1))[: len(size)] * size
     return dict(zip(problem.space.names, error.tolist(), strict=True))

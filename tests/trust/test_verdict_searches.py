@@ -9,6 +9,7 @@ import plantfit as pf
 from plantfit.optimize.local.basins import Basins
 from plantfit.optimize.local.one_search import Found
 from plantfit.trust.verdict.all_sentences import _steps
+from plantfit.trust.verdict.residuals import only_noise
 from plantfit.trust.verdict.searches import search_sentences
 
 
@@ -185,3 +186,71 @@ def test_a_single_search_is_told_as_what_was_asked_for():
     for extra in ({"basin_hits": 2, "starts": 2}, {"basin_hits": 1, "starts": 3}, {"basin_hits": 0, "starts": 1}):
         [said] = search_sentences(extra, ended=True)
         assert "as asked" not in said["sentence"]
+
+
+def test_where_only_noise_is_left_a_larger_budget_is_no_advice():
+    for extra in ({"basin_hits": 0, "starts": 9}, {"basin_hits": 9, "starts": 20, "optima": 4, "unseen": 0.3}):
+        [plain], [said] = search_sentences(extra), search_sentences(extra, noise=True)
+        assert (plain["level"], said["level"]) == ("warning", "info")
+        assert "larger budget" in plain["sentence"]
+        assert "larger budget" not in said["sentence"]
+        assert said["sentence"].endswith("another answer may fit as well, but hardly better.")
+    [good] = search_sentences({"basin_hits": 9, "starts": 9}, noise=True)
+    assert "hardly" not in good["sentence"]
+
+
+def test_only_noise_is_said_where_no_answer_fits_much_better():
+    """One local search in a cost with an optimum for every lost period of a sine, under noise of several sizes: where
+    what it leaves passes for noise, the lowest cost of all leaves hardly less."""
+    x = np.linspace(0.0, 10.0, 300)
+    model = pf.equations("y = a*sin(w*x)", inputs=["x"], outputs=["y"], parameters=["a", "w"])
+    told = {True: 0, False: 0}
+    for seed in range(12):
+        noise = (0.02, 0.1, 0.3, 1.0)[seed % 4]
+        y = 1.3 * np.sin(4.0 * x) + noise * np.random.default_rng(seed).normal(size=len(x))
+        problem = pf.Problem(model, pf.from_arrays({"t": x, "x": x, "y": y}), {"a": (-5.0, 5.0), "w": (3.0, 5.2)})
+        answer = pf.fit(problem, "least_squares", settings={"agree": 1}, seed=seed)
+        least = np.sqrt(min(np.mean((y - np.dot(s, y) / np.dot(s, s) * s) ** 2) for s in np.sin(_rates() * x)))
+        score = next(s for s in answer.findings["scores"] if s["part"] == "fit")
+        said = only_noise(answer.findings)
+        told[said] += 1
+        assert least > 0.9 * score["rmse"] if said else least < 0.9 * score["rmse"] or not _white(answer.findings)
+    assert min(told.values()) >= 3
+
+
+def _rates() -> np.ndarray:
+    return np.linspace(3.0, 5.2, 2000)[:, None]
+
+
+def _white(findings) -> bool:
+    return all(r["white"] for r in findings["residual_tests"])
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({}, True),
+        ({"white": False}, False),
+        ({"memory": 0.6}, False),  # moves slowly: more than the noise from sample to sample
+        ({"samples": 15}, False),  # that four parameters may follow whatever they are
+        ({"output": "z"}, False),  # an output without a test
+    ],
+)
+def test_only_noise_needs_tests_with_samples(change, said):
+    n = change.get("samples", 200)
+    e = np.random.default_rng(0).normal(size=n)
+    for k in range(1, n):
+        e[k] += change.get("memory", 0.0) * e[k - 1]
+    own = {"recording": "run", "output": change.get("output", "y")}
+    findings = {
+        "scores": [own | {"part": "fit", "n": n, "fit_percent": 90.0}],
+        "residual_tests": [{"recording": "run", "output": "y", "white": change.get("white", True)}],
+        "parameters": [{}] * 4,
+        "recordings": [
+            {
+                "name": "run",
+                "outputs": {"y": {"part": ["fit"] * n, "measured": e, "simulated": np.zeros(n), "unit": None}},
+            }
+        ],
+    }
+    assert only_noise(findings) == said

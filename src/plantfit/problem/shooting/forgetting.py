@@ -9,24 +9,16 @@ import numpy as np
 from plantfit.errors import SearchError, SimulationError
 from plantfit.native.kept_programs import Kept, kept
 from plantfit.problem.problem import Problem
-from plantfit.problem.shooting.start import LOOSE, Shooting
+from plantfit.problem.shooting.missed import STARTS, in_segments
+from plantfit.problem.shooting.settling import settles
+from plantfit.problem.shooting.start import LOOSE
 from plantfit.simulate.simulator import Drive, Simulator
-from plantfit.simulate.steps.structure import is_linear
-from plantfit.sobol import Sobol
-
-import jax
-import jax.numpy as jnp
 
 DEVIATION = 1e-7  # of the spread of each state, at the first sample
 FORGOTTEN = (
     1e3  # times a deviation grows, from which on the start is forgotten: a thousandth of the motion becomes all of it
 )
-SEGMENTS, SHORTEST = 100, 5  # of the longest record, and samples of each at least
-STARTS = 4  # of multiple shooting
-LONG, MANY = 20_000, 60  # samples of all records, and coordinates, beyond which that takes too long
 BETTER = 0.1
-POINTS = 256  # of the box, and as many corners, at which a linear model is asked whether it is stable
-SLOW = 0.3 * np.log(FORGOTTEN)  # growth, as a logarithm, that is far from forgetting
 
 
 @dataclass(frozen=True)
@@ -49,19 +41,11 @@ def forgetting_of_lost(problem: Problem, z: np.ndarray) -> list[Forgetting]:
     """
     if found := forgetting(problem, z):
         return found
-    if _settles(problem):
-        return []
-    samples = [len(d.t) for d in problem.data["drive"].values() if isinstance(d, Drive)]
-    if not samples or max(samples) < 2 * SHORTEST or sum(samples) > LONG or problem.space.dimension > MANY:
+    if settles(problem) or (shooting := in_segments(problem)) is None:
         return []
     try:
-        shot = Shooting.of(problem, segments=min(SEGMENTS, max(samples) // SHORTEST)).search(
-            starts=STARTS, weights=LOOSE
-        )
-    except (
-        SearchError,
-        SimulationError,
-    ):  # models that it does not take, or that cannot be simulated in segments either
+        shot = shooting.search(starts=STARTS, weights=LOOSE)
+    except (SearchError, SimulationError):  # it cannot be simulated in segments either
         return []
     return forgetting(problem, shot.z) if shot.cost < BETTER * float(problem.costs(z[None])[0]) else []
 
@@ -97,39 +81,6 @@ def forgetting(problem: Problem, z: np.ndarray) -> list[Forgetting]:
                 Forgetting(name, float(np.max(growth[np.isfinite(growth)])), float((t[first] - t[0]) / decades))
             )
     return sorted(found, key=lambda f: f.tenfold)
-
-
-def _settles(problem: Problem) -> bool:
-    """Whether the model is linear and stable in the box, or grows too slowly to forget: a deviation follows x' = A x
-    then, wherever the states are and whatever drives them. A is asked for at corners and at Sobol points."""
-    if not problem.predictor.has_steps or not problem.predictor.stepping().vector.model.smooth:
-        return False
-    simulator, space = problem.predictor.stepping(), problem.space
-    if simulator.vector.model.state_delays or not is_linear(simulator.vector):
-        return False
-    drives = {n: d for n, d in problem.data["drive"].items() if isinstance(d, Drive)}
-    longest = max((float(d.t[-1] - d.t[0]) for d in drives.values()), default=0.0)
-    inside = Sobol(space.dimension, np.random.default_rng(0)).random(POINTS)
-    values = np.asarray(space.physical(np.concatenate([inside, np.round(inside)])))
-    slopes, own = _slopes(simulator), any(c.recording is not None for c in space.coordinates)
-    for name in drives if own else list(drives)[:1]:
-        trees = [space.tree(v, name) for v in values]
-        a = np.asarray(slopes({n: np.stack([np.asarray(tree[n], dtype=float) for tree in trees]) for n in trees[0]}))
-        if not np.all(np.isfinite(a)) or np.max(np.linalg.eigvals(a).real) * longest > SLOW:
-            return False
-    return True
-
-
-@lru_cache(maxsize=16)
-def _slopes(simulator: Simulator) -> Kept:
-    """The derivatives (k, n, n) of a linear model's rates by its states, of parameters that each have k rows."""
-    vector = simulator.vector
-    n, inputs = len(vector.states), (jnp.zeros(()),) * len(vector.channels)
-
-    def slopes(p):
-        return jax.jacfwd(lambda x: jnp.stack(vector.rate(tuple(x), inputs, simulator.positional(p))))(jnp.zeros(n))
-
-    return kept(jax.vmap(slopes), "slopes by states", vector.model)
 
 
 @lru_cache(maxsize=16)

@@ -56,6 +56,7 @@ def run_status(status: str) -> str:
 
 _ENDED = {
     "searched": "A local search from there came to its end.",
+    "segments": "Multiple shooting found another answer, at which it ends.",
     "same point": "It shares the local search of a run that ended at the same point.",
     "cut": "A local search from there was cut.",
     "left": "No local search went on from there.",

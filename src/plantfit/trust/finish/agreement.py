@@ -14,7 +14,7 @@ from plantfit.problem.problem import Problem
 from plantfit.study.comparing.basins import APART, Basin, optima
 from plantfit.study.comparing.symmetry import NEAR, Symmetry, same_by_symmetry
 from plantfit.trust.finish.descent import gauss_newton
-from plantfit.trust.finish.final_problem import CUT, LEFT, rounding
+from plantfit.trust.finish.final_problem import CUT, LEFT, SHOT, rounding
 from plantfit.trust.intervals.ranges import plain_space
 
 SAME = 1e-6  # relative difference of costs that counts as the same
@@ -52,7 +52,7 @@ def agreement(problem: Problem, runs: Sequence[RunResult]) -> Agreement:
         else {},
         spent=sum(r.status is Status.budget for r in runs),
         spent_and_searched=sum(r.status is Status.budget and r.extra.get("ended") != LEFT for r in runs),
-        spent_and_agree=sum(runs[k].status is Status.budget for k in reached),
+        spent_and_agree=sum(runs[k].status is Status.budget and runs[k].extra.get("ended") != SHOT for k in reached),
         cut=sum(r.extra.get("ended") == CUT for r in runs),
         left=sum(r.extra.get("ended") == LEFT for r in runs),
         ended=runs[int(np.argmin(costs))].extra.get("ended", ""),

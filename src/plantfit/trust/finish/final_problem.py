@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from plantfit.optimize.contract import RunResult
 from plantfit.problem.accuracy.steps import EXACT, finer_at, refined_at
 from plantfit.problem.accuracy.verification import checked_cost, least_exact
 from plantfit.problem.problem import Problem
+from plantfit.problem.shooting.missed import missed_answer
 from plantfit.simulate.simulator import Drive
 from plantfit.study.comparing.basins import basins
 from plantfit.trust.finish.descent import STEPS, Descent, descent, polished
@@ -25,6 +27,7 @@ LEADS = 5  # answers that the final problem is made at, one after another, at mo
 SAME_POINT = 1e-6  # of the cube: runs that ended this near each other share one search
 ROUNDED = 1e-12  # residuals that are rounding, as a share of the outputs
 BETTER = 1e-6  # relative decrease of the cost that makes another answer the better one
+BEYOND = 0.9  # of the cost of an answer, below which multiple shooting has found another one
 
 CHECKED = 150_000  # evaluations of the tight solver at an answer, all recordings together: some 4 s
 MOST_CHECKED = 4  # recordings, those with the largest step errors
@@ -33,6 +36,8 @@ FINER = 6  # times that steps are made finer at one answer because the tight sol
 
 SEARCHED, SHARED, CUT, LEFT = "searched", "same point", "cut", "left"  # how a run came to the final problem
 REFUSED = "refused"  # its answer exists in the integrator only
+SHOT = "segments"  # found by multiple shooting
+SEARCHERS = ("auto", "least_squares")  # local searches, whose answer multiple shooting may better
 
 
 def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, list[RunResult]]:
@@ -43,12 +48,16 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     on from its own point: runs at one point share a search, at most 100 are searched, first one of each basin. Where
     another run ends lower on the final problem, that answer becomes the best one and the final problem is made anew
     there. `extra["ended"]` of a run says what was done: "searched", "same point" as another run, "cut" before its end,
-    or "left" where it stood; `extra["searched"]` has the point (d,) that the search had ended at.
+    "left" where it stood, or "segments" (below); `extra["searched"]` has the point (d,) that the search had ended at.
 
     An answer that takes the lead is simulated by an independent solver (`checked_cost`). Is the cost off by more than 1
     %, the search goes on with finer steps; can the solver not follow, the answer is "refused" (`extra["refused"]` says
     where), has an infinite cost, and the next basin takes the lead. Are all refused that were looked at, the last one
     stays with its cost.
+
+    Where the answer of local searches does not follow its record, multiple shooting is tried (`missed_answer`). Has it
+    found a better one, that becomes the end of the best run: its `extra["segments"]` has the number of segments,
+    `extra["missed"]` how many times as large the RMSE was.
 
     Histories keep the costs that they were made with. Raises SearchError when no run has a finite cost.
     """
@@ -64,6 +73,8 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     refused: dict[int, str] = {}
     led: list[int] = []
     final: _Final | None = None
+    shot: tuple[int, dict[str, Any]] | None = None
+    tried = False
     lead: int | None = order[0]
     while lead is not None:
         led.append(lead)
@@ -81,6 +92,9 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
             }
             final = _Final(made, _brought(made, points, {lead: own}, allowed), said)
             lead = _better(final, own, led)
+        if lead is None and final and not tried and all(map(_may_miss, results)):
+            tried, shot = True, _shot(final)
+            lead = shot[0] if shot else None
     assert final is not None
     ends = {k: end for k, end in final.ends.items() if k not in refused} or final.ends
     left = [k for k in order if twins[k] not in ends and twins[k] not in refused]
@@ -91,12 +105,30 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     )
     found = [_result(k, r, twins.get(k), ends, costs, refused) for k, r in enumerate(results)]
     best = min(range(len(found)), key=lambda k: found[k].cost)
-    found[best] = (
-        dataclasses.replace(found[best], extra={**found[best].extra, "steps": final.told})
-        if final.told
-        else found[best]
-    )
+    told = {"steps": final.told} if final.told else {}
+    if shot and twins.get(best) == shot[0] and found[best].extra["ended"] != CUT:
+        told |= shot[1] | {"ended": SHOT}
+    found[best] = dataclasses.replace(found[best], extra={**found[best].extra, **told}) if told else found[best]
     return final.problem, found
+
+
+def _may_miss(r: RunResult) -> bool:
+    """Whether a run is of local searches over whole records, and no linear problem that one step solves."""
+    return r.method in SEARCHERS and not r.extra.get("linear")
+
+
+def _shot(final: "_Final") -> tuple[int, dict[str, Any]] | None:
+    """The run with the best answer, whose end becomes the one that multiple shooting led to, and what is to be told of
+    it; None where the answer follows its record, or nothing better was found."""
+    best = min(final.ends, key=lambda k: final.ends[k].cost)
+    before = final.ends[best]
+    if (found := missed_answer(final.problem, before.z)) is None:
+        return None
+    end = descent(final.problem, found[0])
+    if end.cost >= BEYOND * before.cost:
+        return None
+    final.ends[best] = end
+    return best, {"segments": found[1], "missed": float(np.sqrt(before.cost / max(end.cost, rounding(final.problem))))}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -25,7 +25,7 @@ from plantfit.problem.problem import Problem
 from plantfit.study.store.codec import to_blob, to_json
 from plantfit.study.versions import cpu_model, versions
 
-EDITION = 2  # of the bytes below
+EDITION = 3  # of the bytes below
 DIGEST = hashlib.sha256().digest_size
 
 

@@ -15,7 +15,7 @@ from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.misreadings import hold_sentences, misreading_sentences
 from plantfit.trust.verdict.outputs import forgotten
 from plantfit.trust.verdict.parameters import parameter_sentences
-from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
+from plantfit.trust.verdict.residuals import noise_sentences, only_noise, residual_sentences
 from plantfit.trust.verdict.searches import forgetting_sentences, search_sentences
 from plantfit.trust.verdict.stated_errors import uncertainty_sentences
 from plantfit.trust.verdict.unseen import unseen_sentences
@@ -56,7 +56,13 @@ def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     several = len((findings.get("agreement") or {}).get("answers", ())) > 1
     lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))
     yield from search_sentences(
-        best.extra, flat, several, lost, best.status is Status.converged, bool(forgotten(findings))
+        best.extra,
+        flat,
+        several,
+        lost,
+        best.status is Status.converged,
+        bool(forgotten(findings)),
+        only_noise(findings),
     )
     yield from agreement_sentences(findings)
 

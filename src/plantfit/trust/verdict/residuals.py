@@ -22,6 +22,8 @@ from plantfit.trust.verdict.outputs import (
 )
 from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span, with_unit
 
+NOISE = 1.1  # times the sample-to-sample noise: a residual below that is hardly more
+ENOUGH = 10  # samples for each parameter, from which on a residual that is noise was not fitted away
 WHITE = 0.01  # p-value from which on residuals are called white
 SOLVED = 99.99  # percent of what an output does: what is left may be the error of a solver
 LEFT_OVER = 5.0  # standard errors of the mean of white residuals, from which on a constant is left
@@ -88,6 +90,17 @@ def lacking(findings: Findings) -> list[str]:
     lack = [r["output"] for r in tests if named or (r["recording"], r["output"]) in above]
     found = [o for o in dict.fromkeys(lack) if not _few_by_chance([r for r in every if r["output"] == o])]
     return list(dict.fromkeys([*found, *(r["output"] for r in _coloured_together(findings))]))
+
+
+def only_noise(findings: Findings) -> bool:
+    """Whether all that is left of every fitted output is white and as large as its sample-to-sample noise, by tests
+    that had enough samples: what explains the records better explains hardly more."""
+    fitted = {(s["recording"], s["output"]) for s in findings.get("scores", ()) if s["part"] == "fit"}
+    white = {(r["recording"], r["output"]) for r in findings.get("residual_tests", ()) if r["white"]}
+    low = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < NOISE}
+    samples = sum(s["n"] for s in findings.get("scores", ()) if s["part"] == "fit")
+    enough = samples >= ENOUGH * len(findings.get("parameters", ()))
+    return bool(fitted) and enough and fitted <= white & low and not decided_by_outliers(findings)
 
 
 def _few_by_chance(rows: Sequence[Row]) -> bool:

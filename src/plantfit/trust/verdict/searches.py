@@ -15,6 +15,7 @@ UNSEEN = (
 )
 
 
+HARDLY = "The residuals are no more than noise, so that another answer may fit as well, but hardly better."
 SHOOT = "where the plant swings for long or is unstable, `shooting = 100` under [search] (docs/long-records.md)"
 SEGMENTS = 5  # of each piece of a record that forgets its start
 
@@ -52,6 +53,7 @@ def search_sentences(
     lost: bool = False,
     ended: bool = False,
     forgets: bool = False,
+    noise: bool = False,
 ) -> Iterator[Sentence]:
     """One sentence from the bookkeeping of `optimize.local.basins.Basins`; none for methods without local searches.
 
@@ -59,13 +61,17 @@ def search_sentences(
     Searches that end at costs far above the best are in no valley with it, whatever is open at the answer. With
     `several`, other optima fit equally well. With `lost`, a simulation does not follow its record: segments may find
     what searches over all of it do not. With `forgets` it forgets its start beside, and another sentence says what to
-    do. With `ended` the search made as many local searches as it was asked for, and its budget did not stop it.
+    do. With `ended` the search made as many local searches as it was asked for, and its budget did not stop it. With
+    `noise` what is left is noise, and a larger budget would find no answer that fits much better.
     """
     if extra.get("linear"):
         yield say(
             "good",
             "The outputs are linear in all parameters: the answer was computed in one step, and no other fits better.",
         )
+        return
+    if "missed" in extra:
+        yield _by_shooting(extra)
         return
     if "basin_hits" not in extra or "starts" not in extra:
         return
@@ -98,6 +104,8 @@ def search_sentences(
             starts=starts,
             optima=optima,
         )
+    elif hits < AGREE and noise:
+        yield say("info", f"{text}. {HARDLY}", hits=hits, starts=starts, optima=optima)
     elif hits < AGREE:
         more = f"; give a larger budget, or, {SHOOT}" if lost else "; give a larger budget"
         yield say(
@@ -109,6 +117,9 @@ def search_sentences(
         )
     elif optima > 1 and unseen > UNSEEN:
         doubt = f"about {100 * unseen:.0f} % of the box is expected to lead to optima that no search has seen"
+        if noise:
+            yield say("info", f"{text}: {doubt}. {HARDLY}", hits=hits, starts=starts, optima=optima, unseen=unseen)
+            return
         if cut := int(extra.get("cut_searches", 0)):
             were = "search was cut off before its" if cut == 1 else "searches were cut off before their"
             doubt += f", as {cut} more {were} end"
@@ -117,6 +128,17 @@ def search_sentences(
         )
     else:
         yield say("good", f"{text}.", hits=hits, starts=starts, optima=optima)
+
+
+def _by_shooting(extra: Mapping[str, Any]) -> Sentence:
+    """Of an answer that no search over whole records had found."""
+    segments, times = int(extra["segments"]), number(float(extra["missed"]), 2)
+    return say(
+        "info",
+        f"Local searches over whole records ended at an RMSE {times} times as large. Multiple shooting with {segments} "
+        f"segments found this answer; `shooting = {segments}` under [search] begins with it (docs/long-records.md).",
+        segments=segments,
+    )
 
 
 def _in_the_valley(extra: Mapping[str, Any]) -> bool:
