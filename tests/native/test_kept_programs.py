@@ -387,6 +387,23 @@ kept_programs._made = lambda f, k, name, jitted, *a: (
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
 
 
+def test_what_is_kept_is_not_written_into_xla_s_cache_as_well(tmp_path):
+    text = """
+import jax
+usual = jax.config.values[kept_programs._LEAST_SECONDS]
+p = problem()
+p.costs(np.array([[0.4, 0.6]]))
+assert jax.config.values[kept_programs._LEAST_SECONDS] == usual, "the setting did not come back"
+jax.jit(lambda x: x + 1.25)(2.0)
+print(len(made))
+"""
+    assert in_a_process_of_its_own(text, tmp_path / "cache") == ["1"]
+    of_xla = [f.name for f in (tmp_path / "cache" / "xla").iterdir()]
+    assert any(name.startswith("jit__lambda") for name in of_xla), "XLA's cache is not used at all"
+    assert not [name for name in of_xla if "kept" in name]
+    assert programs(tmp_path / "cache" / "programs")
+
+
 def test_a_second_process_searches_with_the_programs_of_the_first(tmp_path):
     """Generations of a population method (CMA-ES calls LAPACK in them), in blocks and apart, and the candidates of one
     that drives itself."""

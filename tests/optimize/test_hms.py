@@ -45,6 +45,26 @@ def test_a_placed_population_is_compiled_once():
         assert kinds[0] == kinds[1]
 
 
+def test_a_population_begins_with_the_bits_of_its_method():
+    facts, key = Facts(120, 1000), jax.random.key(5)
+    for kind in (climbers(120, None, 5), explorers(6, 0.25), climbers(4, 6, 5)):
+        own = facts._replace(dimension=4) if kind == climbers(4, 6, 5) else facts
+        found = Deme(1, kind, own, key).nested.state
+        expected = kind.method.init(jax.random.fold_in(key, 2**31), own)
+        for a, b in zip(jax.tree.leaves(found), jax.tree.leaves(expected), strict=True):
+            assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
+
+
+def test_the_beginning_of_populations_is_compiled_once_for_all_of_a_kind():
+    events: list[str] = []
+    jax.monitoring.register_event_duration_secs_listener(lambda event, *_, **__: events.append(event))
+    kind, facts = explorers(7, 0.25), Facts(5, 1000)
+    Deme(1, kind, facts, jax.random.key(0))
+    del events[:]
+    Deme(1, kind, Facts(5, 1000), jax.random.key(1))
+    assert not [e for e in events if "compile" in e]
+
+
 def test_nearest_better_distances_are_those_of_a_plain_loop():
     rng = np.random.default_rng(1)
     points, costs = rng.random((40, 3)), rng.random(40)

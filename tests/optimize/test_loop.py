@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from plantfit.errors import SearchError, Status
-from plantfit.optimize import Checkpoint, Facts, minimise
+from plantfit.optimize import Checkpoint, Facts, Objective, minimise
 from plantfit.optimize.algorithms.random_search import RandomSearch
 from plantfit.optimize.loop import population_loop as loop
+from plantfit.optimize.loop.counter import Counter
 from plantfit.optimize.loop.generations import program
 from plantfit.testing.objectives import bowl, centre, corner
+
+import jax
 
 PLAIN = ("run", "x", "cost", "evaluations", "status", "history_evaluations", "history_cost")
 
@@ -95,3 +98,39 @@ def test_the_beginning_of_runs_is_traced_once_for_the_same_numbers_and_anew_for_
     others = (Facts(3, 301, -box, box, facts.start), facts._replace(upper=2 * box), facts._replace(start=None),
               facts._replace(start=np.full((1, 3), 0.5)), facts._replace(start=np.full((3, 1), 0.25)))  # fmt: skip
     assert all(program(cost, method, other).begin is not begin for other in others)
+
+
+@pytest.mark.parametrize(
+    ("points", "widths"),
+    [
+        (1, [16]),
+        (16, [16]),
+        (17, [32]),
+        (21, [32]),
+        (40, [32, 16]),
+        (49, [64]),
+        (64, [64]),
+        (85, [64, 32]),
+        (500, [64] * 8),
+    ],
+)
+def test_points_are_evaluated_in_few_calls_with_little_filling(points, widths):
+    seen = []
+
+    class Noted:
+        lower = None  # as of a function that is compiled already
+
+        def __call__(self, x):
+            seen.append(len(x))
+            return np.sum(x**2, axis=1)
+
+    counter = Counter(Objective(2, Noted()), 10**6)
+    x = np.random.default_rng(0).random((points, 2))
+    assert np.array_equal(counter.costs(x), np.sum(x**2, axis=1))
+    assert seen == widths
+
+
+def test_keys_of_runs_are_folded_in_one_by_one():
+    key, runs = jax.random.key(2**40 + 3), np.arange(4, 9, dtype=np.uint32)
+    found = jax.random.key_data(loop._keys()(key, runs))
+    assert np.array_equal(found, [jax.random.key_data(jax.random.fold_in(key, int(r))) for r in runs])

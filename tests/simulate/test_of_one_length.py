@@ -1,12 +1,15 @@
 """Recordings of several lengths are simulated by one program, with the bits that each has alone."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from plantfit.models import equations
 from plantfit.models.model import Declared
-from plantfit.problem import Problem
+from plantfit.problem import Problem, checked_cost
 from plantfit.recording.record import Recording, Signal
+from plantfit.simulate.check import tight
 from plantfit.simulate.records.of_one_length import as_long_as_others
 from plantfit.simulate.simulator import Drive
 
@@ -55,3 +58,30 @@ def test_times_of_its_own_keep_their_number():
     drives = problem("previous", late="u", initial_time=-1.0).parts.whole
     assert isinstance(drives["short"], Drive)
     assert as_long_as_others(drives["short"], drives.values()) is drives["short"]
+
+
+@pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.parametrize("late", [0.0, 0.234, 1.0])  # 1.0: edges that fall behind the end of a short record
+def test_the_tight_solver_follows_all_by_one_program_with_the_bits_of_each_alone(hold, late):
+    made = problem(hold)
+    simulator, drives = made.predictor.stepping(), {n: made.data["drive"][n] for n in LENGTHS}
+    p = {"K": 1.3, "tau": 0.7, "L": late}
+    program: Any = tight._compiled(simulator).record
+    for drive in drives.values():
+        alone = tight.follow(simulator, p, drive)
+        beside = tight.follow(simulator, p, drive, others=drives.values())
+        assert alone.stopped is beside.stopped is None
+        np.testing.assert_array_equal(alone.states, beside.states)
+        np.testing.assert_array_equal(alone.outputs["y"], beside.outputs["y"])
+    program.clear_cache()
+    for drive in drives.values():
+        tight.follow(simulator, p, drive, others=drives.values())
+    assert len(program._programs) == 1
+
+
+def test_a_cost_is_checked_by_one_program_for_records_of_all_lengths():
+    made = problem("previous")
+    program: Any = tight._compiled(made.predictor.stepping()).record
+    program.clear_cache()
+    checked_cost(made, np.full(made.space.dimension, 0.4))
+    assert len(program._programs) == 1

@@ -35,10 +35,9 @@ import jax
 from jax.core import Tracer
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-# Of kept programs, 35 kB on average; beyond it the half that was not used for longest goes. What goes is compiled anew
-# and stays in XLA's cache under its old name for good, so that a bound which a day's work passes several times costs
-# disk too.
+# Of kept programs, 35 kB on average; beyond it the half that was not used for longest goes, and is compiled anew.
 MOST_FILES = 10_000
+_LEAST_SECONDS = "jax_persistent_cache_min_compile_time_secs"  # of a compilation whose program XLA's cache takes up
 AGE = "age"  # the file with the letters that `_age` gives
 LARGEST = 20_000_000  # bytes of a description: next to that much data a compilation counts little
 _OURS = {
@@ -103,8 +102,8 @@ def described(thing: Any, *, large: bool = False) -> bytes | None:
 
 
 def _named(function: Callable, name: str) -> Callable:
-    """The function under a name of its own, so that XLA's cache holds none of its programs but those that are kept
-    here too."""
+    """The function under a name of its own, so that XLA's cache holds none of its programs but those that were made
+    where they cannot be kept."""
 
     def kept(*args: Any) -> Any:
         return function(*args)
@@ -118,8 +117,8 @@ def _named(function: Callable, name: str) -> Callable:
 def _age(folder: Path) -> str:
     """Letters that are others once programs of the folder have gone.
 
-    XLA's cache still holds these, and what XLA has read itself it does not write down: under their old names they would
-    never be kept again, and be traced in every process.
+    XLA's cache may hold these, of earlier versions, and what XLA has read itself it does not write down: under their
+    old names they would never be kept again, and be traced in every process.
     """
     file = folder / AGE
     with suppress(OSError):
@@ -325,7 +324,8 @@ def _made(
         found = _loaded(folder, kept, args)
     if found is None:
         before = _seen.hits
-        program = lowered.compile(options)
+        with _unwritten:
+            program = lowered.compile(options)
         found = program, None
         # XLA does not write down a program that it has read itself, nor one that calls back into this process
         if _seen.hits > before or _CALLBACK.search(text):
@@ -349,6 +349,33 @@ def _taken(lowered: Any, key: str) -> bytes:
         return repr(sorted(lowered._lowering.compile_args["kept_var_idx"])).encode()
     except (AttributeError, KeyError, TypeError):
         return key.encode()
+
+
+class _Unwritten:
+    """While it is entered XLA's cache takes up no program: what is kept here would be packed and written a second time.
+
+    jax has this setting for all threads at once: what another one compiles meanwhile is compiled anew by the next
+    process.
+    """
+
+    def __init__(self) -> None:
+        self._lock, self._inside, self._usual = threading.Lock(), 0, 0.0
+
+    def __enter__(self) -> None:
+        with self._lock:
+            if not self._inside:
+                self._usual = jax.config.values[_LEAST_SECONDS]
+                jax.config.update(_LEAST_SECONDS, float("inf"))
+            self._inside += 1
+
+    def __exit__(self, *_: object) -> None:
+        with self._lock:
+            self._inside -= 1
+            if not self._inside:
+                jax.config.update(_LEAST_SECONDS, self._usual)
+
+
+_unwritten = _Unwritten()
 
 
 class _Seen(threading.local):

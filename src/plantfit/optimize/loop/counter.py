@@ -15,7 +15,8 @@ import jax
 
 Group = tuple[np.ndarray, np.ndarray]  # residuals (k,) and derivatives (k, q) of a separable group
 
-CHUNKS = (64, 16)  # candidates per compiled evaluation: two shapes for any number of points
+# candidates per compiled evaluation: three shapes for any number of points; 32 side by side take little longer than 16
+CHUNKS = (64, 32, 16)
 TOGETHER = 4  # points with derivatives in one call: of searches side by side few are under way most of the time
 ALONE = 200  # points in a row that came alone, from which on those that fill up cost more than to compile without them
 
@@ -41,10 +42,11 @@ def _compiled(costs: Callable) -> Callable:
 
 def _pieces(count: int) -> Iterator[tuple[int, int]]:
     """Begin and size of the chunks that cover `count` points with little filling."""
-    large, small = CHUNKS
+    large, middle, small = CHUNKS
     at = 0
     while at < count:
-        size = large if count - at > large - small else small
+        rest = count - at
+        size = large if rest > large - small else middle if rest > small else small
         yield at, size
         at += size
 

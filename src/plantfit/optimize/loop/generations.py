@@ -107,10 +107,10 @@ def parts_of(objective: Objective, method: Population, facts: Facts) -> "tuple[S
 
 def begin(method: Population, facts: Facts) -> Callable:
     """The compiled function that makes the first carry from the keys of the runs."""
-    return _begin(method, _Known(facts))
+    return _begin(method, Known(facts))
 
 
-class _Known:
+class Known:
     """Facts that are equal where their numbers are, so that what is traced from them is found again."""
 
     def __init__(self, facts: Facts):
@@ -122,7 +122,7 @@ class _Known:
         )
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Known) and self._key == other._key
+        return isinstance(other, Known) and self._key == other._key
 
     def __hash__(self) -> int:
         return hash(self._key)
@@ -130,17 +130,17 @@ class _Known:
 
 def state_bytes(method: Population, facts: Facts) -> int:
     """Bytes of all that one run carries from generation to generation."""
-    return _state_bytes(method, _Known(facts))
+    return _state_bytes(method, Known(facts))
 
 
 @lru_cache(maxsize=32)
-def _state_bytes(method: Population, known: _Known) -> int:
+def _state_bytes(method: Population, known: Known) -> int:
     carry = jax.eval_shape(partial(first_carry, method, known.facts), jax.random.key(0))
     return sum(a.size * a.dtype.itemsize for a in jax.tree.leaves(carry))
 
 
 @lru_cache(maxsize=32)
-def _begin(method: Population, known: _Known) -> Callable:
+def _begin(method: Population, known: Known) -> Callable:
     return jit(lambda keys: lax.map(partial(first_carry, method, known.facts), keys))
 
 

@@ -1,14 +1,14 @@
 """A population method driven from inside a host method: restarts with other populations, trees of populations."""
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
 
 from plantfit.optimize.contract import Facts, Population
 from plantfit.optimize.loop.counter import Counter
-from plantfit.optimize.loop.generations import strong
+from plantfit.optimize.loop.generations import Known, strong
 from plantfit.runtime import jit
 
 import jax
@@ -26,6 +26,17 @@ def _compiled(
     return jit(ask), jit(method.tell), refresh and jit(refresh), live and jit(live)
 
 
+def _first(method: Population, facts: Facts, key: Array) -> Any:
+    """The state before the first generation."""
+    return jax.tree.map(strong, method.init(jax.random.fold_in(key, 2**31), facts))
+
+
+@lru_cache(maxsize=128)
+def _begin(method: Population, known: Known) -> Callable:
+    """`_first`, compiled: one program is made in less time than one for every operation in it."""
+    return jit(partial(_first, method, known.facts))
+
+
 class Nested:
     """One population of a method. `state` may be read and replaced between generations.
 
@@ -38,7 +49,9 @@ class Nested:
         self.rows = method.rows(facts)
         self._ask, self._tell, self._refresh, self._live = _compiled(method, self.rows, facts.dimension)
         self._period = method.refresh_period(facts) if self._refresh is not None else 1  # pyrefly: ignore[missing-attribute]
-        self.state = jax.tree.map(strong, method.init(jax.random.fold_in(key, 2**31), facts))
+        # with a point to begin from, what is compiled serves that point alone
+        begin = partial(_first, method, facts) if facts.start is not None else _begin(method, Known(facts))
+        self.state = begin(key)
         self.generations = self.evaluations = 0
         self.best_x, self.best_cost = np.full(facts.dimension, 0.5), np.inf
         self.stopped = False

@@ -6,6 +6,8 @@ The key of run r is fold_in(key(seed), r); `generations.py` has what follows fro
 import dataclasses
 import json
 import time
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from plantfit.optimize.loop.checkpoint import NO_HISTORY, Checkpoint
 from plantfit.optimize.loop.generations import BLOCK, PADDING, RUNNING, Carry, Program, program, state_bytes
 from plantfit.optimize.loop.progress import estimate
 from plantfit.optimize.loop.request import Plan
+from plantfit.runtime import jit
 
 import jax
 import jax.numpy as jnp
@@ -76,7 +79,7 @@ class _Group:
         offset = len(self.finished)
         members = min(self.width, plan.runs - offset)
         runs = plan.first_run + offset + np.arange(self.width)
-        keys = jax.vmap(lambda r: jax.random.fold_in(jax.random.key(plan.seed), r))(jnp.asarray(runs, jnp.uint32))
+        keys = _keys()(jax.random.key(plan.seed), jnp.asarray(runs, jnp.uint32))
         carry = self.compiled.begin(keys)
         carry = carry._replace(ending=jnp.where(jnp.arange(self.width) < members, carry.ending, PADDING))
         if arrays:
@@ -159,6 +162,12 @@ class _Group:
                 )
             )
         return results
+
+
+@cache
+def _keys() -> Callable:
+    """The compiled function that makes the keys of runs."""
+    return jit(jax.vmap(jax.random.fold_in, in_axes=(None, 0)))
 
 
 def plain_settings(method: Any) -> str:

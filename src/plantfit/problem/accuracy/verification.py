@@ -180,6 +180,7 @@ def followed(problem: Problem, z: np.ndarray, name: str, evaluations: int, tight
         kept[key] = follow(
             problem.predictor.stepping(), p, problem.data["drive"][name],
             rtol=RTOL * tighter, atol=ATOL * tighter, evaluations=evaluations,
+            others=(d for d in problem.data["drive"].values() if isinstance(d, Drive)),
         )  # fmt: skip
     return kept[key]
 

@@ -10,7 +10,7 @@ record that cannot be followed ends in `Stopped`.
 
 import warnings
 from bisect import bisect_right
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
@@ -23,6 +23,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.native.kept_programs import kept
 from plantfit.simulate.check.modes import Modes
 from plantfit.simulate.check.on_floats import plain_rate
+from plantfit.simulate.records.of_one_length import as_long_as_others
 from plantfit.simulate.simulator import Drive, Simulator
 
 import jax
@@ -107,9 +108,10 @@ def follow(
     atol: float = 1e-11,
     evaluations: int = EVALUATIONS,
     briefly: bool = False,
+    others: Iterable[Drive] = (),
 ) -> Tight:
     """Follow a whole record; `atol` is relative to the largest size of each state. It never raises for what a model
-    does.
+    does. With `others` that are followed too, one program serves records of unequal length.
 
     Beside a pole LSODA spends its steps at one time, and a method for stiff plants then comes up to it once more to
     tell where it is. `briefly` ends at the first sign, for whoever asks only whether a record can be followed.
@@ -121,7 +123,7 @@ def follow(
     p = {k: np.asarray(v, dtype=float) for k, v in p.items()}
     values = simulator.positional(p)
     n, count = len(vector.states), len(drive.t)
-    record = jax.tree.map(np.asarray, _compiled(simulator).record(p, drive))
+    record = _record(simulator, p, drive, others)
     grid, u0, u1, sample = _inputs(simulator, p, drive, record.steps)
     x = np.array([float(v) for v in simulator.initial(p, drive.first_input, drive.first_output)])
     ours = np.asarray(record.states) if n else np.zeros((0, count))
@@ -179,6 +181,21 @@ def follow(
         run.evaluations,
         f"{told}, rtol {exact}",
     )
+
+
+def _record(simulator: Simulator, p: Mapping[str, Any], drive: Drive, others: Iterable[Drive]) -> "Record":
+    """What the simulator gives over a record, of a program for the longest of `others`."""
+    longer = as_long_as_others(drive, others)
+    found = jax.tree.map(np.asarray, _compiled(simulator).record(p, longer))
+    count = len(drive.t)
+    if len(longer.t) == count:
+        return found
+    steps, (u0, u1, length) = found.steps
+    rank = steps.rank[:count]
+    own = slice(rank[-1])
+    steps = steps._replace(start=steps.start[own], length=length[own], rank=rank)
+    ends = tuple(tuple(np.broadcast_to(c, length.shape)[own] for c in u) for u in (u0, u1))
+    return Record((steps, (*ends, length[own])), *(tuple(a[:count] for a in of) for of in found[1:]))
 
 
 def _inputs(
