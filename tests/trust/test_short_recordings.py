@@ -7,6 +7,7 @@ from scipy.integrate import solve_ivp
 import plantfit as pf
 from plantfit.trust.diagnosis import asked_for
 from plantfit.trust.validate.residuals.residual_tests import short_recordings
+from plantfit.trust.verdict.fit import fit_sentences
 
 
 def left(rng, lengths, taken):
@@ -80,3 +81,20 @@ def test_what_such_recordings_lack_is_looked_for():
 
 def test_what_a_solver_leaves_is_nothing_that_the_model_lacks():
     assert "not white" not in str(answer(1, 1, noise=0.0).verdict)
+
+
+@pytest.mark.parametrize(("off", "level"), [(0.0, "info"), (1.0, "bad")])
+def test_short_pieces_that_hardly_move_are_followed_as_well_as_noise_lets(off, level):
+    """A fit of -3 % of one of many pieces was called bad, whatever its noise."""
+    rng, records, scores = np.random.default_rng(2), [], []
+    for k in range(30):
+        simulated = (0.02 if k % 3 else 5.0) * np.linspace(-1.0, 1.0, 10)
+        measured = simulated + rng.normal(size=10) + off * np.linspace(-2.0, 2.0, 10)
+        one = {"part": ["fit"] * 10, "measured": list(measured), "simulated": list(simulated), "unit": "mm"}
+        records.append({"name": f"run-{k}", "outputs": {"y": one}})
+        rmse = np.sqrt(np.mean((measured - simulated) ** 2))
+        scores.append({"recording": f"run-{k}", "output": "y", "part": "fit", "rmse": rmse, "unit": "mm", "n": 10,
+                       "fit_percent": 100.0 * (1.0 - rmse / np.std(measured))})  # fmt: skip
+    (said,) = fit_sentences({"recordings": records, "scores": scores})
+    assert said["level"] == level
+    assert ("what is left is noise from sample to sample" in said["sentence"]) == (not off)

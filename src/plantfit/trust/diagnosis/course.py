@@ -26,6 +26,7 @@ from plantfit.trust.diagnosis.rounds import (
     QUICK,
     Round,
     Trial,
+    found_of,
     judged,
     one_round,
     promising,
@@ -174,7 +175,7 @@ class Course:
             if not one.found or one.found[0].at is None:
                 return
             self.base = one.found[0].at
-            self._settled()
+            self._settled(extensions)
 
     def two_at_once(self, extensions: Sequence[Extension]) -> bool:
         """Whether two additions were found in place of what was found one by one: the pair that leaves least, where
@@ -239,7 +240,7 @@ class Course:
             best = end
         gone = [a for a in self.base.additions if a not in best.additions]
         self.carrier, self.base, self.made, self.dropped, self.exchanged = carrier, best, [first, second], gone, []
-        self._settled()
+        self._settled(extensions)
         return True
 
     def _sharper(self, one: Fitted) -> tuple[Carrier, Fitted] | None:
@@ -259,13 +260,12 @@ class Course:
         at = fitted(sharp, one.additions, one.x, one.theta, self.use)
         return (sharp, at) if at.cost(self.use) <= (1.0 - LEAST) * one.cost(self.use) else None
 
-    def _settled(self) -> None:
+    def _settled(self, extensions: Sequence[Extension]) -> None:
         """What a finding changes: the noise of first values that states begin at, outliers that it uncovers, dry
         friction that is sharper, and earlier findings that stood for it."""
-        one = self.made[-1]
         if begun := begun_anew(self.carrier, self.base, self.use):
-            self.carrier, self.base = begun
-            self._told(one)
+            self._begun_anew(extensions, *begun)
+        one = self.made[-1]
         anew, behind = apart_of(self.base.residuals, self.carrier)
         self.outliers = replace(self.outliers, **outliers_of(self.base, anew, self.carrier, behind).of_steps)
         if np.any(anew != self.apart):  # what a wrong model hid, or took for outliers
@@ -284,6 +284,27 @@ class Course:
             self.exchanged += better
             self.base, self.made, gone = _pruned(self.carrier, self.bare, self.base, self.made, self.use, self.kept)
             self.dropped += gone
+
+    def _begun_anew(self, extensions: Sequence[Extension], carrier: Carrier, base: Fitted) -> None:
+        """The last finding on the carrier with first values as they are best beside it, and what helps as well with its
+        own. These were held where a fit without any had put them, which may favour one that bends to that."""
+        one, use, kept = self.made[-1], self.use, self.kept
+        before = one.base or self.bare
+        first = one.found[0]
+        begun = {first.extension: (carrier, refitted(carrier, before, first, base, use, kept))}
+        for t in one.trials:
+            if t.unseen is None or t.at is None or t.extension in begun or not carrier.meter.holds(0.0, FITTING):
+                continue
+            self.say(f"fitting with {t.extension.name} from other first values")
+            at = fitted(carrier, t.at.additions, t.at.x, t.at.theta, use)
+            own, at = begun_anew(carrier, at, use) or (carrier, at)
+            begun[t.extension] = own, refitted(own, before, t, at, use, kept)
+        anew = [t for _, t in begun.values()]
+        found = found_of(carrier, before, anew, extensions, use, kept) or (begun[first.extension][1],)
+        self.made[-1] = replace(one, found=found)
+        self.carrier, told = begun[found[0].extension]
+        assert told.at is not None
+        self.base = told.at
 
     def _told(self, one: Round) -> None:
         """The last round with the figures of the fit as it is."""

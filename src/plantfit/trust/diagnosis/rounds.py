@@ -143,7 +143,7 @@ def one_round(
         rmse = root(before / n), root(before * (1.0 - share) / n)
         rows.append(Trial(e, share, 0.0, rmse))
     rows.sort(key=lambda t: -t.explained)
-    found = _found(carrier, base, rows, extensions, use, kept)
+    found = found_of(carrier, base, rows, extensions, use, kept)
     return Round(base.additions, tuple(rows), found, limit, tuple(untried), whole and not untried, base)
 
 
@@ -214,7 +214,7 @@ def _price(e: Extension) -> int:
     return max(1, len(e.starts)) * (QUICK + 1) * (1 + e.candidate.differenced)
 
 
-def _found(
+def found_of(
     carrier: Carrier,
     base: Fitted,
     trials: Sequence[Trial],

@@ -12,6 +12,7 @@ from plantfit.trust.verdict.outputs import (
     noise_rows,
     place,
     recordings_named,
+    short_at_floor,
     shows_nothing,
 )
 from plantfit.trust.verdict.words import FEW, Sentence, say, span, times_the_mean, with_unit, worst
@@ -21,6 +22,7 @@ def fit_sentences(findings: Findings) -> Iterator[Sentence]:
     """How well the fitted samples are followed."""
     outliers = decided_by_outliers(findings)
     at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR}
+    at_floor |= short_at_floor(findings)
     rows = [
         {
             **r,
@@ -125,6 +127,9 @@ def _fits(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator[Sent
     elif times_the_mean(worst_fit):
         text += f", a fit of {best_fit:.1f} % at best; in {low['recording']} the RMSE is {times_the_mean(worst_fit)}."
     else:
-        text += f", a fit of {worst_fit:.1f} to {best_fit:.1f} % (lowest in {low['recording']})."
+        text += f", a fit of {worst_fit:.1f} to {best_fit:.1f} % (lowest in {low['recording']})"
+        poor = [r for r in known if r["fit_percent"] < GOOD]
+        noise = poor and all(r["at_floor"] for r in poor)
+        text += f"; where it is below {GOOD} %, what is left is noise from sample to sample." if noise else "."
     level = worst(_fit_level(r) for r in known)
     yield say(level, text, rmse=max(r["rmse"] for r in rows), fit_percent=low["fit_percent"])

@@ -13,6 +13,7 @@ Findings = Mapping[str, Any]
 Row = Mapping[str, Any]
 GOOD = 80  # percent
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
+BY_CHANCE = 2.0  # times the noise that the few samples of a short recording may leave
 TESTED = 20  # samples of an output in one recording from which on residuals are tested and their noise is told
 ROUNDING = 1e-12  # of the largest measured value: residuals below say nothing but how numbers are rounded
 # share of the squares of a residual in samples so many robust deviations off, of so many samples at most, from which
@@ -92,22 +93,42 @@ def forgotten(findings: Findings) -> list[str]:
 
 def noise_rows(findings: Findings) -> Iterator[Row]:
     """Noise of every output of every recording, and how many times that the residual is."""
+    for name, output, unit, residual in _left(findings):
+        if np.isfinite(residual).sum() < TESTED:
+            continue  # hardly measured in this recording
+        noise, rms = white_part(residual), float(np.sqrt(np.nanmean(residual**2)))
+        if np.isfinite(noise) and noise > 0 and rms > 0:
+            yield {"recording": name, "output": output, "unit": unit, "noise": noise, "ratio": rms / noise}
+
+
+def short_at_floor(findings: Findings) -> set[tuple[str, str]]:
+    """Recordings and outputs of too few samples to tell their noise alone that leave no more than noise: so they do
+    together, and none by itself more than a few samples do by chance."""
+    short: dict[str, list[tuple[str, int, float, float]]] = {}
+    for name, output, _, residual in _left(findings):
+        count, noise = int(np.isfinite(residual).sum()), white_part(residual)
+        if count < TESTED and np.isfinite(noise):
+            short.setdefault(output, []).append((name, count, noise, float(np.sqrt(np.nanmean(residual**2)))))
+    found = set()
+    for output, rows in short.items():
+        names, counts, noises, roots = (np.array(v) for v in zip(*rows, strict=True))
+        noise = np.sqrt(np.average(noises**2, weights=counts - 2))
+        together = np.sqrt(np.average(roots**2, weights=counts))
+        if counts.sum() >= TESTED and together < FLOOR * noise:
+            found |= {(str(n), output) for n in names[roots <= BY_CHANCE * noise]}
+    return found
+
+
+def _left(findings: Findings) -> Iterator[tuple[str, str, str | None, np.ndarray]]:
+    """Recording, output, unit and residuals (n,) of what is fitted, NaN where some are missing; not of what is
+    followed exactly."""
     for record in findings.get("recordings", ()):
         for name, o in record.get("outputs", {}).items():
             part = np.array(o["part"]) == "fit"
             measured = np.array(o["measured"], dtype=float)
             residual = (measured - np.array(o["simulated"], dtype=float))[part]
-            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(np.abs(measured)):
-                continue  # hardly measured in this recording, or followed exactly
-            noise, rms = white_part(residual[measured_rows(residual)]), float(np.sqrt(np.nanmean(residual**2)))
-            if np.isfinite(noise) and noise > 0 and rms > 0:
-                yield {
-                    "recording": record["name"],
-                    "output": name,
-                    "unit": o["unit"],
-                    "noise": noise,
-                    "ratio": rms / noise,
-                }
+            if np.isfinite(residual).any() and np.nanstd(residual) > ROUNDING * np.nanmax(np.abs(measured)):
+                yield record["name"], name, o["unit"], residual[measured_rows(residual)]
 
 
 def is_same(a: Row, b: Row) -> bool:

@@ -18,6 +18,7 @@ from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.disturbance import PRESSED, values_beside
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted, lengths
 from plantfit.trust.diagnosis.plant.sizes import sizes_of
+from plantfit.trust.diagnosis.plant.starts import begun_anew
 from plantfit.trust.diagnosis.ranges import joined
 
 DAY = 86400.0  # s
@@ -132,6 +133,7 @@ def repeating(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray)
         own = Carrier.of(problem, z, {}, carrier.meter)
         fit = fitted(own, (), own.x, np.zeros(0), use, STEPS)
         if np.isfinite(fit.cost(use)):
+            own, fit = begun_anew(own, fit, use) or (own, fit)
             made.append((fit.cost(use), place, own, fit))
     if not made:
         return None

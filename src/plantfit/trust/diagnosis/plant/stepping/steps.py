@@ -23,6 +23,7 @@ from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.cycles import together
 from plantfit.trust.diagnosis.plant.disturbance import PRESSED, values_beside
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted, lengths, whole
+from plantfit.trust.diagnosis.plant.starts import begun_anew
 from plantfit.trust.diagnosis.plant.stepping.moments import MOMENTS, StepPlace, inner, looked_at
 
 SEEN = 0.6  # of the residual that a step accounts for along derivatives, from which on it is fitted
@@ -278,6 +279,12 @@ class _Made:
                 break
         return made
 
+    def begun_anew(self, use: np.ndarray) -> "_Made":
+        """With the noise of first values as it is beside the step: the model without one may have put a part of it
+        there, which would then be in the parameters."""
+        anew = begun_anew(self.carrier, self.fit, use)
+        return self if anew is None else replace(self, carrier=anew[0], fit=anew[1]).settled(use)
+
 
 def _around() -> np.ndarray:
     """Moments (k,) beside one, in the cube."""
@@ -303,7 +310,7 @@ def _fitted_with(carrier: Carrier, place: StepPlace, use: np.ndarray) -> _Made:
     for off in (0.0, -ASIDE / MOMENTS, ASIDE / MOMENTS):
         x[moment] = np.clip((place.at - ends[0]) / (ends[1] - ends[0]) + off, 0.01, 0.99)
         made = made.better(x, use)
-    return made.settled(use) if np.isfinite(made.cost(use)) else made
+    return made.settled(use).begun_anew(use) if np.isfinite(made.cost(use)) else made
 
 
 def _chance(carrier: Carrier) -> float:
