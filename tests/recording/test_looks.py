@@ -389,6 +389,33 @@ def test_an_encoder_that_turns_round_is_not_clipped_and_one_that_ends_is():
     assert told >= 190
 
 
+def _stopping(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times, and the height of what is thrown upwards time and again, dry friction holds where it stops for a while,
+    and falls back: the second array of speeds that come to rest in a few samples, the third cut off below the stop."""
+    period, rows = 10 ** rng.uniform(-3, -1.5), []
+    for lift in (1.0, *rng.uniform(0.3, 0.8, 3)):
+        speed = np.linspace(1.0, 0.0, rng.integers(8, 60))  # constant deceleration up to the stop
+        rows += [*(lift * speed / speed.sum()), *np.zeros(rng.integers(6, 25)), *(-lift * speed[::-1] / speed.sum())]
+        rows += [0.0] * rng.integers(1, 4)
+    y = np.cumsum(rows)
+    return np.arange(len(y)) * period, y, np.minimum(y, rng.uniform(0.5, 0.75))
+
+
+def test_what_friction_stops_is_not_clipped_and_what_is_cut_off_is():
+    """Of a lifting axis that sticks at its highest place a run said "the sensor may end there"."""
+    rng, alarms, told = np.random.default_rng(2), 0, 0
+    for _ in range(100):
+        t, y, cut_off = _stopping(rng)
+        step = 10 ** rng.uniform(-4, -2.7)
+        found = [
+            any(k.kind == "clipped" for k in signal_looks(recorded(np.round(v / step) * step, 0 * t, t), "y", True))
+            for v in (y, cut_off)
+        ]
+        alarms, told = alarms + found[0], told + found[1]
+    assert alarms <= 20  # 100 before; short stops that a parabola in so few steps does not tell from an end
+    assert told >= 90
+
+
 MARKED = (12, 13, 57, 200, 201, 202, 410, 555)
 
 

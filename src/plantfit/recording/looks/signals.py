@@ -16,6 +16,7 @@ from plantfit.recording.record import Recording
 _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its standard deviation
 PLATEAU = 5  # samples at one end of the range, and times the runs that the signal has elsewhere
 TURN = 10  # steps that a quantised signal falls on the way round, see `_turns`
+APART, SLOWER = (1, 2, 3, 5, 8, 13, 21), 5.0  # samples of a move, and steps by which the next is less, see `_stops`
 STUCK = 20  # equal samples, where the plant does not rest, see `_rests`
 STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
@@ -137,7 +138,25 @@ def _turns(values: np.ndarray, runs: np.ndarray, begins: np.ndarray, step: float
     inside = [before >= 0, after < len(values)]
     # a signal leaves as fast as the next step of an input makes it, but comes slowly
     seen = np.where(inside[0], fallen[0], fallen[1])
-    return (inside[0] | inside[1]) & (seen <= TURN * step)
+    stops = np.array([_stops(values, int(b), step) for b in begins], bool)
+    return (inside[0] | inside[1]) & (seen <= TURN * step) | stops
+
+
+def _stops(values: np.ndarray, begin: int, step: float) -> bool:
+    """Whether a signal slows down in front of a run so that it goes on by no more than it does, as what friction stops:
+    past the end of a sensor it would go on as it came.
+
+    Three moves are looked at, over as many samples each as it takes to see it slow down.
+    """
+    for apart in (k for k in APART if begin >= 3 * k):
+        moves = np.diff(values[begin - 3 * apart : begin + 1 : apart])
+        if not (np.all(moves > 0) or np.all(moves < 0)):
+            return False
+        first, second, last = np.abs(moves)
+        if (slower := first - second) >= SLOWER * step:
+            further = second - slower * np.arange(1, np.ceil(second / slower) + 1)
+            return bool(np.sum(further[further > 0]) <= last + 2 * step)
+    return False
 
 
 def _rests(values: np.ndarray, begin: int, count: int, step: float) -> bool:
