@@ -2,7 +2,7 @@
 
 Each record is simulated by scipy and gets white noise; it is fitted as a user would, from a box of decades and with
 nothing known. For every parameter: how often it is called determined, how often its interval then holds the truth, and
-how often its range does. "by theory" says what is known from such a record; the rest is known in combinations, or may
+how often its range does. "known by theory" is what such a record determines; the rest is known in combinations, or may
 change places with others.
 
 R. Bellman, K. J. Astrom, Math. Biosci. 7 (1970) 329 (compartments); K. Godfrey, Compartmental Models and Their
@@ -50,6 +50,7 @@ class Plant:
     known: tuple[str, ...]
     combinations: tuple[str, ...] = ()
     plain: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    alike: tuple[str, ...] = ()  # may change places: named by their size, as in the truth
     drive: Callable[[np.random.Generator, np.ndarray], dict[str, np.ndarray]] | None = None
 
     def problem(self, seed: int) -> pf.Problem:
@@ -220,8 +221,8 @@ PLANTS = {
         "a' = (K*u - a)/tau1\nb' = (a - b)/tau2\ny = b", ("y",), {"a": 0.0, "b": 0.0},
         {"K": 1.5, "tau1": 40.0, "tau2": 12.0}, {"tau1": (1.0, 1e3), "tau2": (1.0, 1e3)}, np.arange(600) * 1.0,
         lambda x, u, p: [(p["K"] * u["u"] - x[0]) / p["tau1"], (x[0] - x[1]) / p["tau2"]],
-        lambda p: [0.0, 0.0], lambda x, p: x[1], (0.03,), ("K",), plain={"K": (0.0, 10.0)},
-        drive=_only("u", _switched(0.0, 1.0, 60)),
+        lambda p: [0.0, 0.0], lambda x, p: x[1], (0.03,), ("K", "tau1", "tau2"), plain={"K": (0.0, 10.0)},
+        alike=("tau1", "tau2"), drive=_only("u", _switched(0.0, 1.0, 60)),
     ),
     "cells in a batch": Plant(
         "X' = mu*S/(Ks + S)*X\nS' = -mu*S/(Ks + S)*X/Y\nx = X\ns = S", ("x", "s"), {"X": 0.2, "S": 10.0},
@@ -267,6 +268,13 @@ def row_of(name: str, seed: int) -> dict[str, Any]:
     }
 
 
+def _in_order(plant: Plant, found: Mapping[str, list]) -> dict[str, list]:
+    """Rows with those that may change places in the order of the truth."""
+    ours = sorted(plant.alike, key=plant.truth.__getitem__)
+    theirs = sorted(plant.alike, key=lambda n: found[n][1] or 0.0)
+    return {**found, **{a: found[b] for a, b in zip(ours, theirs, strict=True)}}
+
+
 def holds(low: float | None, high: float | None, truth: float) -> bool:
     """Whether a range holds the truth; no end holds everything."""
     return (low is None or low <= truth) and (high is None or truth <= high)
@@ -283,10 +291,13 @@ def table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
         own = [r for r in rows if r["plant"] == name]
         if not own:
             continue
-        every = [(n, r["parameters"][n]) for r in own for n in plant.truth]
+        every = [(n, v) for r in own for n, v in _in_order(plant, r["parameters"]).items()]
         called = [(n, v) for n, v in every if v[0] == "determined"]
-        known, right = [n for n, _ in called if n in plant.known], sum(holds(*v[1:], plant.truth[n]) for n, v in called)
-        within = sum(holds(*v[1:], plant.truth[n]) for n, v in every)
+        known, right = (
+            [n for n, _ in called if n in plant.known],
+            sum(holds(v[1], v[2], plant.truth[n]) for n, v in called),
+        )
+        within = sum(holds(v[1], v[2], plant.truth[n]) for n, v in every)
         named = "; ".join(f"{c} in {sum(c in r['combinations'] for r in own)}" for c in plant.combinations)
         yield (
             f"| {name} | {len(own)} | {sum(r['followed'] for r in own)} | "

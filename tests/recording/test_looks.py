@@ -416,6 +416,26 @@ def test_what_friction_stops_is_not_clipped_and_what_is_cut_off_is():
     assert told >= 90
 
 
+def test_an_end_that_a_noisy_signal_comes_to_slowly_is_told_as_often(monkeypatch):
+    """Where moves are noise, none of them tells that it slows down."""
+    with_it = _ends_of_noisy_signals()
+    monkeypatch.setattr("plantfit.recording.looks.signals._stops", lambda *_: False)
+    assert with_it == _ends_of_noisy_signals() >= 15
+
+
+def _ends_of_noisy_signals() -> int:
+    told = 0
+    for seed in range(40):
+        rng = np.random.default_rng(seed)
+        rise = np.concatenate([1 - np.exp(-np.arange(60) / rng.uniform(5, 25)), np.zeros(20)] * 4)
+        y = np.minimum(rise + 0.01 * rng.normal(size=len(rise)), rng.uniform(0.6, 0.8))
+        step = (0.0, 1e-3, 2e-3)[seed % 3]
+        read = np.round(y / step) * step if step else y
+        looks = signal_looks(recorded(read, 0 * read, np.arange(len(y)) * 0.1), "y", True)
+        told += "clipped" in [look.kind for look in looks]
+    return told
+
+
 MARKED = (12, 13, 57, 200, 201, 202, 410, 555)
 
 

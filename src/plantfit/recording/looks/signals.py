@@ -17,6 +17,7 @@ _TO_SD = 1.4826  # median absolute deviation of a normal distribution to its sta
 PLATEAU = 5  # samples at one end of the range, and times the runs that the signal has elsewhere
 TURN = 10  # steps that a quantised signal falls on the way round, see `_turns`
 APART, SLOWER = (1, 2, 3, 5, 8, 13, 21), 5.0  # samples of a move, and steps by which the next is less, see `_stops`
+WHOLE = 12  # samples in front of it whose moves are whole steps
 STUCK = 20  # equal samples, where the plant does not rest, see `_rests`
 STRETCHES = 20  # of equal samples in one line
 SPIKE = 10.0  # robust deviations
@@ -146,11 +147,15 @@ def _stops(values: np.ndarray, begin: int, step: float) -> bool:
     """Whether a signal slows down in front of a run so that it goes on by no more than it does, as what friction stops:
     past the end of a sensor it would go on as it came.
 
-    Three moves are looked at, over as many samples each as it takes to see it slow down.
+    Three moves are looked at, over as many samples each as it takes to see it slow down; of a signal without noise, as
+    of an encoder, which comes in whole steps and one direction.
     """
+    whole = np.diff(values[max(0, begin - WHOLE) : begin + 1]) / step
+    if np.any(np.abs(whole - np.round(whole)) > 0.05):
+        return False
     for apart in (k for k in APART if begin >= 3 * k):
-        moves = np.diff(values[begin - 3 * apart : begin + 1 : apart])
-        if not (np.all(moves > 0) or np.all(moves < 0)):
+        every, moves = (np.diff(values[begin - 3 * apart : begin + 1 : k]) for k in (1, apart))
+        if not (np.all(every >= 0) or np.all(every <= 0)) or np.any(moves == 0):
             return False
         first, second, last = np.abs(moves)
         if (slower := first - second) >= SLOWER * step:
