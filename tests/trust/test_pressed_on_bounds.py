@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from plantfit.trust.intervals.linearised import _apart, _held
+from plantfit.trust.intervals.linearised import _held
 
 
 def judged(z, jacobian, residuals):
@@ -56,19 +56,3 @@ def test_many_coordinates_are_judged_by_those_inside():
     found = judged(z, jacobian, residuals + 0.3 * jacobian[:, 7])
     assert found[0] == ""
     assert found[7] == "lower"
-
-
-def test_parts_without_a_common_coordinate_are_judged_apart():
-    rng = np.random.default_rng(5)
-    a, b, c = rng.normal(size=(3, 200))
-    noise = 0.01 * rng.normal(size=(2, 200))
-    jacobian, residuals = np.zeros((400, 4)), np.zeros(400)
-    jacobian[:200, [0, 2]], jacobian[200:, [1, 3]] = np.column_stack([a, a]), np.column_stack([b, c])
-    residuals[:200], residuals[200:] = noise[0] - a * (a @ noise[0]) / (a @ a), noise[1] + 0.3 * b
-    order = rng.permutation(400)  # rows of both stand among one another
-    jacobian, residuals = jacobian[order], residuals[order]
-    assert judged([0.0, 0.0, 0.5, 0.5], jacobian, residuals) == ["", "lower", "", ""]
-    found = [(own.tolist(), small.shape) for own, small in _apart(jacobian, residuals, np.array([0, 1]))]
-    assert found == [([0, 2], (3, 3)), ([1, 3], (3, 3))]
-    chained = np.vstack([jacobian, [[0.0, 1.0, 1.0, 0.0]]])  # one row joins them
-    assert [own.tolist() for own, _ in _apart(chained, np.r_[residuals, 0.0], np.array([0, 1]))] == [[0, 1, 2, 3]]

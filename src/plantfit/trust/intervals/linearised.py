@@ -1,6 +1,5 @@
 """A problem linearised at an answer: covariance, bounds that hold, directions that stay open."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -184,41 +183,23 @@ def _held(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray) -> tuple[n
     alone = 2.0 * OPEN * np.abs(gradient) + OPEN**2 * curvature >= variance
     lower, upper = (z <= EDGE) & (gradient >= 0) & alone, (z >= 1 - EDGE) & (gradient <= 0) & alone
     if np.any(lower | upper):
-        for own, small in _apart(jacobian, residuals, np.flatnonzero(lower | upper)):
-            for k, i in enumerate(own):
-                if lower[i] or upper[i]:
-                    step = OPEN if lower[i] else -OPEN
-                    grown = _growth(z[own], small[:, :-1], small[:, -1], k, step, len(z) <= MOST_BOUNDED)
-                    lower[i], upper[i] = lower[i] and grown >= variance, upper[i] and grown >= variance
+        small = triangle(jacobian, residuals)
+        for i in np.flatnonzero(lower | upper):
+            pressed = _growth(z, small[:, :-1], small[:, -1], int(i), OPEN if lower[i] else -OPEN) >= variance
+            lower[i], upper[i] = lower[i] and pressed, upper[i] and pressed
     return lower, upper
 
 
-def _apart(jacobian: np.ndarray, residuals: np.ndarray, wanted: np.ndarray) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Coordinates (q,) that share residuals with those `wanted`, directly or by others, and a triangle (k, q + 1) of
-    these residuals: of ten recordings with coordinates of their own, ten small ones in place of one of all."""
-    felt, left = jacobian != 0.0, set(wanted.tolist())
-    while left:
-        own = np.arange(jacobian.shape[1]) == min(left)
-        rows, count = np.zeros(len(felt), bool), 0
-        while np.count_nonzero(own) > count:
-            count = np.count_nonzero(own)
-            rows = np.any(felt[:, own], axis=1)
-            own |= np.any(felt[rows], axis=0)
-        found = np.flatnonzero(own)
-        left -= set(found.tolist())
-        yield found, triangle(jacobian[np.ix_(rows, own)], residuals[rows])
-
-
-def _growth(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray, i: int, step: float, bounded: bool) -> float:
+def _growth(z: np.ndarray, jacobian: np.ndarray, residuals: np.ndarray, i: int, step: float) -> float:
     """How much the linearised sum of squares grows when coordinate i moves by `step` and the others follow as they
-    best can, inside the box where that is `bounded`."""
+    best can."""
     others = np.arange(len(z)) != i
-    if not bounded:  # those inside the box follow; whether they stay there is not looked at
+    if len(z) > MOST_BOUNDED:  # those inside the box follow; whether they stay there is not looked at
         others &= (z > EDGE) & (z < 1 - EDGE)
     moved, columns = residuals + step * jacobian[:, i], jacobian[:, others]
     if not np.any(others):
         left = moved
-    elif not bounded:
+    elif len(z) > MOST_BOUNDED:
         left = moved + columns @ np.linalg.lstsq(columns, -moved, rcond=1e-12)[0]
     else:
         norms = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
