@@ -223,8 +223,8 @@ class Followed(Refits):
                     if self._beyond_bounds(i, inside) and inside.share < 0.5:
                         break  # far enough
                 if abs(at - inside.at) < SHORT * max(abs(inside.at - here), SHORT) or self.left <= 0:
-                    # one that leans may be held by the room alone
-                    outside = found if ended and not (found.leans and not found.held) else outside
+                    if found is not None and ended and (found.held or not found.leans):  # else the room may hold it
+                        outside = found
                     break
                 at, start = inside.at + (0.3 if found is None or found.share > 10.0 else 0.5) * (at - inside.at), None
                 longest = abs(at - inside.at)
