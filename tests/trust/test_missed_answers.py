@@ -11,6 +11,7 @@ from plantfit.errors import Status
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.shooting import missed
 from plantfit.problem.shooting.missed import missed_answer
+from plantfit.trust.finish import final_problem
 from plantfit.trust.finish.final_problem import finish
 from plantfit.trust.verdict.searches import search_sentences
 
@@ -63,6 +64,21 @@ def test_every_run_keeps_its_own_end_but_the_best():
     assert best.extra["missed"] == pytest.approx(np.sqrt(other.cost / best.cost), rel=0.2)
     truth = final.space.cube(final.space.vector(WELL))
     assert best.cost < float(final.costs(truth[None])[0])
+
+
+def test_an_answer_that_no_solver_can_follow_leaves_the_one_before(monkeypatch):
+    """The tight solver is asked for the answer of the search, and then for that of the segments."""
+    problem, confirmed, asked = well(5), final_problem._confirmed, []
+
+    def stopped_at_the_second(made, own):
+        asked.append(own.cost)
+        return confirmed(made, own) if len(asked) == 1 else (made, own, "", "it ends there")
+
+    monkeypatch.setattr(final_problem, "_confirmed", stopped_at_the_second)
+    [run] = finish(problem, [_run(0, problem, [0.017, 0.506, 0.0, 0.148], 0.18)])[1]
+    assert asked[1] < 0.1 * asked[0]
+    assert (run.cost, run.extra["ended"]) == (pytest.approx(asked[0]), "searched")
+    assert not {"refused", "missed", "segments"} & set(run.extra)
 
 
 @pytest.mark.parametrize("method", ["pso", "cmaes"])

@@ -364,7 +364,7 @@ class _Unwritten:
     def __enter__(self) -> None:
         with self._lock:
             if not self._inside:
-                self._usual = jax.config.values[_LEAST_SECONDS]
+                self._usual = getattr(jax.config, _LEAST_SECONDS)
                 jax.config.update(_LEAST_SECONDS, float("inf"))
             self._inside += 1
 

@@ -73,8 +73,6 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     refused: dict[int, str] = {}
     led: list[int] = []
     final: _Final | None = None
-    shot: tuple[int, dict[str, Any]] | None = None
-    tried = False
     lead: int | None = order[0]
     while lead is not None:
         led.append(lead)
@@ -92,10 +90,9 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
             }
             final = _Final(made, _brought(made, points, {lead: own}, allowed), said)
             lead = _better(final, own, led)
-        if lead is None and final and not tried and all(map(_may_miss, results)):
-            tried, shot = True, _shot(final)
-            lead = shot[0] if shot else None
     assert final is not None
+    shot = _shot(problem, final, refused, allowed) if all(map(_may_miss, results)) else None
+    final = shot.final if shot else final
     ends = {k: end for k, end in final.ends.items() if k not in refused} or final.ends
     left = [k for k in order if twins[k] not in ends and twins[k] not in refused]
     costs = (
@@ -105,9 +102,10 @@ def finish(problem: Problem, results: Sequence[RunResult]) -> tuple[Problem, lis
     )
     found = [_result(k, r, twins.get(k), ends, costs, refused) for k, r in enumerate(results)]
     best = min(range(len(found)), key=lambda k: found[k].cost)
-    told = {"steps": final.told} if final.told else {}
-    if shot and twins.get(best) == shot[0] and found[best].extra["ended"] != CUT:
-        told |= shot[1] | {"ended": SHOT}
+    told: dict[str, Any] = {"steps": final.told} if final.told else {}
+    if shot and twins.get(best) == shot.run:
+        told |= {"segments": shot.segments, "missed": shot.missed}
+        told |= {"ended": SHOT} if found[best].extra["ended"] != CUT else {}
     found[best] = dataclasses.replace(found[best], extra={**found[best].extra, **told}) if told else found[best]
     return final.problem, found
 
@@ -117,20 +115,6 @@ def _may_miss(r: RunResult) -> bool:
     return r.method in SEARCHERS and not r.extra.get("linear")
 
 
-def _shot(final: "_Final") -> tuple[int, dict[str, Any]] | None:
-    """The run with the best answer, whose end becomes the one that multiple shooting led to, and what is to be told of
-    it; None where the answer follows its record, or nothing better was found."""
-    best = min(final.ends, key=lambda k: final.ends[k].cost)
-    before = final.ends[best]
-    if (found := missed_answer(final.problem, before.z)) is None:
-        return None
-    end = descent(final.problem, found[0])
-    if end.cost >= BEYOND * before.cost:
-        return None
-    final.ends[best] = end
-    return best, {"segments": found[1], "missed": float(np.sqrt(before.cost / max(end.cost, rounding(final.problem))))}
-
-
 @dataclasses.dataclass(frozen=True)
 class _Final:
     """A final problem, how searches by run ended on it, and what is to be told of its steps."""
@@ -138,6 +122,38 @@ class _Final:
     problem: Problem
     ends: dict[int, Descent]
     told: str
+
+
+@dataclasses.dataclass(frozen=True)
+class _Shot:
+    """The final problem at an answer found by multiple shooting, with so many segments, as the end of `run`; the RMSE
+    was `missed` times as large before."""
+
+    final: _Final
+    run: int
+    segments: int
+    missed: float
+
+
+def _shot(problem: Problem, final: _Final, refused: Mapping[int, str], allowed: float) -> _Shot | None:
+    """A better answer by multiple shooting where the best one does not follow its record; None where none was found, or
+    the independent solver cannot follow it."""
+    ends = {k: end for k, end in final.ends.items() if k not in refused}
+    if not ends:
+        return None
+    best = min(ends, key=lambda k: ends[k].cost)
+    before = ends[best]
+    if (found := missed_answer(final.problem, before.z)) is None:
+        return None
+    end = descent(final.problem, found[0])
+    if not end.ended or end.cost >= BEYOND * before.cost:
+        return None
+    made, own, said, stopped = _confirmed(*_settled(problem, end.z, False))
+    if stopped:
+        return None
+    brought = _brought(made, {k: e.z for k, e in ends.items()}, {best: own}, allowed)
+    missed = float(np.sqrt(before.cost / max(end.cost, rounding(final.problem))))
+    return _Shot(_Final(made, brought, said), best, found[1], missed)
 
 
 def _better(final: _Final, own: Descent, led: Sequence[int]) -> int | None:

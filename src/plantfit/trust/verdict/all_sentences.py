@@ -57,12 +57,12 @@ def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
     lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))
     yield from search_sentences(
         best.extra,
-        flat,
-        several,
-        lost,
-        best.status is Status.converged,
-        bool(forgotten(findings)),
-        only_noise(findings),
+        flat=flat,
+        several=several,
+        lost=lost,
+        ended=best.status is Status.converged,
+        forgets=bool(forgotten(findings)),
+        noise=only_noise(findings),
     )
     yield from agreement_sentences(findings)
 
