@@ -20,11 +20,11 @@ def test_what_was_tried_is_told_and_written(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     real, tried = rounds.tried, []
 
-    def interrupted(carrier, base, e, use):
+    def interrupted(carrier, base, e, *rest):
         tried.append(e.name)
         if e.kind == "dead_time" and len(tried) > 1:
             os.kill(os.getpid(), signal.SIGINT)
-        return real(carrier, base, e, use)
+        return real(carrier, base, e, *rest)
 
     monkeypatch.setattr(rounds, "tried", interrupted)
     said = call(capsys, monkeypatch, "diagnose", "study.toml", "--out", "new.toml")

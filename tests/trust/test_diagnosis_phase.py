@@ -23,7 +23,7 @@ from plantfit.recording.record import Recording, Signal
 from plantfit.report import render_html
 from plantfit.report.sections.sentences import independence
 from plantfit.spec import load
-from plantfit.trust.diagnosis import Meter, Stopped, asked_for, diagnose, phase
+from plantfit.trust.diagnosis import Meter, Stopped, asked_for, diagnose, phase, rounds
 from plantfit.trust.diagnosis.sentences import _untried
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 from plantfit.trust.verdict.unseen import unseen_sentences
@@ -50,6 +50,20 @@ def test_what_limits_the_work_is_told_and_nothing_is_called_sure(late, monkeypat
     assert any("additions to the model were tried within" in s and "tries the rest" in s for s in said)
     assert not any("likely missing" in s for s in said)
     assert d["rounds"] == phase.with_diagnosis(late.problem, late.runs, before)["diagnosis"]["rounds"]
+
+
+def test_first_tries_are_shortened_where_else_the_last_additions_would_have_none(late, monkeypatch):
+    monkeypatch.setattr(phase, "FLOOR_SAMPLES", 0.0)
+    monkeypatch.setattr(phase, "TIMES", 700.0 / sum(r.evaluations for r in late.runs))
+
+    def first():
+        return phase.with_diagnosis(late.problem, late.runs, late.findings)["diagnosis"]["rounds"][0]
+
+    shortened = first()
+    assert shortened["untried"] == []
+    assert shortened["found"] == ["dead time of u"]
+    monkeypatch.setattr(rounds, "_steps_for", lambda *_: rounds.QUICK)
+    assert "sensor lag of y" in first()["untried"]
 
 
 def test_the_diagnosis_of_an_answer_stands_in_findings_verdict_and_report(late):

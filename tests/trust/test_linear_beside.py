@@ -166,3 +166,42 @@ def test_a_second_mass_that_is_missing_is_no_cause_that_looks_like_it(seed, size
     assert linear.endswith("what is missing is mostly linear. The model has 1 state; write one more.")
     assert not any("likely missing" in s or "from Ta" in s for s in said)
     assert all("it may stand for that" in s for s in said if "explains" in s and " of what is " in s and "RMSE" in s)
+
+
+CONVERTER = "i' = (12*d - r*i - v)/L; v' = (i - v/2)/C; out = v"
+
+
+def converter(seed, series, n=1500):
+    """The output of a buck converter, every 2 us: 22 uH, 47 uF with a resistance in `series` (Ohm), a load of 2 Ohm."""
+    rng, share = np.random.default_rng(seed), 1.0 / (1.0 + series / 2.0)
+    duty, t = np.repeat(rng.uniform(0.2, 0.8, n // 100), 100), 2e-6 * np.arange(n)
+    a = np.array([[(-0.05 - share * series) / 22e-6, -share / 22e-6], [share / 47e-6, -share / 94e-6]])
+    plant = (a, np.array([[12.0 / 22e-6], [0.0]]), np.array([[share * series, share]]), np.zeros((1, 1)))
+    out = lsim(plant, duty, t, interp=False)[1] + 0.01 * rng.standard_normal(n)
+    return Recording(t, {"d": Signal(duty), "out": Signal(out, "V")}, "run")
+
+
+@pytest.mark.parametrize(
+    ("seed", "series", "alike"), [(1, 0.08, True), pytest.param(2, 0.3, False, marks=pytest.mark.slow)]
+)
+def test_how_a_signal_enters_is_named_where_the_states_swing_as_they_should(seed, series, alike):
+    model = equations(
+        CONVERTER, inputs={"d": "1"}, states={"i": "A", "v": "V"}, outputs={"out": "V"}, parameters=list("rLC"),
+        check=False,
+    )  # fmt: skip
+    own = {"r": Parameter((1e-3, 1.0)), **{n: Parameter((1e-6, 1e-3), scale="log") for n in "LC"}}
+    found = fit(Problem(model, converter(seed, series), own, split=0.7), seed=1).diagnose()
+    assert found is not None
+    (one,) = (s["sentence"] for s in found["verdict"] if s["sentence"].startswith("A linear model"))
+    assert ("as this model does. So its states are right: what is missing is how inputs" in one) == alike
+    assert "what is missing is how inputs or outputs enter, as an output that an input or a rate acts on" in one
+    assert ("this model, with the values that were found, with 0.0" in one) == (not alike)
+    assert found["next"] == ""
+
+
+def test_where_values_keep_a_model_from_swinging_it_says_so():
+    """Two states that their bounds hold apart: they could swing, and do not."""
+    text = "x' = v; v' = (K*u - x - tau*v)/w; y = x"
+    bounds = {"K": Parameter((0.01, 100.0), scale="log"), "tau": Parameter((3.0, 10.0)), "w": Parameter((0.01, 0.5))}
+    _, (one,) = told(text, record(3, 1.2, 0.17), bounds)
+    assert "; this model does not, with the values that were found." in one["sentence"]

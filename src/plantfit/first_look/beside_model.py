@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -11,6 +12,7 @@ from plantfit.first_look.data import Data, data_of
 from plantfit.first_look.linear import LinearFit, fit_linear
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
+from plantfit.recording.record import Signal
 
 # a linear model says something from that many times the noise on, and that part of the grey box's RMSE
 NOISE, CLOSER = (1.5, 0.8)
@@ -20,9 +22,19 @@ FAST = 0.8  # of the Nyquist frequency: poles beyond it are noise
 LONGEST = 20_000  # samples of a recording beyond which it takes long
 SLOW = 0.5  # of the shortest recording: periods above are those of disturbances
 ORDERS = (1, 2, 3)
+FOLLOWED = 0.1  # of the spread of what a grey box gives, that a linear model may leave of it
 LASTS = 3.0  # times, by which a swing may fade or grow over a record that still counts as one that does neither
 
-Used = Mapping[str, tuple[np.ndarray, np.ndarray]]  # recording -> its fitted and its unseen samples (n,) bool
+# periods and damping ratios that are the same: shares, and of small damping ratios a difference
+SAME_PERIOD, SAME_DAMPING, SMALL_DAMPING = 0.05, 0.2, 0.02
+
+_ENTER = (
+    "what is missing is how inputs or outputs enter, as an output that an input or a rate acts on directly (a "
+    "capacitor's voltage with a resistance in series), or an input that acts on one rate more."
+)
+
+# recording -> its fitted and its unseen samples (n,) bool, and what the grey box gives there (n,)
+Used = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
 @dataclass(frozen=True)
@@ -37,6 +49,13 @@ class Oscillation:
         """T in T v' = r - v, s, with which x' = v oscillates so where x' = r is a lag of first order."""
         return self.period * np.sqrt(1.0 - self.damping**2) / (4.0 * np.pi * self.damping)
 
+    def like(self, other: "Oscillation") -> bool:
+        """Whether two oscillate alike."""
+        apart = abs(self.damping - other.damping)
+        return abs(self.period / other.period - 1.0) <= SAME_PERIOD and apart <= max(
+            SMALL_DAMPING, SAME_DAMPING * other.damping
+        )
+
 
 def linear_beside(
     problem: Problem, output: str, used: Used, rmse: tuple[float, float], noise: float, box: str = "this one"
@@ -48,13 +67,12 @@ def linear_beside(
     """
     model, period = problem.model, {float(np.median(np.diff(e.recording.t))) for e in problem.experiments.values()}
     assert isinstance(model, Model)
-    inputs = [n for n in model.inputs if n not in problem.outputs]
+    inputs, grid = [n for n in model.inputs if n not in problem.outputs], None if len(period) == 1 else min(period)
     if not inputs or any(len(e.recording) > LONGEST for e in problem.experiments.values()):
         return ""
     try:
         records = [
-            data_of(e.recording, inputs, output, *used[name], None if len(period) == 1 else min(period))
-            for name, e in problem.experiments.items()
+            data_of(e.recording, inputs, output, *used[name][:2], grid) for name, e in problem.experiments.items()
         ]
         best = baseline(records, ORDERS)
     except RecordingError:
@@ -85,7 +103,31 @@ def linear_beside(
         or (wave is not None and wave.period > SLOW * length)
     ):
         return ""  # modes that no input moves imitate a disturbance
-    return f"{text} what is missing is mostly linear. {_what(model, found, _gains(records, found, inputs))}".strip()
+    gains, own = _gains(records, found, inputs), _of_the_box(problem, output, inputs, used, found, grid)
+    return f"{text} what is missing is mostly linear. {_what(model, found, gains, own)}".strip()
+
+
+def _of_the_box(
+    problem: Problem, output: str, inputs: Sequence[str], used: Used, found: Baseline, grid: float | None
+) -> Oscillation | Literal["none", "not told"]:
+    """How the grey box itself oscillates, by the same look at what it gives in place of what was measured."""
+    records = []
+    try:
+        for name, e in problem.experiments.items():
+            fitted, unseen, simulated = used[name]
+            given = replace(e.recording, signals={**e.recording.signals, output: Signal(simulated)})
+            records.append(data_of(given, inputs, output, fitted, unseen, grid))
+    except RecordingError:  # it does not move
+        return "none"
+    fit = fit_linear(records, found.chosen.order, found.chosen.shifts)
+    if fit is None or _rmse(records, fit, "fit") > FOLLOWED * _spread(records):
+        return "not told"  # the grey box is not linear here
+    return oscillation(replace(found, chosen=fit)) or "none"
+
+
+def _spread(records: Sequence[Data]) -> float:
+    """Standard deviation of the fitted samples of all records."""
+    return float(np.std(np.concatenate([d.y[d.fitted] for d in records])))
 
 
 def _lasting(fit: LinearFit, samples: int) -> float | None:
@@ -120,8 +162,10 @@ def _gains(records: Sequence[Data], found: Baseline, inputs: Sequence[str]) -> d
     return {u: float(g) for k, (u, g) in enumerate(gains) if any(np.ptp(d.inputs[:, k]) > 0 for d in records)}
 
 
-def _what(model: Model, found: Baseline, gains: Mapping[str, float]) -> str:
-    """What the poles and gains of the linear model say about the equations."""
+def _what(
+    model: Model, found: Baseline, gains: Mapping[str, float], box: Oscillation | Literal["none", "not told"]
+) -> str:
+    """What the poles and gains of the linear model say about the equations, beside how the `box` oscillates."""
     own = tuple(s for s in model.states if s not in {b.state for b in model.backlashes})
     wave, order = oscillation(found), found.chosen.order
     if wave is None:
@@ -131,12 +175,26 @@ def _what(model: Model, found: Baseline, gains: Mapping[str, float]) -> str:
         return f"Its static gain {', '.join(told)}; see whether equations and bounds allow that." if told else ""
     text = f"It oscillates with a period of {wave.period:.3g} s and a damping ratio of {wave.damping:.2g}"
     if len(own) != 1:
-        return f"{text}; see whether the equations can oscillate so."
+        return f"{text}{_beside(wave, box)}"
     x = own[0]
     return (
         f"{text}, which one state cannot. Let the rate of {x} have inertia: {x}' = v and v' = (r - v)/T, where r is "
         f"what stands for {x}' "
         f"now and T is about {wave.lag:.2g} s."
+    )
+
+
+def _beside(wave: Oscillation, box: Oscillation | Literal["none", "not told"]) -> str:
+    """How the oscillation of the linear model compares with that of the grey box, and what follows from it."""
+    if box == "not told":
+        return "; see whether the equations can oscillate so."
+    if box == "none":
+        return "; this model does not, with the values that were found. See whether its equations and bounds allow it."
+    if wave.like(box):
+        return f", as this model does. So its states are right: {_ENTER}"
+    return (
+        f"; this model, with the values that were found, with {box.period:.3g} s and {box.damping:.2g}. See whether "
+        f"its equations and bounds allow the first; if they do, {_ENTER}"
     )
 
 

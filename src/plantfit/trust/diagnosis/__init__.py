@@ -6,7 +6,7 @@ from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.phase import asked_for, misrecorded, with_diagnosis
 from plantfit.trust.diagnosis.ranges import Seen, Tried
 from plantfit.trust.diagnosis.rounds import Trial
-from plantfit.trust.diagnosis.sentences import diagnosis_record
+from plantfit.trust.diagnosis.sentences import diagnosis_record, with_linear
 from plantfit.trust.diagnosis.treatment import Change, asked_changes, change_of, changed, clean_steps
 
 __all__ = [
@@ -29,4 +29,5 @@ __all__ = [
     "diagnosis_record",
     "misrecorded",
     "with_diagnosis",
+    "with_linear",
 ]

@@ -51,7 +51,7 @@ class Diagnosis:
     `carrier` on which all were made and the fit of the model as it is (`base`). `unseen_blocks`: blocks were left
     out, since no part of the data is unseen. `dropped` were found first, and explain nothing beside what was found
     later; `exchanged` are pairs of what was found first and what fits better in its place then. `evaluations` of the
-    cost were spent. It is `whole` where the work allowed was enough for everything, and `surpassed` where a linear
+    cost were spent. It is `whole` where the work allowed was enough for everything; `linear` says where a linear
     model does far better than all that was found. `disturbed` is the fit beside a disturbance that wanders, where
     what the model or what was found leaves is one, `drifting` that beside slow drifts; `curves` are for the study
     file, of what wanders or drifts or of what was asked for. `rival` is a slow drift that does as well as all that
@@ -68,7 +68,7 @@ class Diagnosis:
     whole: bool = True
     dropped: tuple[Extension, ...] = ()
     exchanged: tuple[tuple[Extension, Extension], ...] = ()
-    surpassed: bool = False
+    linear: tuple[str, ...] = ()
     disturbed: Disturbed | None = None
     drifting: Drifting | None = None
     curves: tuple[Curve, ...] = ()
@@ -77,6 +77,11 @@ class Diagnosis:
     places: tuple[Place, ...] = ()
     stepping: Stepping | None = None
     stepped: tuple[StepPlace, ...] = ()
+
+    @property
+    def surpassed(self) -> bool:
+        """Whether a linear model does far better than all that was found."""
+        return bool(self.linear)
 
     @property
     def beside(self) -> tuple[Extension, ...] | None:

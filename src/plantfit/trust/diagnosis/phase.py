@@ -19,7 +19,7 @@ from plantfit.recording.clean.outliers import inline
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.regression import Regression
-from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood
+from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood, with_linear
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.finish.other_columns import Change, OtherColumns, other_columns, shares
 from plantfit.trust.finish.other_starts import OtherStarts, other_starts
@@ -62,7 +62,7 @@ def with_diagnosis(
     They are given back as they are where they do not ask for a diagnosis and where the model cannot be treated. The
     work is about twice the evaluations that `runs` spent, or those that simulate two million samples if that is more,
     and none for problems of over 60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings
-    say. `stop` ends it, and the findings then say so. `linear` as in `diagnosis_record`, `regression` as in `diagnose`.
+    say. `stop` ends it, and the findings then say so. `linear` as in `with_linear`, `regression` as in `diagnose`.
     Raises ModelError only with `whole`, for a model that is neither simulated over time nor a regression.
     """
     if not whole and not (asked_for(findings) and (isinstance(problem.model, LinearModel) or treatable(problem))):
@@ -110,15 +110,17 @@ def with_diagnosis(
         return _said(
             findings, best, {"state": "left", "verdict": [say("info", f"What may be missing was not tried: {error}")]}
         )
-    record = diagnosis_record(found, alone=False, linear=linear)
+    found = with_linear(found, linear)
+    record = diagnosis_record(found, alone=False)
     record["verdict"] += _cut(found, command)
     more = {"state": "whole" if found.whole else "part", "allowed": None if whole else meter.limit, **_after(found)}
     record["verdict"] += _first_values(problem, best.x, found)
     first = list(_data_first(found, findings))
+    otherwise = bool(first) or found.surpassed  # what was found may stand for something else, which the verdict names
     return _said(
         findings,
         best,
-        {**record, "verdict": record["verdict"] + first, **more, "next": "" if first else _next(found, findings)},
+        {**record, "verdict": record["verdict"] + first, **more, "next": "" if otherwise else _next(found, findings)},
     )
 
 

@@ -90,12 +90,14 @@ def one_round(
     left, meter = [e for e in extensions if e not in base.additions], carrier.meter
     quick, untried, begun, whole = [], [], meter.spent, True
     chosen, others = promising(carrier, base, left, use)
-    for e in sorted(chosen, key=_price):
-        if not meter.holds(_price(e) * carrier.charge(changing((*base.additions, e))), TRYING, begun):
+    ahead = sorted(chosen, key=_price)
+    for k, e in enumerate(ahead):
+        steps = _steps_for(carrier, base, ahead[k:], begun)
+        if not meter.holds(_cost_of(carrier, base, e, steps), TRYING, begun):
             untried.append(e)
             continue
         say(f"trying {e.name}")
-        one = tried(carrier, base, e, use)
+        one = tried(carrier, base, e, use, steps)
         if one is not None:
             quick.append((e, one))
     quick.sort(key=lambda pair: left.index(pair[0]))  # equals stay in the order of the catalogue
@@ -147,14 +149,27 @@ def one_round(
     return Round(base.additions, tuple(rows), found, limit, tuple(untried), whole and not untried, base)
 
 
-def tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray) -> Fitted | None:
-    """The best short fit with an addition from its starts."""
+def _steps_for(carrier: Carrier, base: Fitted, ahead: Sequence[Extension], begun: float) -> int:
+    """Steps of the next first try: fewer where else the work allowed would not reach to the last addition."""
+    for steps in range(QUICK, 1, -1):
+        if carrier.meter.holds(sum(_cost_of(carrier, base, e, steps) for e in ahead), TRYING, begun):
+            return steps
+    return 1
+
+
+def _cost_of(carrier: Carrier, base: Fitted, e: Extension, steps: int) -> float:
+    """Evaluations of the cost that a first try of an addition takes at most."""
+    return _price(e, steps) * carrier.charge(changing((*base.additions, e)))
+
+
+def tried(carrier: Carrier, base: Fitted, e: Extension, use: np.ndarray, steps: int = QUICK) -> Fitted | None:
+    """The best short fit, of so many steps, with an addition from its starts."""
     additions, best, speed = (*base.additions, e), None, speed_places(carrier, e)
     for start in e.starts or (0.0,):
         x = base.x.copy()
         if speed:
             x[speed], start = start * carrier.speeds[e.kind, e.signal][1], 0.0
-        one = fitted(carrier, additions, x, np.r_[base.theta, start], use, QUICK)
+        one = fitted(carrier, additions, x, np.r_[base.theta, start], use, steps)
         if np.isfinite(one.cost(use)) and (best is None or one.cost(use) < best.cost(use)):
             best = one
     return best
@@ -209,9 +224,9 @@ def refitted(carrier: Carrier, base: Fitted, t: Trial, at: Fitted, use: np.ndarr
     return judged(carrier, base, made, use, kept)
 
 
-def _price(e: Extension) -> int:
+def _price(e: Extension, steps: int = QUICK) -> int:
     """Simulations with derivatives that a first try of an addition takes at most."""
-    return max(1, len(e.starts)) * (QUICK + 1) * (1 + e.candidate.differenced)
+    return max(1, len(e.starts)) * (steps + 1) * (1 + e.candidate.differenced)
 
 
 def found_of(

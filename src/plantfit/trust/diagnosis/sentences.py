@@ -41,24 +41,28 @@ MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 HOLDS = 0.9  # of what is left, from which on smooth dry friction explains so much that one which sticks may be all
 
 
-# problem, output, its fitted and unseen samples by recording, RMSE of both, noise from sample to sample, what the model
-# is called; gives a sentence or ""
-Masks = Mapping[str, tuple[np.ndarray, np.ndarray]]
-Linear = Callable[[Problem, str, Masks, tuple[float, float], float, str], str]
+# problem, output, its fitted and unseen samples by recording and what the model gives for it there, RMSE of both, noise
+# from sample to sample, what the model is called; gives a sentence or ""
+Series = Mapping[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+Linear = Callable[[Problem, str, Series, tuple[float, float], float, str], str]
 
 
-def diagnosis_record(diagnosis: Diagnosis, alone: bool = True, linear: Linear | None = None) -> dict[str, Any]:
+def with_linear(diagnosis: Diagnosis, linear: Linear | None) -> Diagnosis:
+    """The diagnosis with what `linear` says of a linear model without physics, on outputs of which much is left
+    (`first_look.linear_beside`)."""
+    simulated = isinstance(diagnosis.carrier.given.model, Model)
+    if linear is None or not simulated or diagnosis.repeating or diagnosis.stepping:
+        return diagnosis
+    return replace(diagnosis, linear=tuple(_linear(diagnosis, linear)))
+
+
+def diagnosis_record(diagnosis: Diagnosis, alone: bool = True) -> dict[str, Any]:
     """The plain record of a diagnosis, JSON types only: "verdict" sentences, "outliers", "rounds" of what was tried,
     "write" lines.
 
     Not `alone` the sentences stand in a verdict that tells the noise itself and says where nothing is left to explain.
-    `linear` may say what a linear model without physics does on an output of which much is left
-    (`first_look.linear_beside`).
     """
-    simulated = isinstance(diagnosis.carrier.given.model, Model)
-    skipped = linear is None or not simulated or bool(diagnosis.repeating or diagnosis.stepping)
-    beside = [] if skipped else list(_linear(diagnosis, linear))
-    diagnosis = replace(diagnosis, surpassed=bool(beside))
+    beside = [say("warning", text) for text in diagnosis.linear]
     return {
         "name": diagnosis.carrier.given.name,
         "verdict": [*_sentences(diagnosis, alone), *beside, *(say("info", text) for text in of_packages()[1])],
@@ -434,7 +438,7 @@ def _left(d: Diagnosis) -> Iterator[Sentence]:
         )
 
 
-def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:
+def _linear(d: Diagnosis, linear: Linear) -> Iterator[str]:
     """What a linear model does where more than noise is left after all that was found."""
     given, rows, end = d.carrier.given, d.carrier.rows, d.end
     for output, times in by_output(d.carrier, end, d.apart).items():
@@ -443,17 +447,20 @@ def _linear(d: Diagnosis, linear: Linear) -> Iterator[Sentence]:
         used, squares = {}, ([], [])
         for name, e in given.experiments.items():
             at, masks = rows.part(name, output), np.zeros((2, len(e.recording)), dtype=bool)
+            simulated = np.full(len(e.recording), np.nan)
             for mask, own, found in zip(masks, (rows.fit, rows.unseen), squares, strict=True):
                 part = at[own[at] & ~d.apart[at]]
                 mask[rows.sample[part]] = True
                 found.append((end.residuals[part] / rows.weight[part] * given.scales[output]) ** 2)
-            used[name] = (masks[0], masks[1])
+                error = d.base.residuals[part] / rows.weight[part]
+                simulated[rows.sample[part]] = (rows.measured[part] + error) * given.scales[output]
+            used[name] = (masks[0], masks[1], simulated)
         fit, unseen = (np.concatenate(s) for s in squares)
         rmse = float(np.sqrt(np.mean(fit)))
         later = float(np.sqrt(np.mean(unseen))) if len(unseen) else float("nan")
         box = "this one and what was found" if d.found else "this one"
         if text := linear(given, output, used, (rmse, later), rmse / times, box):
-            yield say("warning", text)
+            yield text
 
 
 def _stands_for_more(d: Diagnosis) -> bool:

@@ -28,13 +28,13 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
     study = spec.load(path)
     from plantfit.first_look import linear_beside
     from plantfit.recording.clean.outliers import inline
-    from plantfit.trust.diagnosis import diagnosis_record
+    from plantfit.trust.diagnosis import diagnosis_record, with_linear
     from plantfit.trust.looks import not_followed, problem_looks
 
     found, wrong = _tried(study, only, json)
     given = found.carrier.given
     looks = [look.record for look in not_followed(problem_looks(given), given, found.carrier.z)]
-    record = diagnosis_record(found, linear=linear_beside)
+    record = diagnosis_record(with_linear(found, linear_beside))
     record |= {"verdict": [*wrong, *record["verdict"]], "data": looks}
     if json:
         return print_json({**record, **_written(study, found, place, force, only)})
