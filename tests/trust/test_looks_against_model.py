@@ -285,3 +285,53 @@ def test_a_clock_has_one_range_in_all_looks_at_it(delayed):
     for look in found:
         assert f"Try {look.write} under [model]{' in place of L' if delayed else ''} first" in look.sentence
         assert look.sentence.count("clock_shift") == 1
+
+
+OSCILLATOR = "v' = mu*(1 - x^2)*v - w^2*x"
+
+
+def oscillates(rate=OSCILLATOR, start=0.0, force=None):
+    """Looks at the record of a swing by an oscillator whose states begin at `start` and zero."""
+    t = np.arange(400) * 0.05
+    inputs = {} if force is None else {"f": Signal(force(t))}
+    record = Recording(t, {**inputs, "y": Signal(np.cos(2.0 * t) + 0.01 * np.sin(97.0 * t))}, "a")
+    model = equations(
+        f"x' = v; {rate}; y = x", inputs=list(inputs), states={"x": {"initial": start}, "v": {}}, outputs=["y"],
+        parameters={"mu": {"bounds": (0.1, 10)}, "w": {"bounds": (0.1, 10)}}
+        | ({"x_start": {"bounds": (-2, 2)}} if start == "x_start" else {}),
+        check=False,
+    )  # fmt: skip
+    return Problem(model, record)
+
+
+def test_a_model_that_stays_where_it_begins_is_told_with_the_line_that_moves_it():
+    problem = oscillates()
+    (look,) = problem_looks(problem)
+    assert look.kind == "at rest"
+    assert look.level == "warning"
+    assert "The model stays where it begins in a: at x = 0 and v = 0 its rates are zero, whatever" in look.sentence
+    assert look.write == 'initial = "x_start", with bounds under [parameters.x_start]'
+    answer = fit(problem, seed=1)
+    said = [s["sentence"] for s in answer.findings["verdict"]]
+    assert any(s.startswith("The model follows y with an RMSE of 0.7") for s in said)
+    assert not any("local searches" in s for s in said)
+    found = answer.diagnose()
+    assert found is not None
+    (left,) = (told["sentence"] for told in found["verdict"])
+    assert left == "What may be missing was not tried, as the model stays where it begins."
+    (held,) = (
+        look for look in problem_looks(oscillates(force=np.ones_like, rate=f"{OSCILLATOR}*f")) if look.kind == "at rest"
+    )
+    assert "its rates are zero and its inputs stay as they are, whatever" in held.sentence
+
+
+@pytest.mark.parametrize(
+    "moved",
+    [
+        {"start": 1.0}, {"start": "y"}, {"start": "x_start"}, {"rate": f"{OSCILLATOR} - 9.81"},
+        {"rate": f"{OSCILLATOR} + sin(0.5*t)"}, {"rate": f"{OSCILLATOR} + f", "force": np.sin},
+        {"rate": f"{OSCILLATOR} + f", "force": np.ones_like},
+    ],
+)  # fmt: skip
+def test_a_model_that_something_moves_is_not_said_to_stay(moved):
+    assert "at rest" not in [look.kind for look in problem_looks(oscillates(**moved))]

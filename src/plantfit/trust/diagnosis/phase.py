@@ -27,7 +27,7 @@ from plantfit.trust.intervals.first_values import states_begun_at
 from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.verdict.all_sentences import sentences
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
-from plantfit.trust.verdict.outputs import GOOD, disagree, forgotten, noise_rows
+from plantfit.trust.verdict.outputs import GOOD, at_rest, disagree, forgotten, noise_rows
 from plantfit.trust.verdict.words import Sentence, number, say, some, study_file, with_unit
 
 Findings = dict[str, Any]
@@ -83,6 +83,9 @@ def with_diagnosis(
             "What may be missing was not tried, as the simulation forgets "
             f"its start; {_command(findings)} tries it all the same."
         )
+        return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
+    if not whole and at_rest(findings):
+        text = "What may be missing was not tried, as the model stays where it begins."
         return _said(findings, best, {"state": "left", "verdict": [say("info", text)]})
     count = sum(len(e.recording) for e in problem.experiments.values()) * len(problem.outputs)
     command = _command(findings)

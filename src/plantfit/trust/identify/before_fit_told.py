@@ -74,7 +74,8 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
         told = f"No parameter has any effect on the fitted samples at any of {tried}, whatever value it has: with such "
         yield (
             "warning",
-            f"{told}bounds nothing moves the outputs. Look at the bounds, and at the inputs and their units.",
+            f"{told}bounds nothing moves the outputs. Look at the bounds, at the inputs and their units, and at where "
+            "states begin.",
         )
     elif plain := [n for n in found.unseen if n not in found.entries]:
         does = "has" if len(plain) == 1 else "have"

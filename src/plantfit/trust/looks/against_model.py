@@ -20,6 +20,7 @@ from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_lo
 from plantfit.recording.looks.of_packages import looks_of_packages
 from plantfit.recording.record import Recording
 from plantfit.trust.looks.misreadings import misread, misreadings
+from plantfit.trust.verdict.words import some
 
 OTHERS = (("ms", 1e-3), ("us", 1e-6), ("min", 60.0), ("h", 3600.0))  # units that a time column called s may be in
 SETTLES = 3.0  # times its noise, by which an output moves while its input rests
@@ -69,6 +70,7 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
             if (look := _same(recording, u, y) or feedback_look(recording, u, y, off.get(u, 0.0))) is not None:
                 found.append(look)
         found += _times(problem, recording, determined)
+        found += _stays(problem, model, recording)
         if not any(_steps_at_start(e, model, u) for u in e.before) and (
             set(model.inputs) <= set(e.before) or _begins_at_rest(problem, model, recording)
         ):
@@ -239,9 +241,36 @@ def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Loo
             )  # fmt: skip
 
 
-def _begins_at_rest(problem: Problem, model: Model, recording: Recording) -> bool:
-    """Whether the model itself rests at its initial values under the first sample's inputs; one that moves foretells
-    that outputs do."""
+def _stays(problem: Problem, model: Model, recording: Recording) -> Iterator[Look]:
+    """That nothing ever moves the model, as of an oscillator that begins at zero, while outputs move."""
+    if not model.states or any(np.ptp(recording[u]) != 0 for u in model.inputs):
+        return
+    moved = [y for y in problem.outputs if _moves(recording[y])]
+    fixed = _fixed_states(problem, model, recording)
+    if not moved or len(fixed) < len(model.states) or not _begins_at_rest(problem, model, recording, 0.0):
+        return
+    for share in SHARES:  # events and terms of time may move it later
+        values = problem.space.physical(np.full(problem.space.dimension, share))
+        if any(np.ptp(y) != 0.0 for y in problem.predict(values, recording.name).values()):
+            return
+    _, at = next(_beginnings(problem, model, recording))
+    where = some([f"{s} = {float(at[s]):g}" for s in model.states], most=4)
+    inputs = " and its inputs stay as they are" if model.inputs else ""
+    one = next((s for s in model.states if s in moved), next(iter(model.states)))
+    text = (
+        f"The model stays where it begins in {recording.name}: at {where} its rates are zero{inputs}, whatever the "
+        f"parameters are, while {some(moved)} {'moves' if len(moved) == 1 else 'move'}. Say where it begins, by "
+        f"`initial` of each state that does not begin there: a measured output, or a parameter."
+    )
+    write = f'initial = "{one}_start", with bounds under [parameters.{one}_start]'
+    yield Look(
+        "at rest", "warning", recording.name, moved[0], text, float(recording.t[0]), float(recording.t[-1]), write
+    )
+
+
+def _begins_at_rest(problem: Problem, model: Model, recording: Recording, still: float = STILL) -> bool:
+    """Whether the model itself rests at its initial values under the first sample's inputs, but for a share `still` of
+    them; one that moves foretells that outputs do."""
     if model.derivative is None:
         return False
     moves = [int(m[0]) + 1 for u in model.inputs if len(m := np.flatnonzero(np.diff(recording[u])))]
@@ -251,7 +280,7 @@ def _begins_at_rest(problem: Problem, model: Model, recording: Recording) -> boo
         u = _first_inputs(model, recording)
         late = {d.channel: u[d.input] for d in model.delays} | {d.channel: x[d.state] for d in model.state_delays}
         rates = derivative(x, u | late, p)
-        if any(abs(float(rates[s])) * seconds > STILL * abs(float(x[s])) for s in model.states):
+        if any(abs(float(rates[s])) * seconds > still * abs(float(x[s])) for s in model.states):
             return False
     return True
 

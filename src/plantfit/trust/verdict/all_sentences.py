@@ -13,7 +13,7 @@ from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
 from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.misreadings import hold_sentences, misreading_sentences
-from plantfit.trust.verdict.outputs import forgotten
+from plantfit.trust.verdict.outputs import at_rest, forgotten
 from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.residuals import noise_sentences, only_noise, residual_sentences
 from plantfit.trust.verdict.searches import forgetting_sentences, search_sentences
@@ -52,6 +52,8 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
 
 
 def _agreement(findings: Findings, best: RunResult) -> Iterator[Sentence]:
+    if at_rest(findings):  # every search ends where it begins, and says nothing
+        return
     flat = any(p.get("open") or p.get("status") == "flat" for p in findings["parameters"])
     several = len((findings.get("agreement") or {}).get("answers", ())) > 1
     lost = bool(findings["simulation"]["outputs"]) and any(said["level"] == "bad" for said in fit_sentences(findings))

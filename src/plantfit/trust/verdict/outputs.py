@@ -91,6 +91,13 @@ def forgotten(findings: Findings) -> list[str]:
     return [f["recording"] for f in findings.get("simulation", {}).get("forgets", ())]
 
 
+def at_rest(findings: Findings) -> bool:
+    """Whether the model stays where it begins in every recording."""
+    resting = {look["recording"] for look in findings.get("data", ()) if look["kind"] == "at rest"}
+    names = {record["name"] for record in findings.get("recordings", ())}
+    return bool(names) and names <= resting
+
+
 def noise_rows(findings: Findings) -> Iterator[Row]:
     """Noise of every output of every recording, and how many times that the residual is."""
     for name, output, unit, residual in _left(findings):

@@ -44,12 +44,13 @@ def check(spec: str, verify: bool, json: bool, at: Sequence[str] = (), tolerance
     }
     from plantfit.trust.identify.before_fit import before_fit
 
+    resting = {look.recording for look in looks if look.kind == "at rest"} >= set(problem.experiments)
     # sensitivities through events, friction and play compile for minutes
-    told = before_fit(problem) if identify or getattr(problem.model, "smooth", True) else None
+    told = before_fit(problem) if not resting and (identify or getattr(problem.model, "smooth", True)) else None
     record["identifiable"] = None if told is None else told.record
     from plantfit.trust.looks.reach import out_of_reach
 
-    record["data"] += [look.record for look in out_of_reach(problem)]
+    record["data"] += [look.record for look in (() if resting else out_of_reach(problem))]
     if study.errors:
         from plantfit.trust.stated_errors.reading_budgets import reading_budgets
 
