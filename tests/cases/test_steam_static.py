@@ -16,9 +16,21 @@ from plantfit.cases.steam.sections.uncertainty_section import (
     uncertainty_section,
     zero_left_in,
 )
-from plantfit.cases.steam.static_task import beginning, delay_study, early_dead_times, joint, two_step, two_step_by
+from plantfit.cases.steam.static_task import (
+    STEP,
+    DeadTimeHeld,
+    as_long_as,
+    beginning,
+    delay_study,
+    early_dead_times,
+    joint,
+    two_step,
+    two_step_by,
+)
 from plantfit.report.case_page import render_case_page
 from plantfit.rig.steam_chamber import SteamChamberRig
+
+import jax.numpy as jnp
 
 
 @lru_cache(maxsize=1)
@@ -79,6 +91,26 @@ def test_other_methods_reach_the_same_cost():
     found = two_step_by(few, "lbfgsb", runs=2, budget=800, seed=1)
     assert found.runs.shape == (1, 2)
     assert found.total == pytest.approx(steps.costs["opening100"], rel=0.02)
+
+
+def test_searches_with_the_dead_time_held_share_programs_and_keep_the_costs_of_their_own_problem():
+    recordings, late = fitted()[0], {"opening60": 0.43, "opening100": 0.7312}
+    longest = recordings["opening60"]
+    held = DeadTimeHeld(static_problem({STEP: longest}))
+    z = np.random.default_rng(0).uniform(0.0, 0.3, (5, 3))
+    for name, recording in recordings.items():
+        filled = as_long_as(recording, longest)
+        assert len(filled.t) == len(longest.t)
+        assert np.all(np.abs(np.diff(filled.t) - 0.1) < 1e-9)
+        shared = held.objective(static_problem({STEP: filled}, dead_time=late[name]), late[name])
+        own = static_problem({STEP: recording}, dead_time=late[name])
+        np.testing.assert_allclose(shared.costs(jnp.asarray(z)), own.costs(z), rtol=1e-14)
+        assert shared.value_and_gradient is not None
+        (f, g), (own_f, own_g) = shared.value_and_gradient(z[0]), own.value_and_gradient(z[0])
+        assert f == pytest.approx(own_f, rel=1e-14)
+        np.testing.assert_allclose(g, own_g, rtol=1e-12)
+    programs = [held.free.compiled[n]._programs for n in ("costs", "values_and_gradients")]
+    assert [len(p) for p in programs] == [1, 1]
 
 
 def test_early_dead_times_hold_the_truth():

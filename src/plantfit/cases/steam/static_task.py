@@ -1,8 +1,10 @@
 """The static task: four constants for each opening, in the paper's two steps and jointly, and what its dead times
 are worth."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from plantfit.rig.steam_chamber import SteamChamberRig
 from plantfit.study.objective import objective_of
 from plantfit.trust.finish.refit import refit
 from plantfit.trust.validate.dead_time import DeadTime, dead_time
+
+import jax.numpy as jnp
 
 WINDOW = 2.0  # s, from which the paper takes the dead time
 NAMES = tuple(STATIC_START)
@@ -73,15 +77,16 @@ def two_step_by(
     Every run begins at the paper's start; L-BFGS-B then goes on from random points until its budget is spent.
     """
     constants, costs, every, spent = {}, {}, [], 0.0
-    early = None
+    early, longest = None, max(recordings.values(), key=lambda r: len(r.t))
+    held = DeadTimeHeld(static_problem({STEP: longest}))
     for name, recording in recordings.items():
         first = {STEP: beginning(recording)}
         early = static_problem(first, dead_time=(0.1, 1.0)) if early is None else early.with_recordings(first)
         began = minimise(_compiled_once(early), method, runs=runs, budget=budget, seed=seed)
         best = min(began, key=lambda r: r.cost)
         late = float(np.asarray(early.space.physical(best.x))[early.space.names.index(f"Td[{STEP}]")])
-        whole = static_problem({STEP: recording}, dead_time=late)
-        found = minimise(objective_of(whole), method, runs=runs, budget=budget, seed=seed)
+        whole = static_problem({STEP: as_long_as(recording, longest)}, dead_time=late)
+        found = minimise(held.objective(whole, late), method, runs=runs, budget=budget, seed=seed)
         best = min(found, key=lambda r: r.cost)
         values = np.asarray(whole.space.physical(best.x))
         constants[name] = {n.split("[")[0]: float(v) for n, v in zip(whole.space.names, values, strict=True)} | {
@@ -99,6 +104,52 @@ def _compiled_once(problem: Problem) -> Objective:
     """What a search sees of a problem, by programs that serve all openings of as many samples."""
     program = problem.compiled["costs"]
     return replace(objective_of(problem), costs=CostOfData(KeptCosts(program, program.around, kept), problem.arguments))
+
+
+@dataclass(frozen=True, eq=False)
+class DeadTimeHeld:
+    """Searches of k, A1, A2 with the dead time held, by programs that serve all openings: those of `free`, a problem of
+    all four constants on a record that no other is longer than."""
+
+    free: Problem
+
+    def objective(self, problem: Problem, late: float) -> Objective:
+        """What a search sees of `problem`, which holds the dead time at `late` (s), on a record `as_long_as` the free
+        one."""
+        numbers, count = problem.arguments, sum(problem.parts.counts.values())
+        ends = numbers.records and numbers.records._replace(used=np.array([count + 1]))  # the first is not scored
+        data = numbers._replace(records=ends, count=np.float64(count)), np.array([late])
+        costs = CostOfData(KeptCosts(self.costs, self._kept, kept), data)
+        return replace(objective_of(problem), costs=costs, value_and_gradient=partial(self._value_and_gradient, data))
+
+    def costs(self, zs: Any, data: Any) -> Any:
+        """Costs (n,) at points (n, 3) of the problem with the dead time held."""
+        numbers, late = data
+        return self.free.compiled["costs"](_beside(zs, late), numbers)
+
+    def _kept(self, function: Callable, name: str, thing: Any) -> Any:
+        return self.free.compiled["costs"].around(function, name, ("dead time held", thing))
+
+    def _value_and_gradient(self, data: Any, z: np.ndarray) -> tuple[float, np.ndarray]:
+        numbers, late = data
+        f, g = self.free.compiled["values_and_gradients"](np.append(z, late)[None], numbers)
+        return float(np.asarray(f)[0]), np.asarray(g)[0, :-1]
+
+
+def _beside(zs: Any, late: Any) -> Any:
+    """Points (n, 4) of the free problem; its coordinate of the dead time is the dead time in s."""
+    return jnp.concatenate([zs, jnp.broadcast_to(late, (zs.shape[0], 1))], axis=1)
+
+
+def as_long_as(recording: Recording, longest: Recording) -> Recording:
+    """The record with samples of which no output was measured behind its last one."""
+    n, more = len(recording.t), len(longest.t) - len(recording.t)
+    t = np.append(recording.t, recording.t[-1] + (longest.t[n:] - longest.t[n - 1]))
+    signals = {
+        k: Signal(np.append(s.values, np.full(more, np.nan if k == "y" else s.values[-1])), s.unit)
+        for k, s in recording.signals.items()
+    }
+    return Recording(t, signals, recording.name, (*recording.log, f"Filled up to {t[-1]:g} s."))
 
 
 def beginning(recording: Recording, until: float = WINDOW) -> Recording:

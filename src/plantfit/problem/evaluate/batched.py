@@ -40,6 +40,7 @@ class Numbers(NamedTuple):
     first_output: tuple[Any, ...]  # (L,)
     scale: tuple[Any, ...]  # per output
     weight: Any = None  # (L,) of the squares of every record; None: 1
+    count: Any = None  # scored samples that the squares of a cost are divided by; None: of the compiled records
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +146,7 @@ class BatchedRecords:
         backwards."""
         p, x0 = self._start(z[self.local], numbers)
         squares = Batch(self.simulator, self.rows.windows).squares(p, x0, numbers.rows, numbers.weight, reverse=reverse)
-        return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
+        return self._mean(squares, numbers)
 
     def costs(self, zs: Any, numbers: Numbers) -> Any:
         """Costs (n,) of cube points (n, d)."""
@@ -191,7 +192,12 @@ class BatchedRecords:
         squares = squares_of_records(
             self.simulator, whole.windows, p, x0, records, numbers.weight, steps_first=together
         )
-        return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / self.count
+        return self._mean(squares, numbers)
+
+    def _mean(self, squares: tuple[Any, ...], numbers: Numbers) -> Any:
+        """The cost of squares of all outputs."""
+        count = self.count if numbers.count is None else numbers.count
+        return sum(s / scale**2 for s, scale in zip(squares, numbers.scale, strict=True)) / count
 
     def residuals(self, z: Any, numbers: Numbers) -> Any:
         """Scaled residuals (m,), recording by recording, output by output."""
