@@ -79,9 +79,10 @@ class _Group:
         offset = len(self.finished)
         members = min(self.width, plan.runs - offset)
         runs = plan.first_run + offset + np.arange(self.width)
-        keys = _keys()(jax.random.key(plan.seed), jnp.asarray(runs, jnp.uint32))
+        keys = _keys()(jax.random.key(plan.seed), runs.astype(np.uint32))
         carry = self.compiled.begin(keys)
-        carry = carry._replace(ending=jnp.where(jnp.arange(self.width) < members, carry.ending, PADDING))
+        # by numpy, which compiles nothing
+        carry = carry._replace(ending=np.where(np.arange(self.width) < members, np.asarray(carry.ending), PADDING))
         if arrays:
             carry = jax.tree.unflatten(jax.tree.structure(carry), [jnp.asarray(a) for a in arrays])
         start = (
@@ -100,7 +101,7 @@ class _Group:
 
         jax.block_until_ready(advance(carry, done))  # compiles, computes nothing
         compiled_at = time.perf_counter()
-        blocks, block, resumed = [history.reshape(done, self.width, 2)], 1, float(np.sum(carry.evaluations))
+        blocks, block, resumed = [history.reshape(done, self.width, 2)], 1, float(np.sum(np.asarray(carry.evaluations)))
         while np.any(np.asarray(carry.ending) == RUNNING) and not plan.stopped():
             tick = time.perf_counter()
             carry, marks, reached = advance(carry, done + block)

@@ -234,7 +234,8 @@ class BatchedRecords:
         """Numbers with which `_side_by_side` derives no interval of records that are not `wanted`."""
         if numbers.records is None:
             return numbers
-        return numbers._replace(records=numbers.records._replace(used=jnp.where(wanted, numbers.records.used, 0)))
+        used = np.where(wanted, np.asarray(numbers.records.used), 0)  # by numpy, which compiles nothing
+        return numbers._replace(records=numbers.records._replace(used=used))
 
     def _side_by_side(self, whole: RecordRows, local, numbers: Numbers) -> list[tuple[Any, Any]]:
         """`blocks` of whole records; raises NativeUnsupported."""

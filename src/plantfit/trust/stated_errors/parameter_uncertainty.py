@@ -21,9 +21,6 @@ from plantfit.trust.intervals.robust_or_classical import robust_errors
 from plantfit.trust.stated_errors.shared_error import SharedError as SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import MANY
 
-import jax
-import jax.numpy as jnp
-
 FINE = 1e-9  # relative decrease of the cost that ends a refit here, where small moves count
 REACH = 6.0  # standard uncertainties that a held constant is freed by on either side
 
@@ -90,7 +87,7 @@ def _propagate(
     free = _free(problem, errors)
     local = linearise(problem, z)
     residuals, jacobian = problem.unsmoothed.residuals_and_jacobian(z)
-    slope = _slope(problem, z)
+    slope = problem.space.slopes(z)
     pressed = free & np.array([b is not None for b in local.at_bound])
     at = np.flatnonzero(free & ~pressed)
     solve, noise = _solver(problem, z, residuals, jacobian, at)
@@ -147,7 +144,7 @@ def propagate_by_monte_carlo(
     shaken = np.zeros((draws, len(z)))
     shaken[:, at] = rng.multivariate_normal(np.zeros(len(at)), noise, draws, method="eigh")
     found = np.empty((draws, len(z)))
-    slope = _slope(work, z)
+    slope = work.space.slopes(z)
     for i in range(draws):
         recordings = {n: e.recording for n, e in work.experiments.items()}
         start = z.copy()
@@ -223,11 +220,6 @@ def _free(problem: Problem, errors: Sequence[SharedError]) -> np.ndarray:
     """Which coordinates (d,) the fit had free."""
     constants = {e.constant for e in errors}
     return np.array([n not in constants for n in problem.space.names], dtype=bool)
-
-
-def _slope(problem: Problem, z: np.ndarray) -> np.ndarray:
-    """Derivative (d,) of the values by the cube coordinates."""
-    return np.asarray(jax.jvp(problem.space.physical, (jnp.asarray(z),), (jnp.ones(len(z)),))[1])
 
 
 def _solver(
