@@ -7,7 +7,8 @@ WORKERS ?= 2
 QUICK_XLA := --xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=1
 VENV := .venv
 BIN := $(VENV)/bin
-FAST := $(BIN)/python -m pytest -m "not slow" -n $(WORKERS) --dist worksteal
+KINDS := $(if $(ALL),not slow,not slow and not thorough)
+FAST := $(BIN)/python -m pytest -m "$(KINDS)" -n $(WORKERS) --dist worksteal
 PIP := PIP_DISABLE_PIP_VERSION_CHECK=1 $(BIN)/python -m pip install --quiet --constraint constraints.txt
 CORE := $(VENV)/.core
 DEV := $(VENV)/.dev
@@ -22,8 +23,9 @@ help:  ## This list
 demo: $(CORE)  ## Fit a motor from a recording and write the report
 	$(BIN)/plantfit demo gearmotor
 
-test: $(DEV) browser postgres  ## All fast tests
+test: $(DEV) browser postgres  ## Everyday tests, in about ten minutes; ALL=1 adds the thorough ones, as .ci/run does
 	XLA_FLAGS="$$XLA_FLAGS $(QUICK_XLA)" $(FAST)
+	@$(if $(ALL),,echo "NOT RUN: thorough tests (make test ALL=1, before a change is handed in) and slow ones (make test-slow).")
 
 test-slow: $(DEV) browser postgres  ## Longer studies
 	$(BIN)/python -m pytest -m slow

@@ -4,6 +4,7 @@ import ctypes
 import gc
 import os
 import sys
+from collections import Counter
 from contextlib import suppress
 from pathlib import Path
 
@@ -22,6 +23,20 @@ gc.set_threshold(50_000, 20, 50)
 # plantfit, a second each.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items):
+    """Of a test that is marked `further(n)` all cases but the first n are thorough."""
+    seen = Counter()
+    for item in items:
+        own = item.get_closest_marker("further")
+        if own is None or item.get_closest_marker("slow") is not None:
+            continue
+        test = item.nodeid.split("[")[0]
+        seen[test] += 1
+        if seen[test] > own.args[0]:
+            item.add_marker(pytest.mark.thorough)
 
 
 def pytest_collection_finish():

@@ -135,6 +135,7 @@ def test_python_names_have_their_docstrings(site):
     assert "exact sensitivities" in " ".join(re.sub(r"<[^>]+>", "", page).split())
 
 
+@pytest.mark.thorough
 def test_the_schema_takes_the_studies_of_the_demos_and_no_misspelt_key(site):
     """As an editor checks them."""
     schema = json.loads((site / "reference" / "study-file.schema.json").read_text("utf-8"))

@@ -63,6 +63,7 @@ def said(code, *arguments, **environment):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork, which this system lacks")
+@pytest.mark.thorough
 def test_a_process_that_is_forked_after_the_import_computes():
     assert said(FORKED) == ["0"]
 
@@ -74,6 +75,7 @@ def test_a_compilation_cache_of_the_user_stays_his(tmp_path):
 @pytest.mark.skipif(
     not Path("/proc/self/task").exists() or os.cpu_count() == 1, reason="counts threads by /proc, of several cores"
 )
+@pytest.mark.thorough
 def test_xla_gets_one_thread_where_jax_had_not_begun():
     alone, beside = said(ONE_THREAD), said(ONE_THREAD, "first")
     assert float(alone[0]) == float(beside[0]) == 800.0**3
@@ -81,6 +83,7 @@ def test_xla_gets_one_thread_where_jax_had_not_begun():
     assert int(beside[1]) > 1  # a pool that was there stays
 
 
+@pytest.mark.thorough
 def test_an_xla_that_was_not_tried_gets_no_flag_that_may_end_it():
     assert said(ANOTHER_XLA) == ["False", "True"]
     assert said(ANOTHER_XLA.replace("99.0.0", jaxlib.version.__version__)) == ["True", "True"]

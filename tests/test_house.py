@@ -109,6 +109,7 @@ def test_the_stages_of_an_answer_stand_in_one_place(stage):
     assert found == ["stages.py"]
 
 
+@pytest.mark.thorough
 def test_public_functions_are_annotated_in_full():
     """Functions and methods that a reader or an editor may call; of rooms `trust`, `report`, `findings` those within
     too."""

@@ -112,6 +112,7 @@ def test_optimize_and_simulate_never_meet():
     assert "optimize" not in allowed["simulate"]
 
 
+@pytest.mark.thorough
 def test_rooms_import_only_what_their_row_allows():
     allowed = closure(NAMED)
     # the package itself holds only lazy names and is everyone's root

@@ -112,6 +112,7 @@ def test_the_range_of_pythons_is_said_alike():
     assert subprocess.run([sys.executable, "tools/python_version.py"], cwd=ROOT).returncode == 0
 
 
+@pytest.mark.thorough
 def test_the_core_imports_no_extra():
     """Whatever an extra brings, and what SALib brings, stays out of the import of every room."""
     rooms = [

@@ -228,6 +228,7 @@ print(float(jnp.max(jnp.abs(native - plain))), "native" in jax.jit(
 
 
 @pytest.mark.parametrize("fused", [True, False])
+@pytest.mark.thorough
 def test_loops_of_the_width_of_arm(fused, tmp_path):
     if not available():
         pytest.skip("native loops are off here: no llvmlite, or PLANTFIT_NATIVE=0")

@@ -70,6 +70,7 @@ def run(bench_tools, *words, code=None, status=0):
     return done.stdout if status == 0 else done.stderr
 
 
+@pytest.mark.thorough
 def test_a_study_runs_with_model_reader_and_method_of_a_package(bench_tools):
     listed = {m["name"]: m for m in json.loads(run(bench_tools, "methods", "--json"))}
     assert listed["shrinking_box"]["sentence"].startswith("Uniform points in a box around the best point")
@@ -83,6 +84,7 @@ def test_a_study_runs_with_model_reader_and_method_of_a_package(bench_tools):
         assert abs(rows[name]["value"] - truth) < 4 * rows[name]["standard_error"] < 0.1 * truth
 
 
+@pytest.mark.thorough
 def test_the_parts_of_the_package_pass_their_exams(bench_tools):
     code = (
         "from pathlib import Path\nimport bench_tools as b, plantfit as pf\n"
@@ -97,6 +99,7 @@ def test_the_parts_of_the_package_pass_their_exams(bench_tools):
     assert run(bench_tools, code=code).split() == ["shrinking_box", "leaky_tank", "shrinking_box", "m"]
 
 
+@pytest.mark.thorough
 def test_a_look_of_a_package_is_said_beside_those_of_plantfit(bench_tools, tmp_path):
     folder, _ = bench_tools
     t = np.arange(2000) / 1000
@@ -198,6 +201,7 @@ def lagging(folder, name, bend, extensions=""):
     )
 
 
+@pytest.mark.thorough
 def test_a_candidate_of_a_package_is_tried_named_and_fitted(bench_tools, tmp_path):
     lagging(tmp_path, "bent", 0.03)
     lagging(tmp_path, "straight", 0.0)
@@ -450,6 +454,7 @@ def test_the_exam_of_models_refuses(wrong):
         check_model(Model(wrong, **parts, output=lambda x, u, p: {"y": x["x"]}, derivative=laws[wrong]))
 
 
+@pytest.mark.thorough
 def test_the_exam_of_models_passes_those_of_plantfit():
     import plantfit as pf
     from plantfit.models.model import Model

@@ -107,6 +107,7 @@ def test_blas_runs_on_one_thread_also_where_scipy_is_loaded_later():
     assert {*first, *threads} == {"1"}
 
 
+@pytest.mark.thorough
 def test_a_run_loads_no_distributions_of_scipy(tmp_path):
     """A search for what is missing may try linear models, which need scipy.signal."""
     loaded, code, told = _loaded(_COMMAND, "run", str(HEATER), "--no-diagnose", folder=tmp_path)
@@ -139,6 +140,7 @@ def test_names_of_a_lazy_room_are_those_that_editors_see(room):
 
 
 @pytest.mark.parametrize("room", LAZY)
+@pytest.mark.thorough
 def test_a_module_never_hides_the_name_that_it_shares(room):
     """trust/intervals/covariance.py holds the function `covariance`, which the room gives, also after the module was
     imported."""
@@ -204,6 +206,7 @@ _UNITS = (
 )
 
 
+@pytest.mark.thorough
 def test_units_are_the_same_from_an_empty_a_kept_and_a_damaged_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("PLANTFIT_CACHE", str(tmp_path / "cache"))
     empty, _, told = _loaded(_UNITS)

@@ -51,6 +51,7 @@ def test_python_simulates_the_plant_without_plantfit(answer, tmp_path):
 
 
 @pytest.mark.parametrize("stepper", ["exponential", pytest.param("adaptive", marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_a_plant_that_began_before_its_record_goes_on_from_its_first_sample(stepper, tmp_path):
     """A dose an hour ago, and an input that was 2 until the first sample."""
     model = pf.equations(

@@ -56,6 +56,7 @@ def test_findings_are_the_records_that_define_them(records, name):
         assert json.dumps(read_findings(json.loads(text)).plain()) == text
 
 
+@pytest.mark.thorough
 def test_the_physics_of_the_gearmotor_predicts_what_it_never_saw(tmp_path):
     """The half and the static curve, of the one fit that the demo makes of gearmotor.toml."""
     folder = unpack("gearmotor", tmp_path)

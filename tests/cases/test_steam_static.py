@@ -130,6 +130,7 @@ def test_a_study_of_delays_tells_coverage_and_width():
     assert found.told == 1.0
 
 
+@pytest.mark.thorough
 def test_the_page_says_what_was_found():
     recordings, whole, steps = fitted()
     truth = {n: r.truth["parameters"] for n, r in rig_runs().items()}

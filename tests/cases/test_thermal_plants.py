@@ -22,6 +22,7 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("plants")
 
 
+@pytest.mark.thorough
 def test_heater_dead_time_is_that_of_a_separate_program(folder):
     answer = fit_file(unpack("heater", folder / "heater") / "first_order.toml", method="least_squares")
     found = dead_time(answer.problem, answer)

@@ -38,6 +38,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.thorough
 def test_the_new_file_runs_and_is_determined(folder, capsys, monkeypatch):
     first = call(capsys, monkeypatch, "run", "gain.toml")
     assert "`plantfit combine`" in " ".join(first.out.split())
@@ -65,6 +66,7 @@ def test_the_new_file_runs_and_is_determined(folder, capsys, monkeypatch):
     assert "Traceback" not in lost.err
 
 
+@pytest.mark.thorough
 def test_a_study_is_meant_by_its_file_its_name_or_its_number(folder, capsys, monkeypatch):
     """ "`plantfit combine` writes the study file in these combinations" was said of gain.toml, and `plantfit combine
     gain.toml` answered "unable to parse string as an integer"."""

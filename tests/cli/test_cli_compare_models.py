@@ -1,8 +1,10 @@
 """`plantfit compare` of study files and `plantfit look`, on a heater whose truth is known."""
 
+import pytest
 from cli_call import call, heater
 
 
+@pytest.mark.thorough
 def test_study_files_are_fitted_once_compared_and_a_difference_of_data_is_named(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     good = heater(tmp_path)

@@ -40,6 +40,7 @@ def study(folder, lags):
     (folder / "oven.toml").write_text(SPEC.format(recordings=tables))
 
 
+@pytest.mark.thorough
 def test_a_changed_recording_is_named_with_units_a_page_and_json(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     study(tmp_path, {"may": 0.6, "june": 0.6, "july": 0.9})
@@ -62,6 +63,7 @@ def test_a_changed_recording_is_named_with_units_a_page_and_json(tmp_path, capsy
     assert stored["parameters"] == record["parameters"]
 
 
+@pytest.mark.thorough
 def test_recordings_that_agree_are_said_to(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     study(tmp_path, {"may": 0.6, "june": 0.6})
@@ -75,6 +77,7 @@ SCATTERS = "Recordings of this plant scatter in K, tau: the bands are those of t
 
 
 @pytest.mark.parametrize("july", [0.6, 0.75])
+@pytest.mark.further(1)
 def test_bands_say_that_they_are_for_another_recording(tmp_path, capsys, monkeypatch, july):
     monkeypatch.chdir(tmp_path)
     study(tmp_path, {"may": 0.6, "june": 0.6, "july": july})

@@ -32,6 +32,7 @@ def place(finished, tmp_path, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("repeated", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_an_input_within_limits_is_written_for_record_with_a_page(repeated, place, capsys, monkeypatch):
     words = (
         "design",
@@ -78,6 +79,7 @@ def test_an_input_within_limits_is_written_for_record_with_a_page(repeated, plac
     assert np.array_equal(read_csv("heater-next.csv")["u"], u)
 
 
+@pytest.mark.thorough
 def test_a_second_lag_is_told_from_a_longer_dead_time(place, capsys, monkeypatch):
     text = (place / "heater.toml").read_text()
     other = (
@@ -119,6 +121,7 @@ def test_a_second_lag_is_told_from_a_longer_dead_time(place, capsys, monkeypatch
         (("--study", "7"), "7"),
     ],
 )
+@pytest.mark.further(2)
 def test_refusals_are_one_sentence_and_nothing_is_written(place, capsys, monkeypatch, words, said):
     found = call(capsys, monkeypatch, "design", "heater.toml", *words, *FEW)
     assert found.code not in (0, 1)

@@ -17,6 +17,7 @@ def undelayed(folder):
     return place
 
 
+@pytest.mark.thorough
 def test_a_missing_dead_time_is_named_and_written(tmp_path, capsys, monkeypatch):
     place = undelayed(tmp_path)
     said = call(capsys, monkeypatch, "diagnose", place)
@@ -33,6 +34,7 @@ def test_a_missing_dead_time_is_named_and_written(tmp_path, capsys, monkeypatch)
     assert "exists already" in again.err
 
 
+@pytest.mark.thorough
 def test_as_json_and_of_a_complete_model(tmp_path, capsys, monkeypatch):
     place = heater(tmp_path)
     place.write_text(place.read_text() + "budget = 1000\n")
@@ -73,6 +75,7 @@ budget = 600
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.thorough
 def test_a_column_with_a_wrong_sign_is_told_first(tmp_path, capsys, monkeypatch, sign):
     rng = np.random.default_rng(2)
     t = 0.5 * np.arange(400)

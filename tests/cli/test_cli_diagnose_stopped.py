@@ -8,12 +8,14 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
 
+import pytest
 from benchmarks.diagnosis import PLANTS, write
 from cli_call import call
 
 from plantfit.trust.diagnosis import rounds
 
 
+@pytest.mark.thorough
 def test_what_was_tried_is_told_and_written(tmp_path, capsys, monkeypatch):
     place = write(PLANTS["first"], "dead_time", 0.01, 3, tmp_path)
     place.write_text(place.read_text() + "[search]\nbudget = 600\n")
@@ -40,6 +42,7 @@ def test_what_was_tried_is_told_and_written(tmp_path, capsys, monkeypatch):
     assert "likely missing" not in said.out
 
 
+@pytest.mark.thorough
 def test_a_slow_drift_is_added_by_run(tmp_path, capsys, monkeypatch):
     place = write(PLANTS["first"], "clean", 0.01, 3, tmp_path)
     place.write_text(place.read_text() + "[search]\nbudget = 600\n")

@@ -61,6 +61,7 @@ def test_the_truth_that_a_rig_leaves_is_read_in_the_units_of_the_study(bench, mo
     (bench / "bench.truth.json").unlink()
 
 
+@pytest.mark.thorough
 def test_estimates_of_a_study_file(bench, capsys, monkeypatch):
     monkeypatch.chdir(bench)
     said = call(capsys, monkeypatch, "estimate", "lag.toml", "--json", "--out", "page.html")
@@ -77,6 +78,7 @@ def test_estimates_of_a_study_file(bench, capsys, monkeypatch):
     assert "How the constants settle" in (bench / "page.html").read_text("utf-8")
 
 
+@pytest.mark.thorough
 def test_states_are_written_filtered_and_smoothed(bench, capsys, monkeypatch):
     """Against the plant's true state: bands of two standard deviations hold it, and what comes later makes it better
     known."""
@@ -128,6 +130,7 @@ def test_states_that_cannot_be_are_refused_before_anything_is_computed(
     assert {f.name: f.read_bytes() for f in bench.iterdir() if f.is_file() and f.suffix in (".csv", ".gz")} == before
 
 
+@pytest.mark.thorough
 def test_new_measurements_are_tracked(bench, capsys, monkeypatch):
     monkeypatch.chdir(bench)
     quiet = call(capsys, monkeypatch, "track", "lag.toml", "--recording", "healthy.csv", "--out", "rows.csv")
@@ -148,6 +151,7 @@ def test_new_measurements_are_tracked(bench, capsys, monkeypatch):
     assert float(lines[-1].split(",")[3]) == pytest.approx(2.8, rel=0.1)
 
 
+@pytest.mark.thorough
 def test_standard_input_is_tracked(bench, capsys, monkeypatch):
     monkeypatch.chdir(bench)
     read, write = os.pipe()

@@ -98,6 +98,7 @@ def test_warnings_of_plantfit_are_sentences_and_those_of_libraries_are_silent(ca
     assert call(capsys, monkeypatch, "methods").err == "plantfit: A sentence.\n"
 
 
+@pytest.mark.thorough
 def test_a_reader_that_leaves_and_a_terminal_without_umlauts(tmp_path):
     run = "import sys; sys.argv = ['plantfit', *{words!r}]; from plantfit.cli.start import run; run()"
     told = subprocess.run(

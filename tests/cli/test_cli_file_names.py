@@ -41,6 +41,7 @@ def test_hostile_names_stay_in_the_folder(name, tmp_path, monkeypatch):
 @example("~")
 @example("~/.ssh")
 @given(st.text(min_size=1))
+@pytest.mark.thorough
 def test_any_name_is_one_plain_file(name):
     file = file_name(name, "html")
     assert Path(file).name == file
@@ -93,6 +94,7 @@ def test_it_is_said_before_anything_runs(words, tmp_path, capsys, monkeypatch):
     assert ((tmp_path / "heater.csv").read_text(), (tmp_path / "heater.html").read_text()) == (before, "my notes")
 
 
+@pytest.mark.thorough
 def test_a_report_of_a_study_with_a_hostile_name(tmp_path, capsys, monkeypatch):
     folder = tmp_path / "inner"
     folder.mkdir()

@@ -39,6 +39,7 @@ def study(tmp_path):
 
 
 @pytest.mark.parametrize(("k", "said"), [("0.3", True), pytest.param("0.1", False, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_check_and_predict(study, k, said, capsys, monkeypatch):
     place = str(study.with_name("o.csv"))
     found = call(capsys, monkeypatch, "check", str(study), "--at", f"k={k}")

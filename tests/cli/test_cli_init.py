@@ -22,6 +22,7 @@ from logger_files import STYLES, lag, prbs
 
 
 @pytest.mark.parametrize("style", STYLES, ids=lambda s: s.name)
+@pytest.mark.further(14)
 def test_every_file_gives_a_study_that_parses(style, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     style.write(tmp_path / style.name)
@@ -120,6 +121,7 @@ def test_a_hostile_file_name_stays_a_comment(tmp_path, capsys, monkeypatch):
     assert spec.load(tmp_path / "made.toml").plan.name != "other"
 
 
+@pytest.mark.thorough
 def test_an_unsure_guess_is_asked_in_a_terminal(tmp_path):
     """Two columns that tell nothing: the answer counts; a wrong name is asked again; --yes asks nothing."""
     rng = np.random.default_rng(1)
@@ -391,6 +393,7 @@ def test_what_cannot_become_a_study_is_told_with_the_place(file, text, told, tmp
     assert told in " ".join(said.err.split())
 
 
+@pytest.mark.thorough
 def test_a_study_with_samples_of_a_laboratory_passes_check(tmp_path, capsys, monkeypatch):
     """One biomass and one substrate an hour, and a feed that is held: as a fermenter's file."""
     rows = ["time [h],feed [ml/h],S [g/l]"]
@@ -441,6 +444,7 @@ def test_words_in_place_of_numbers_are_written_as_missing(model, tmp_path, capsy
     ("low", "high", "fitted"),
     [(0, 1, False), (-1, 1, False), (1, 2, False), pytest.param(0, 1, True, marks=pytest.mark.slow)],
 )
+@pytest.mark.further(2)
 def test_a_duty_with_its_direction_in_another_column_becomes_a_plant_that_turns_both_ways(
     tmp_path, capsys, monkeypatch, low, high, fitted
 ):

@@ -17,6 +17,7 @@ def _written(tmp_path, monkeypatch, header, *columns):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("deg", 180 / np.pi), pytest.param("rad", 1.0, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_a_pendulum_that_was_let_go_is_fitted_at_large_angles(tmp_path, monkeypatch, capsys, unit, factor):
     t, x, v = 0.02 * np.arange(600), [1.1], 0.0
     for _ in range(599 * 50):  # symplectic Euler at 0.4 ms
@@ -36,6 +37,7 @@ def test_a_pendulum_that_was_let_go_is_fitted_at_large_angles(tmp_path, monkeypa
     assert "are white" in ran.out
 
 
+@pytest.mark.thorough
 def test_the_acceleration_of_a_phone_on_a_spring_among_others(tmp_path, monkeypatch, capsys):
     rng = np.random.default_rng(2)
     t = 0.01 * np.arange(1500)
@@ -55,6 +57,7 @@ def test_the_acceleration_of_a_phone_on_a_spring_among_others(tmp_path, monkeypa
     assert "are white" in ran.out
 
 
+@pytest.mark.thorough
 def test_a_cup_that_cools_decays(tmp_path, monkeypatch, capsys):
     t = 5.0 * np.arange(300)
     y = 22 + 55 * np.exp(-t / 410) + 0.08 * np.random.default_rng(3).standard_normal(300)
@@ -118,6 +121,7 @@ def test_oscillations_and_decays_are_told_apart():
     assert motion_of(np.r_[np.nan, np.ones(5)])[0] == "decay"
 
 
+@pytest.mark.thorough
 def test_milliseconds_and_microseconds_alone_in_a_header_are_time(tmp_path, monkeypatch, capsys):
     rng = np.random.default_rng(5)
     t = np.arange(400)

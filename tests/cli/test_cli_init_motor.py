@@ -22,6 +22,7 @@ def motor(folder, *without, **changes):
     return {n: d["value"] for n, d in made.truth["determined"].items()}
 
 
+@pytest.mark.thorough
 def test_without_a_current_the_determined_combinations_are_found(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     truth = motor(tmp_path, "i")

@@ -17,6 +17,7 @@ def place(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.thorough
 def test_four_kinds_hold_the_truth_and_agree(place, capsys, monkeypatch):
     words = ("intervals", "heater.toml", "--posterior", "--save-draws", "draws.nc", "--draws", "100", "--only", "tau,L")
     said = call(capsys, monkeypatch, *words)

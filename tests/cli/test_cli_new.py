@@ -35,6 +35,7 @@ def rc(folder, seed=1):
     )
 
 
+@pytest.mark.thorough
 def test_a_list_of_parts_becomes_a_study_that_finds_the_parts(capsys, monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "circuit.net").write_text(RC)
@@ -209,6 +210,7 @@ def test_the_tutorial_of_the_page_ends_as_it_says(capsys, monkeypatch, tmp_path)
         pytest.param("free", "pendulum", slice(3, None), (125, 0.75), marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.thorough
 def test_the_exchanger_and_the_pendulum_of_the_page_end_as_it_says(
     capsys, monkeypatch, tmp_path, name, kind, place, truth
 ):

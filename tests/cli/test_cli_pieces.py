@@ -55,6 +55,7 @@ def test_the_verdict_of_a_record_that_forgets_its_start_names_the_command(tmp_pa
 
 
 @pytest.mark.parametrize("until", [20, pytest.param(80, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_the_command_that_the_verdict_names_gives_the_truth(until, tmp_path, monkeypatch, capsys):
     written(tmp_path, until)
     monkeypatch.chdir(tmp_path)

@@ -73,6 +73,7 @@ def usual(tmp_path_factory):
     return fitted(tmp_path_factory.mktemp("usual"), "usual")
 
 
+@pytest.mark.thorough
 @pytest.mark.parametrize("place", [pytest.param(p, marks=() if p in FAST else pytest.mark.slow) for p in PLACES])
 def test_the_same_study_everywhere(place, usual, tmp_path):
     assert fitted(tmp_path, place) == usual

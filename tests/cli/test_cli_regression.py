@@ -34,6 +34,7 @@ def rows(said):
 
 
 @pytest.mark.parametrize("count", [8, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_and_those_of_plain_least_squares_do_not(capsys, monkeypatch, tmp_path, count):
     monkeypatch.chdir(tmp_path)
     held, plain, errors, first = [], [], [], 40_000

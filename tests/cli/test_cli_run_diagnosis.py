@@ -49,6 +49,7 @@ def named(findings):
         ("first", "sensor_high", "upper end at"),
     ],
 )
+@pytest.mark.thorough
 def test_what_is_missing_is_named_in_verdict_and_report(plant, fault, words, tmp_path, capsys, monkeypatch):
     found = as_json(capsys, monkeypatch, planted(tmp_path, plant, fault))
     (first, *_) = named(found)
@@ -83,6 +84,7 @@ def test_a_clean_record_gets_no_warning_and_costs_nothing(seed, tmp_path, capsys
     assert "What may be missing" not in (tmp_path / "first.html").read_text()
 
 
+@pytest.mark.thorough
 def test_a_diagnosis_can_be_turned_off_stopped_and_made_later_with_the_same_bits(tmp_path, capsys, monkeypatch):
     place = planted(tmp_path, "first", "dead_time")
     real = phase.diagnose
@@ -129,6 +131,7 @@ def undelayed(folder):
     return place
 
 
+@pytest.mark.thorough
 def test_try_keeps_the_study_file_with_the_addition_and_runs_it(tmp_path, capsys, monkeypatch):
     place = undelayed(tmp_path)
     said = run(capsys, monkeypatch, place, "--try", "dead time of u", "--json")

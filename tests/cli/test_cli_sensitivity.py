@@ -30,6 +30,7 @@ def test_morris_around_a_point(folder, capsys, monkeypatch):
     assert "Elementary effects by group" in (folder / "page.html").read_text("utf-8")
 
 
+@pytest.mark.thorough
 def test_values_of_a_study_whose_file_or_recordings_have_changed_since_are_told(folder, capsys, monkeypatch):
     changed = "are those of study 1, which was of another problem: the study file or its recordings have changed"
     words = ("sensitivity", "heater.toml", "--trajectories", "4")

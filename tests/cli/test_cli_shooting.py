@@ -48,6 +48,7 @@ def write(folder, shooting):
 
 
 @pytest.mark.parametrize("shooting", [None, 80])
+@pytest.mark.further(1)
 def test_a_study_begins_where_shooting_ends(tmp_path, monkeypatch, capsys, shooting):
     monkeypatch.chdir(tmp_path)
     w = write(tmp_path, shooting)
@@ -58,6 +59,7 @@ def test_a_study_begins_where_shooting_ends(tmp_path, monkeypatch, capsys, shoot
 
 
 @pytest.mark.parametrize("shooting", [None, 80])
+@pytest.mark.further(1)
 def test_a_diagnosis_begins_where_shooting_ends(tmp_path, monkeypatch, capsys, shooting):
     monkeypatch.chdir(tmp_path)
     write(tmp_path, shooting)

@@ -20,6 +20,7 @@ def folder(tmp_path, monkeypatch):
     return tmp_path
 
 
+@pytest.mark.thorough
 def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", "--json")
     record = json.loads(said.out)
@@ -70,6 +71,7 @@ def test_check_run_list_report_predict(folder, capsys, monkeypatch):
     assert json.loads(half.out)["rmse"]["T"] > 5
 
 
+@pytest.mark.thorough
 def test_a_recording_that_measures_nothing_is_predicted(folder, capsys, monkeypatch, recwarn):
     spec = SPEC.replace('initial = "T"', "initial = 24.0")
     (folder / "heater.toml").write_text(spec)
@@ -92,6 +94,7 @@ def test_a_recording_that_measures_nothing_is_predicted(folder, capsys, monkeypa
     assert not [w for w in recwarn if issubclass(w.category, RuntimeWarning)]
 
 
+@pytest.mark.thorough
 def test_check_verifies_at_values_and_refines_to_a_tolerance(folder, capsys, monkeypatch):
     at = ("--at", "tau=12", "--at", "L=2.7")
     said = call(capsys, monkeypatch, "check", "heater.toml", "--verify", *at, "--json")
@@ -126,6 +129,7 @@ def test_check_refuses_values_in_one_sentence(folder, capsys, monkeypatch, at, s
     assert "Traceback" not in answer.err
 
 
+@pytest.mark.thorough
 def test_a_static_curve_counts_in_the_same_fit(folder, capsys, monkeypatch):
     (folder / "curve.csv").write_text("u [%],T [degC]\n" + "\n".join(f"{u},{21 + 0.8 * u}" for u in range(0, 60, 5)))
     text = (folder / "heater.toml").read_text()
@@ -141,6 +145,7 @@ def test_a_static_curve_counts_in_the_same_fit(folder, capsys, monkeypatch):
     assert {s["recording"] for s in json.loads(said.out)["scores"]} == {"bench", "curve"}
 
 
+@pytest.mark.thorough
 def test_init_writes_a_study_that_runs(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "init", "heater.csv", "--out", "new.toml")
     assert said.code == 0, said.err
@@ -229,6 +234,7 @@ def test_no_store_and_no_study(folder, capsys, monkeypatch):
     assert "broken.db" in said.err
 
 
+@pytest.mark.thorough
 def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeypatch):
     more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso"]\nruns = 6\nbudget = 60000')
     (folder / "heater.toml").write_text(more)
@@ -281,6 +287,7 @@ def test_check_says_what_the_records_can_determine(folder, capsys, monkeypatch):
     assert (found["rank"], found["of"], found["together"], found["fix"]) == (4, 5, ["K*c"], [["K"], ["c"]])
 
 
+@pytest.mark.thorough
 def test_check_sees_an_output_in_another_unit(folder, capsys, monkeypatch):
     """The heater's temperature in mK beside a model in K."""
     assert "random points of the bounds does" not in " ".join(

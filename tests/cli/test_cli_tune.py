@@ -39,6 +39,7 @@ def test_methods_table_and_one_in_full(capsys, monkeypatch):
     assert "Did you mean 'pso'?" in wrong.err
 
 
+@pytest.mark.thorough
 def test_tune_search_writes_a_block_that_a_study_takes(folder, capsys, monkeypatch):
     words = (
         "tune-search",

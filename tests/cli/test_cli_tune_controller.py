@@ -16,6 +16,8 @@ from plantfit.cli.main import run_cli
 from plantfit.control.pid import Gains
 from plantfit.control.tune.loop_scores import limited_pid  # noqa: F401  (jax is set up)
 
+pytestmark = pytest.mark.thorough
+
 PLANTFIT = (sys.executable, "-c", "from plantfit.cli.start import run; run()")
 CONTROL = """
 [control]

@@ -55,6 +55,7 @@ def test_check_shows_the_budget_without_a_fit(folder, capsys, monkeypatch):
     assert "Traceback" not in said.err
 
 
+@pytest.mark.thorough
 def test_run_export_import_and_report_keep_the_table(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "run", "heater.toml")
     assert said.code == 0, said.err
@@ -89,6 +90,7 @@ def test_run_export_import_and_report_keep_the_table(folder, capsys, monkeypatch
     assert call(capsys, monkeypatch, "compare", "--out", "compare.html").code == 0
 
 
+@pytest.mark.thorough
 def test_draws_of_the_study_file_reach_the_report(folder, capsys, monkeypatch):
     place = folder / "heater.toml"
     place.write_text(place.read_text() + "[propagation]\ndraws = 20\n")

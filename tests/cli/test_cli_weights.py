@@ -57,6 +57,7 @@ def tank(folder, scales: str) -> None:
         ),
     ],
 )  # fmt: skip
+@pytest.mark.thorough
 def test_weights_are_told_before_and_after(tmp_path, monkeypatch, capsys, scales, first, last):
     tank(tmp_path, scales)
     monkeypatch.chdir(tmp_path)
@@ -92,6 +93,7 @@ def test_check_tells_what_least_squares_solves_for(tmp_path, monkeypatch, capsys
 @pytest.mark.parametrize(
     ("unit", "told"), [("1", "y 1 (the only"), ("-", "y 1 (the only"), ("", "y 1 (the only"), ("m", "y 1 m (the only")]
 )
+@pytest.mark.further(3)
 def test_a_weight_without_unit_is_one_number(tmp_path, monkeypatch, capsys, unit, told):
     tank(tmp_path, "")
     monkeypatch.chdir(tmp_path)

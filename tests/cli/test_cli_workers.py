@@ -33,6 +33,7 @@ def found(store, number=1):
     ]
 
 
+@pytest.mark.thorough
 def test_helpers_a_cluster_and_one_process_find_the_same(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "run", "heater.toml", "--store", "one.db", "--json")
     assert said.code == 0, said.err
@@ -61,6 +62,7 @@ def test_helpers_a_cluster_and_one_process_find_the_same(folder, capsys, monkeyp
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs signals of POSIX, which this system lacks")
+@pytest.mark.thorough
 def test_ctrl_c_stops_helpers_too_and_resume_goes_on_with_several(folder, capsys, monkeypatch):
     slow = (folder / "heater.toml").read_text().replace("budget = 300", "budget = 500000000")
     for name in ("heater", "second"):
@@ -132,6 +134,7 @@ def test_workers_says_who_does_what(folder, capsys, monkeypatch):
         (("other.toml", "--out", "both.html"), "--out both.html names one report, but there are 2 studies"),
     ],
 )
+@pytest.mark.further(3)
 def test_one_sentence_each(folder, capsys, monkeypatch, words, part):
     (folder / "other.toml").write_text((folder / "heater.toml").read_text().replace('"heater"', '"other"', 1))
     said = call(capsys, monkeypatch, "run", "heater.toml", *words)

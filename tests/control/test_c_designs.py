@@ -82,6 +82,7 @@ DESIGNS = {
 
 @pytest.mark.parametrize("which", DESIGNS)
 @pytest.mark.parametrize("number", ["double", "float"])
+@pytest.mark.further(4)
 def test_a_design_equals_its_python_to_rounding(tmp_path, number, which):
     design, rng, n = DESIGNS[which](), np.random.default_rng(2), 250
     p, s, m = (len(names) for names in (design.plant.outputs, design.plant.states, design.plant.inputs))

@@ -47,6 +47,7 @@ def one():
 
 
 @pytest.mark.parametrize("weights", [(1.0, 0.1), (100.0, 0.01), (0.01, 1.0)])
+@pytest.mark.thorough
 def test_poles_are_those_of_one_sample_of_plant_and_controller(weights):
     """By exact derivatives of both together; and 1 + L is the closed over the open characteristic polynomial."""
     plants = family(4, 1, 0.3)
@@ -145,6 +146,7 @@ def test_responses_begin_at_the_lean_and_end_at_the_point(found):
     assert np.max(np.abs(seen["u"])) <= 0.3 + 1e-12
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_held_is_said():
     plants = {k: v[:3] for k, v in family(3, 1).items()}
     leaning = replace(ASKED, at={"q": 0.2}, upper=-0.2)
@@ -187,6 +189,7 @@ CHAINS = {
 @pytest.mark.parametrize(
     "name", ["hover", "tank", "three", *(pytest.param(n, marks=pytest.mark.slow) for n in ("servo", "mixed"))]
 )
+@pytest.mark.thorough
 def test_plants_of_integrators_are_held_within_the_time_that_is_proposed(name):
     """Their poles at 0 tell no time; the regulator is replayed on the equations, integrated by scipy."""
     text, states, k, limits, point = CHAINS[name]
@@ -257,6 +260,7 @@ def test_the_time_that_an_input_takes_is_the_closed_form():
     assert slow_time(apart, "z", 0.3, 0.7) == (0.5, False)
 
 
+@pytest.mark.thorough
 def test_a_point_beyond_a_current_limit_is_found_from_inputs_all_over_the_range():
     """At 0 V the back EMF of a turning motor is beyond its limit, so that no slope shows what the voltage does."""
     motor = equations(

@@ -34,6 +34,7 @@ def largest(poles):
 
 
 @pytest.mark.parametrize(("kp", "ki", "kd"), [(1.0, 0.1, 0.0), (2.0, 0.2, 1.0), (0.5, 0.05, 0.0), (3.5, 0.3, 4.0)])
+@pytest.mark.thorough
 def test_the_factor_at_which_a_pole_leaves_the_unit_circle_is_the_gain_margin(kp, ki, kd):
     loop = lags(2, 3)
     rest = loop.at_rest(5.0, (-10.0, 0.0, 10.0))
@@ -66,6 +67,7 @@ def test_poles_of_a_lag_under_a_pi_are_the_roots_of_its_polynomial():
 
 
 @pytest.mark.parametrize("which", ["chain", "drive"])
+@pytest.mark.thorough
 def test_poles_of_a_cascade_are_those_of_the_loop_written_out(which):
     loop = family(0, 1) if which == "chain" else drive()
     rest = loop.at_rest(5.0, (-10.0, 0.0, 10.0))
@@ -75,6 +77,7 @@ def test_poles_of_a_cascade_are_those_of_the_loop_written_out(which):
     np.testing.assert_allclose(np.sort(np.abs(found[MIDDLE]))[-4:], np.sort(np.abs(truth))[-4:], rtol=1e-8)
 
 
+@pytest.mark.thorough
 def test_a_servo_is_stable_at_its_own_gain_and_not_at_ten_times_it():
     """Inputs on their way through the dead time are states of plant and servo alike."""
     loop = OneLoop(

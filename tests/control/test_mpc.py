@@ -87,6 +87,7 @@ def test_the_plan_is_that_of_osqp(start, most_speed):
     np.testing.assert_allclose(ours[0], theirs[0, 0], atol=2e-6)
 
 
+@pytest.mark.thorough
 def test_where_no_limit_acts_it_is_the_regulator():
     plant = linearised(carts(), CARTS)
     estimator = kalman_observer(plant, PERIOD, 0.1, 1e-3)

@@ -80,6 +80,7 @@ def test_the_first_move_is_that_of_bounded_least_squares(level):
     assert move == pytest.approx(best[0] + 1.0 + u_rest, abs=2e-5)
 
 
+@pytest.mark.thorough
 def test_no_offset_with_another_gain_dead_time_and_load():
     for parameters, load in ((NUMBERS, 0.0), ({"K": 1.5, "T1": 1.9, "T2": 0.6, "Td": 0.95}, 0.0), (NUMBERS, -0.8)):
         design = designed(R=0.2, steps=25, disturbance=0.1, measurement=0.1)

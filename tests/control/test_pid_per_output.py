@@ -125,6 +125,7 @@ class PidsProgram(ArrayProgram):
 
 @pytest.mark.parametrize("number", ["double", "float"])
 @pytest.mark.parametrize("given", [True, False])
+@pytest.mark.thorough
 def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, number, given):
     """Two outputs of the pendubot, one with an integral, limits that bind, with a reference and about the point."""
     plant = linearised(pendubot(drive="voltage"), ARM, {"theta1": np.pi / 2})

@@ -71,6 +71,7 @@ def spun(V, w, p, soft):
 @pytest.mark.parametrize(
     "level", [-70.0, 50.0, 100.0, *(pytest.param(v, marks=pytest.mark.slow) for v in (10.0, 90.0))]
 )
+@pytest.mark.thorough
 def test_speeds_of_motors_with_friction_and_a_current_limit_are_held(soft, level):
     """Every one of 12 motors by itself, as the best fit of its study; scipy's integration comes back to the speed."""
     found = 0
@@ -89,6 +90,7 @@ def test_speeds_of_motors_with_friction_and_a_current_limit_are_held(soft, level
     assert found >= 10
 
 
+@pytest.mark.thorough
 def test_a_family_is_held_as_each_of_its_plants_is():
     plants = [BENCH, *drawn(20, 2)]
     rest = loop(HARD, *plants).at_rest(100.0, STARTS)
@@ -107,6 +109,7 @@ def test_a_rest_close_to_its_limit_is_found_by_settling(spare):
     assert np.isnan(loop(HARD, p | {"Imax": needed(100.0, p) * (1 - spare)}).at_rest(100.0, STARTS).u[0])
 
 
+@pytest.mark.thorough
 def test_an_angle_that_turns_on_is_left_out_of_the_search():
     rest = loop(ANGLE, BENCH, BENCH | {"Fc": 0.02}).at_rest(100.0, STARTS)
     truth = [p["R"] * needed(100.0, p) + 4.5 for p in (BENCH, BENCH | {"Fc": 0.02})]
@@ -150,6 +153,7 @@ def test_levels_of_a_schedule_none_of_which_is_held_are_named():
     assert str(e.value) == said
 
 
+@pytest.mark.thorough
 def test_a_level_that_the_settled_output_jumps_over_is_not_said_to_be_held():
     """sign leaves out the levels between -1 and 1."""
     jumps = equations(

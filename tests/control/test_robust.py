@@ -44,6 +44,7 @@ def plant(i):
     return {name: values[i] for name, values in PLANTS.items()}
 
 
+@pytest.mark.thorough
 def test_scores_of_every_step_are_those_of_its_own_stored_response():
     gains = [Gains(1.0, 0.4), Gains(2.5, 1.0)]
     scores = judged(loop(), stacked_controllers(gains), PLANTS, PROFILE)
@@ -94,6 +95,7 @@ def test_limits_cost_as_much_as_is_said():
     assert np.isinf(float(Demand(overshoot=5.0).of_plant(scores._replace(iae=np.array([1.0, np.nan])))))
 
 
+@pytest.mark.thorough
 def test_tuning_on_a_family_finds_the_least_worst_case_of_a_grid():
     """One gain: the worst of three plants over a grid of three hundred, each loop simulated alone by the plain
     engine."""
@@ -114,6 +116,7 @@ def test_tuning_on_a_family_finds_the_least_worst_case_of_a_grid():
     assert worst[costs[:, 0].argmin()] > 1.3 * found.cost  # the best gain of the first plant alone
 
 
+@pytest.mark.thorough
 def test_bad_input_is_named():
     several = closed_loop(LAG, pid(PERIOD), period=PERIOD, output=["z"], input=["u"], longest_delay=1.0)
     for error, said, call in (

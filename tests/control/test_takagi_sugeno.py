@@ -33,6 +33,7 @@ def test_memberships_are_triangles_that_add_up_to_one():
         np.testing.assert_allclose(memberships(value, centres), shares, atol=1e-15)
 
 
+@pytest.mark.thorough
 def test_one_rule_is_the_regulator():
     plant = upright()
     estimator = kalman_observer(plant, PERIOD, {"w": 1.0}, 1e-3)
@@ -61,6 +62,7 @@ def test_between_rules_gains_are_blended():
     assert abs(q[-1]) < 1e-3
 
 
+@pytest.mark.thorough
 def test_blended_filters_know_the_plant_away_from_the_held_point():
     """At rest at an operating point that is not the held one, its own filter predicts no motion."""
     plants = [leaning(q, ("q",)) for q in (-0.8, 0.0, 0.8)]

@@ -94,6 +94,7 @@ def closed_poles(rest, gains, period):
 
 
 @pytest.mark.parametrize("which", ["chain", pytest.param("drive", marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_stability_is_that_of_the_poles_of_the_closed_loop(which):
     """Two integrators in the controller, a third in the drive; 150 random gains, stable and not."""
     loop = family(0, 1) if which == "chain" else drive()
@@ -205,6 +206,7 @@ class CascadeProgram(PidProgram):
         return self._update(self.state, outer, inner, reference)
 
 
+@pytest.mark.thorough
 def test_what_cannot_be_is_said(tmp_path):
     with pytest.raises(SimulationError, match=r"A cascade measures two outputs; name the inner one"):
         tuned_loop(replace(family(3, 1), inner=None), replace(family(3, 2), inner=None), WISHES)

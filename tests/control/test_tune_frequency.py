@@ -270,6 +270,7 @@ def test_a_state_that_reaches_no_measured_output_does_not_hinder_its_loop():
 
 
 @pytest.mark.parametrize("kind", ["smith", "lqi"])
+@pytest.mark.thorough
 def test_loops_of_controllers_with_poles_outside_are_counted_from_above_and_below_the_line(kind):
     """What a search counts without the controller's own poles is what these and the encirclements say."""
     wishes = replace(WISHES, controller=kind)

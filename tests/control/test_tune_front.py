@@ -19,6 +19,8 @@ from plantfit.control.tune.told import verdict
 from plantfit.control.tune.wishes import check_wishes
 from plantfit.errors import SimulationError, SpecError
 
+pytestmark = pytest.mark.thorough
+
 NOISY = replace(WISHES, noise=0.05)
 
 

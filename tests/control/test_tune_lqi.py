@@ -70,6 +70,7 @@ def test_doubling_solves_the_riccati_equation_of_scipy(n):
 
 
 @pytest.mark.parametrize("which", RESTS)
+@pytest.mark.further(3)
 def test_the_gains_are_those_of_all_delay_states_at_once(which):
     """The Riccati equation of plant and every past input by scipy, and that of the filter on states and load."""
     rest, rho = RESTS[which](), 0.3
@@ -96,6 +97,7 @@ def test_the_gains_are_those_of_all_delay_states_at_once(which):
 
 
 @pytest.mark.parametrize("which", ["no dead time", "two ways"])
+@pytest.mark.thorough
 def test_response_and_poles_are_those_of_what_the_controller_does(which):
     """The z-transform of its answer to an impulse, on a circle where it converges; its poles by exact derivatives of
     its update."""

@@ -44,6 +44,7 @@ def shaped(which, **more):
 
 
 @pytest.mark.parametrize("which", ["lag", "no dead time", "two ways"])
+@pytest.mark.thorough
 def test_the_first_command_is_that_of_osqp_over_all_inputs(which):
     """All inputs of the horizon unknown, outputs by running the plant with its past inputs; the cost to go after the
     last one."""
@@ -123,6 +124,7 @@ def unlimited(given):
 
 
 @pytest.mark.parametrize("which", RESTS)
+@pytest.mark.thorough
 def test_without_a_limit_it_is_the_servo(which):
     shape = shaped(which)
     given, h = shape.predictive(*WEIGHTS), 0.5
@@ -223,6 +225,7 @@ def scores(plant, wishes, weights, lags=None):
     return found
 
 
+@pytest.mark.thorough
 def test_with_limits_of_the_input_it_is_at_least_as_good_as_lqi_without_windup():
     """A step that takes nearly all of the input, for half of its time at the limit."""
     plant = OneLoop(
@@ -235,6 +238,7 @@ def test_with_limits_of_the_input_it_is_at_least_as_good_as_lqi_without_windup()
     assert mpc["overshoot"] < 5.0
 
 
+@pytest.mark.thorough
 def test_it_keeps_a_limit_of_the_output_that_lqi_does_not():
     """A lightly damped plant: an LQ servo overshoots by more than the limit leaves, the plan does not."""
     text = "q' = v\nv' = w*w*(K*delay(u, L) - q) - 2*d*w*v\nz = q"

@@ -115,6 +115,7 @@ def test_more_of_the_plants_keep_the_wishes_than_with_the_best_fits_own_tuning(d
     )
 
 
+@pytest.mark.thorough
 def test_the_promised_share_holds_on_a_thousand_fresh_plants(design):
     fresh = family(1000, 77)
     rests = [fresh.at_rest(level, (-10.0, 0.0, 10.0)) for level in (3.0, 5.0)]
@@ -139,6 +140,7 @@ def test_the_promised_share_holds_on_a_thousand_fresh_plants(design):
     )
 
 
+@pytest.mark.thorough
 def test_a_plant_of_negative_gain_gets_the_same_controller_with_the_other_sign():
     wishes = Wishes(5.0, 2.0, 0.2, 0.5, -10.0, 10.0)
     other = Wishes(5.0, 2.0, -0.2, 0.5, -10.0, 10.0)
@@ -149,6 +151,7 @@ def test_a_plant_of_negative_gain_gets_the_same_controller_with_the_other_sign()
     assert two.best.scores.iae == pytest.approx(one.best.scores.iae, rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_data_that_are_too_poor_are_told_with_the_parameter_to_blame():
     rng = np.random.default_rng(5)
     wide = np.r_[2.0, np.exp(rng.uniform(np.log(0.2), np.log(20.0), 80))]
@@ -194,6 +197,7 @@ def joint(n=2):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.thorough
 def test_a_search_that_pays_for_speed_begins_again_within_the_limits(seed):
     """With the input at its limits an unstable loop swings only so far, and its figures are those of a fast one."""
     wishes = Wishes(1.5708, 9.4, 0.2, 0.004, -1.0, 1.0, quantum=0.0015)
@@ -215,6 +219,7 @@ def test_poles_outside_are_those_of_the_closed_polynomial():
             assert poles_outside(xp.asarray(loop), 0, int(a > 1), xp) == outside, (a, k)
 
 
+@pytest.mark.thorough
 def test_what_no_measurement_helps_is_not_blamed_on_a_parameter(design):
     """Behind a dead time no loop is this fast, however well the plant is known."""
     impossible = replace(WISHES, settling=1.5)
@@ -227,6 +232,7 @@ def test_what_no_measurement_helps_is_not_blamed_on_a_parameter(design):
     assert "misses it too" not in " ".join(v.sentence for v in verdict(design, dict(design.family.plants)))
 
 
+@pytest.mark.thorough
 def test_an_integrating_plant_is_tuned():
     tank = equations(
         "y' = K*delay(u, L) + leak\nz = y",
@@ -382,6 +388,7 @@ def test_every_rule_lies_within_the_bounds_of_the_search():
     assert found["SIMC"] > 100 * found["lambda"]
 
 
+@pytest.mark.thorough
 def test_loops_that_no_controller_keeps_finite_are_counted_with_what_to_do():
     """Three plants of nine leave their rest by e^6 in a sample, and the data allow them."""
     model = equations(

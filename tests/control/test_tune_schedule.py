@@ -27,6 +27,8 @@ from plantfit.models.text.equations import equations
 import jax
 import jax.numpy as jnp
 
+pytestmark = pytest.mark.thorough
+
 LEVELS = np.array([1.0, 3.0, 6.0])
 GAINS = Gains(
     *(

@@ -58,6 +58,7 @@ def test_three_seeds_end_at_the_same_controllers(values):
         assert speed(d, BEST_FIT) < 0.95
 
 
+@pytest.mark.thorough
 def test_on_one_plant_the_search_is_no_worse_than_gains_tried_at_random():
     """2000 of them around what was found, judged as the table is; those that keep the limits as the search does."""
     design = tuned(SHORT, 1, n=4)

@@ -78,6 +78,7 @@ def test_with_the_true_model_the_loop_is_that_of_the_plant_without_dead_time_lat
 
 
 @pytest.mark.parametrize("which", PLANTS)
+@pytest.mark.further(2)
 def test_response_and_poles_are_those_of_what_the_controller_does(which):
     """The z-transform of its answer to an impulse, on a circle where it converges."""
     s, ahead = predictor(which)
@@ -127,6 +128,7 @@ def test_it_begins_at_rest_whatever_input_holds_the_true_plant():
 
 @pytest.mark.parametrize("which", PLANTS)
 @pytest.mark.parametrize("anti_windup", ["clamping", "back-calculation", "none"])
+@pytest.mark.further(5)
 def test_the_c_file_equals_python_over_ten_thousand_samples(tmp_path, which, anti_windup):
     s, ahead = predictor(which)
     rng, follow = np.random.default_rng(1), 0.5 / 4.0 if anti_windup == "back-calculation" else 0.0

@@ -11,6 +11,8 @@ from plantfit.control.tune.loop_scores import expected_size
 from plantfit.control.tune.told import verdict
 from plantfit.models.text.equations import equations
 
+pytestmark = pytest.mark.thorough
+
 LAG = equations(
     "y' = (K*delay(u, L) - y)/tau\nz = y", inputs={"u": "V"}, states={"y": "K"}, outputs={"z": "K"},
     parameters={"K": "K/V", "tau": "s", "L": "s"}, name="lag",

@@ -62,6 +62,7 @@ def test_a_page_shows_how_the_constants_settle(found, tmp_path):
         assert words in text
 
 
+@pytest.mark.thorough
 def test_process_noise_that_is_not_there_is_left_out_and_the_answer_is_the_closed_form():
     recording = lag.record(2, process=0.0)
     problem = lag.problem(recording, name="still")
@@ -81,6 +82,7 @@ def test_process_noise_that_is_not_there_is_left_out_and_the_answer_is_the_close
     assert any("process x: 0" in s for s in known.record["assumed"])
 
 
+@pytest.mark.thorough
 def test_process_noise_that_is_there_is_kept_in_every_record():
     kept = []
     for seed in range(2):
@@ -184,6 +186,7 @@ def test_what_no_filter_works_on_is_refused_before_anything_is_fitted():
         pf.estimate_parameters(lag.problem({"run": steady}))
 
 
+@pytest.mark.thorough
 def test_a_record_without_noise_asks_for_a_level():
     exact = lag.problem(lag.record(1, 100, process=0.0, measurement=0.0))
     with pytest.raises(SearchError, match="do not show how large the noise of 'y' is; give its standard deviation"):
@@ -271,6 +274,7 @@ def test_what_moves_and_where_states_begin_is_seen():
     assert given.noise == Noise({"v": 0.1}, {"y": 0.1, "s": 1.0}, {"x": 0.0, "v": 0.0, "z": 1.0})
 
 
+@pytest.mark.thorough
 def test_levels_at_a_bound_are_called_so():
     """The likelihood's range of K ends below the truth."""
     recording = lag.record(7, 200)

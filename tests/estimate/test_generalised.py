@@ -91,6 +91,7 @@ def test_the_order_and_the_correlation_are_found():
     assert white.count(0) >= 35
 
 
+@pytest.mark.thorough
 def test_restricted_likelihood_has_no_bias_for_parameters():
     """Five columns of a hundred samples: the residuals alone show a quarter less correlation."""
     rng, found, plain = np.random.default_rng(3), [], []
@@ -132,6 +133,7 @@ TRUTH = {"K": 1.7, "tau": 30.0, "c": 22.0}
 
 
 @pytest.mark.parametrize(("right", "wrong"), [(9, 3), pytest.param(24, 8, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_errors_are_no_larger_and_a_lag_that_the_model_lacks_is_told(right, wrong):
     held, errors, alarms = [], [], 0
     for seed in range(right):
@@ -184,6 +186,7 @@ def test_a_straight_line_is_the_closed_form_with_the_noise_that_was_found():
     np.testing.assert_allclose(found.estimated[0].values, exact, atol=1e-3 * found.estimated[0].standard_error.min())
 
 
+@pytest.mark.thorough
 def test_noise_that_is_larger_where_a_parameter_is_told_widens_its_interval():
     """A step response whose noise is three times as large while it rises: tau is told there alone."""
     rng, held, even = np.random.default_rng(11), [], []
@@ -222,6 +225,7 @@ def test_a_gap_and_two_recordings_with_weights_and_units_of_their_own():
 
 
 @pytest.mark.parametrize("seeds", [(2, 3), pytest.param(range(6), marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_edges_of_a_disc_are_estimated_with_the_parameters(seeds):
     held, ratios = [], []
     for seed in seeds:
@@ -266,6 +270,7 @@ def test_what_a_model_lacks_is_a_warning_and_slow_noise_withdraws_the_intervals(
     assert "times as long" not in " ".join(s["sentence"] for s in lacks.record["verdict"])
 
 
+@pytest.mark.thorough
 def test_an_input_that_reaches_the_residuals_otherwise_is_told_by_hausmans_test():
     """White noise, and a third of a slow input that the model lacks: its residuals are no noise."""
     told, alarms, rng = 0, 0, np.random.default_rng(10)
@@ -283,6 +288,7 @@ def test_an_input_that_reaches_the_residuals_otherwise_is_told_by_hausmans_test(
     assert alarms <= 2
 
 
+@pytest.mark.thorough
 def test_beside_filters_it_is_one_more_row():
     found = pf.estimate_parameters(oven(2, correlation=0.0, n=160), methods=[GLS, "maximum likelihood"])
     assert found.record["methods"] == ["least squares", GLS, "maximum likelihood"]
@@ -304,6 +310,7 @@ def friction(seed=0):
     return problem.with_recordings({"run": pf.Recording(t, {"u": pf.Signal(u), "y": pf.Signal(noisy)}, "run")})
 
 
+@pytest.mark.thorough
 def test_it_takes_models_that_no_filter_takes():
     problem = friction()
     with pytest.raises(ModelError, match=GLS):
@@ -338,6 +345,7 @@ def test_more_shared_errors_than_are_estimated_are_noise_of_their_samples(monkey
     )
 
 
+@pytest.mark.thorough
 def test_numbers_do_not_depend_on_the_unit_of_the_output():
     """A speed in rpm in place of rad/s: what is shared, and what comes of it, is the same."""
     one = encoder(3)

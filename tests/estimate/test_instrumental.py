@@ -83,6 +83,7 @@ def one_move(seed, rho=0.0, length=5, n=300):
 
 @pytest.mark.parametrize("whiten", [True, False])
 @pytest.mark.parametrize(("rho", "length"), [(0.0, 5), (0.0, 8), (0.8, 5)])
+@pytest.mark.further(3)
 def test_intervals_of_what_one_short_move_tells_are_wider_and_hold_the_truth(rho, length, whiten):
     found, sides = [], []
     for seed in range(300):

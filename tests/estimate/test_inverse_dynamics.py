@@ -29,6 +29,7 @@ def fits(seeds, **settings):
     return [inverse(**settings).fit(RIG.record(seed=s).recording, RIG.noise_free, REFERENCE) for s in seeds]
 
 
+@pytest.mark.thorough
 def test_a_few_records_lie_about_the_truth_as_their_covariance_says():
     chi = []
     for fit in fits(range(3)):

@@ -40,6 +40,7 @@ def test_the_linear_filter_is_the_textbooks_with_gaps(record, run):
     assert np.isfinite(run.innovations[33, 1])
 
 
+@pytest.mark.thorough
 def test_uneven_samples_are_filtered_by_their_own_steps():
     t = np.cumsum(np.random.default_rng(3).uniform(2e-4, 3e-3, 120))
     record = plants.motor_record(4, t=t)[0]
@@ -49,6 +50,7 @@ def test_uneven_samples_are_filtered_by_their_own_steps():
     assert run.log_likelihood == pytest.approx(total, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_the_smoother_is_the_batch_solution(record, run):
     """All states at once: least squares over prior, steps and measurements, each by its square root."""
     n, y = 160, np.stack([record["i"], record["w"]], axis=1)
@@ -93,6 +95,7 @@ def test_the_smoother_is_the_batch_solution(record, run):
 
 
 @pytest.mark.parametrize("kappa", [0.0, 1.0])
+@pytest.mark.thorough
 def test_on_a_linear_model_all_filters_are_the_linear_one(record, run, kappa):
     problem = Problem(plants.robot_motor(), record)
     extended = ekf(problem, plants.NOISE, at=plants.TRUTH).run()
@@ -104,6 +107,7 @@ def test_on_a_linear_model_all_filters_are_the_linear_one(record, run, kappa):
     assert np.allclose(smoothed(spread).mean, smoothed(run).mean, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.thorough
 def test_sample_by_sample_is_the_whole_record(record, run):
     now = kalman_filter(Problem(plants.robot_motor(), record), plants.NOISE, at=plants.TRUTH).online()
     for k in range(150):
@@ -118,6 +122,7 @@ def test_sample_by_sample_is_the_whole_record(record, run):
 
 
 @pytest.mark.parametrize("kind", [ekf, ukf])
+@pytest.mark.thorough
 def test_a_nonlinear_filter_finds_a_constant_from_far_off(kind):
     record, level = plants.tank_record(5)
     problem = Problem(plants.tank(), record, substeps=2)
@@ -142,6 +147,7 @@ def test_a_nonlinear_filter_finds_a_constant_from_far_off(kind):
     assert found.bands["area"][0] == pytest.approx(area.low[39], rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_covariances_stay_positive_over_a_long_exact_record():
     record, _ = plants.motor_record(7, 3000)
     noise = Noise({"i": 1e-6, "w": 1e-6}, {"i": 1e-9, "w": 1e-7}, {"i": 1e3, "w": 1e5})
@@ -151,6 +157,7 @@ def test_covariances_stay_positive_over_a_long_exact_record():
     assert np.min(np.linalg.eigvalsh(run.covariance / (scale[:, :, None] * scale[:, None, :]))) > -1e-14
 
 
+@pytest.mark.thorough
 def test_a_dead_time_is_filtered_at_the_edges_of_its_input():
     """A motor that hears its voltage 3.4 samples late is one whose record holds the voltage at finer times."""
     t, delay = 1e-3 * np.arange(200), 3.4e-3

@@ -33,6 +33,7 @@ def likelihood(motor):
     return Innovations.of(motor, FREE, linearised)
 
 
+@pytest.mark.thorough
 def test_the_likelihood_is_that_of_the_textbook_filter(motor, likelihood):
     z = np.random.default_rng(1).uniform(0.2, 0.8, likelihood.space.dimension)
     named = dict(zip(likelihood.space.names, np.asarray(likelihood.space.physical(z)), strict=True))
@@ -42,6 +43,7 @@ def test_the_likelihood_is_that_of_the_textbook_filter(motor, likelihood):
     assert float(likelihood.value(z, likelihood.records(motor))) == pytest.approx(-total, rel=1e-9)
 
 
+@pytest.mark.thorough
 def test_gradient_scores_and_hessian_are_exact(motor, likelihood):
     records = likelihood.records(motor)
     z = np.random.default_rng(2).uniform(0.2, 0.8, likelihood.space.dimension)
@@ -57,6 +59,7 @@ def test_gradient_scores_and_hessian_are_exact(motor, likelihood):
     assert np.allclose(likelihood.hessian(z, records), hessian, rtol=1e-4, atol=1e-6 * np.max(np.abs(hessian)))
 
 
+@pytest.mark.thorough
 def test_parameters_and_noise_levels_are_found(motor, likelihood):
     found = maximised(likelihood, likelihood.records(motor), FREE)
     assert found.gradient < 1e-4
@@ -79,6 +82,7 @@ def test_parameters_and_noise_levels_are_found(motor, likelihood):
     assert nis_test(run).consistent
 
 
+@pytest.mark.thorough
 def test_a_nonlinear_model_by_both_filters():
     record, _ = plants.tank_record(12, 200)
     problem = Problem(plants.tank(), record, substeps=2)
@@ -95,6 +99,7 @@ def test_a_nonlinear_model_by_both_filters():
     assert "log-likelihood" in extended.sentence
 
 
+@pytest.mark.thorough
 def test_a_bound_and_a_flat_direction_are_named(motor):
     held = Problem(
         plants.robot_motor(), motor.experiments["run"].recording, {"Ra": (3.5, 6.0), "La": 1.12e-2, "J": 2.27e-8}

@@ -20,6 +20,8 @@ from plantfit.tracking import Alarm
 
 import jax
 
+pytestmark = pytest.mark.thorough
+
 
 @pytest.fixture(scope="module")
 def tracker():

@@ -83,6 +83,7 @@ def test_an_entry_of_no_parameter_is_refused(straight):
     assert straight[0].covariance.to_frame().columns == ["parameter", "a", "c"]
 
 
+@pytest.mark.thorough
 def test_residuals_are_measured_minus_simulated_and_missing_where_nothing_was_measured():
     t = np.arange(0.0, 240.0, 2.0)
     full = heated(t)
@@ -110,6 +111,7 @@ def test_a_recording_of_the_problem_is_predicted_as_simulated(heater):
 
 
 @pytest.mark.parametrize("step", [0.5, 2.0, 20.0])
+@pytest.mark.further(2)
 def test_a_new_recording_is_predicted_as_the_closed_form_says(heater, step):
     t = 100.0 + np.arange(0.0, 400.0, step)
     u = np.where((t // 40) % 3 == 0, 20.0, 60.0)
@@ -134,6 +136,7 @@ def test_one_new_value_of_one_parameter(heater):
     np.testing.assert_array_equal(heater.predict(values=heater.values)["T"], heater.predict()["T"])
 
 
+@pytest.mark.thorough
 def test_a_model_that_begins_at_the_first_measured_value_needs_one():
     t = np.arange(0.0, 200.0, 1.0)
     u = np.where((t // 25) % 2 == 0, 1.0, 0.0)
@@ -152,6 +155,7 @@ def test_a_model_that_begins_at_the_first_measured_value_needs_one():
     np.testing.assert_allclose(begun - free, 0.7 * np.exp(-t / answer.values["tau"]), atol=2e-3)
 
 
+@pytest.mark.thorough
 def test_a_value_per_recording_is_asked_for():
     t = np.arange(0.0, 120.0, 2.0)
     problem = pf.Problem(
@@ -289,6 +293,7 @@ def _elsewhere(answer, path):
 
 
 @pytest.mark.parametrize("asked", [False, True])
+@pytest.mark.thorough
 def test_an_answer_is_the_same_in_another_process(heater, tmp_path, asked):
     answer = heater if asked else dataclasses.replace(heater)
     assert bool(answer.findings) if asked else "findings" not in answer.__dict__

@@ -32,6 +32,7 @@ def answer(name, equations, record, **parameters):
 GAIN, TAU = ((0.1, 10.0), "rad/s/V"), ((0.05, 5.0), "s")
 
 
+@pytest.mark.thorough
 def test_the_model_with_the_dead_time_wins_where_there_is_one():
     record = plant_record(1, late=4)
     plain = answer("plain", "x' = (K*u - x)/tau; y = x", record, K=GAIN, tau=TAU)
@@ -46,6 +47,7 @@ def test_the_model_with_the_dead_time_wins_where_there_is_one():
     assert "late" in repr(found)
 
 
+@pytest.mark.thorough
 def test_two_forms_of_one_model_are_not_told_apart():
     record = plant_record(2)
     one = answer("one", "x' = (K*u - x)/tau; y = x", record, K=GAIN, tau=TAU)

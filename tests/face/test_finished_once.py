@@ -24,6 +24,8 @@ from plantfit.study import begin
 from plantfit.study.running import runner
 from plantfit.trust.finish.stored import finish_bytes, finish_of_bytes
 
+pytestmark = pytest.mark.thorough
+
 T = np.array([0.0, 1.0, 2.0, 4.0, 7.0, 10.0])
 STUDY = """\
 name = "growth"

@@ -56,6 +56,7 @@ def test_a_description_of_an_instance_and_of_a_model():
     assert pf.models.describe("first_order").endswith(pf.models.describe(model))
 
 
+@pytest.mark.thorough
 def test_minimise_with_what_is_exported():
     objective = pf.Objective(dimension=2, costs=lambda z: ((z - 0.3) ** 2).sum(axis=1))
     seen = []
@@ -66,6 +67,7 @@ def test_minimise_with_what_is_exported():
     assert isinstance(seen[-1], pf.Progress)
 
 
+@pytest.mark.thorough
 def test_fit_takes_an_instance():
     problem, u, y = line()
     answer = pf.fit(problem, pf.methods.make("pso"), budget=400)

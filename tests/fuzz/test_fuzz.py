@@ -28,6 +28,7 @@ def test_the_good_file_of_a_layer_is_read(layer, tmp_path):
     assert fed(layer, LAYERS[layer].good(), tmp_path) == ("read", "")
 
 
+@pytest.mark.thorough
 def test_500_inputs():
     seed = int(os.environ.get("FUZZ_SEED", time.strftime("%Y%m%d")))
     print(f"FUZZ_SEED={seed}")  # shown when the test fails
@@ -52,6 +53,7 @@ def test_many_matlab_files():
 
 
 @pytest.mark.parametrize("layer", SHAPED)
+@pytest.mark.further(2)
 def test_inputs_come_past_the_parser(layer, tmp_path):
     """Else the rooms behind it are not tried: of files that are whole and wrong inside some are read and some
     refused."""
@@ -99,6 +101,7 @@ def through_the_cli(tmp_path, *words):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork, which this system lacks")
+@pytest.mark.thorough
 def test_some_inputs_through_the_cli(tmp_path):
     assert "24 calls, 0 finds" in through_the_cli(
         tmp_path, "--inputs", "24", "--seed", "1", "--layers", "csv,store,json"

@@ -25,6 +25,7 @@ SMOOTH = (
 
 @pytest.mark.parametrize("text", SMOOTH)
 @pytest.mark.parametrize("at", [0.45, 0.8, 1.7])
+@pytest.mark.further(1)
 def test_gradient_equals_central_difference(text, at):
     function, h = value_of(text), 1e-6
     difference = (float(function(at + h)) - float(function(at - h))) / (2 * h)
@@ -51,6 +52,7 @@ def test_gradient_equals_central_difference(text, at):
         ("where(x > 0, (sin(x)/x)^0.5, 3)", 3.0),
     ],
 )
+@pytest.mark.further(12)
 def test_value_and_finite_gradient_at_zero(text, value):
     function = value_of(text)
     assert float(function(0.0)) == pytest.approx(value, abs=1e-15)
@@ -68,6 +70,7 @@ def test_values_outside_the_domain_are_not_hidden(text, value):
 @pytest.mark.parametrize(
     "model", [dc_motor(dead_time=True), drive(velocity_output=True, smooth_width=0.5)], ids=["dc_motor", "drive"]
 )
+@pytest.mark.thorough
 def test_library_jacobian_equals_central_difference(model):
     draw = np.random.default_rng(1).uniform
     names = [p.name for p in model.parameters if p.name != "Td"]

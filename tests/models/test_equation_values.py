@@ -62,6 +62,7 @@ def test_every_function_is_among_the_expressions():
 
 
 @pytest.mark.parametrize("text", EXPRESSIONS)
+@pytest.mark.further(10)
 def test_expression_against_numpy(text):
     a, b, c = np.random.default_rng(RNG_SEED).uniform(0.3, 3.0, (3, 40))
     # z is there so that every input is used
@@ -203,6 +204,7 @@ def test_library_motor_equals_its_text():
     ],
     ids=["first_order", "second_order"],
 )
+@pytest.mark.thorough
 def test_library_process_equals_its_text(model, text, states):
     written = equations(text, inputs=["u"], states=states, outputs=["y"], parameters=[p.name for p in model.parameters])
     draw = np.random.default_rng(3).uniform

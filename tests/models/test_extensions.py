@@ -39,6 +39,7 @@ WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
         "change m with t",
     ],
 )
+@pytest.mark.thorough
 def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     plant, fault = PLANTS["second"], kind
     place = write(plant, fault, 0.0, 0, tmp_path)
@@ -80,6 +81,7 @@ def test_viscous_friction_is_more_of_what_a_plant_has(tmp_path):
     np.testing.assert_allclose(with_it, bare.predict(np.array([more[n] for n in bare.space.names]))["y"], atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_derivatives_by_additions_are_exact(tmp_path):
     """Except where the input jumps on a sample; sizes are such that nothing stands on a corner."""
     place = write(PLANTS["second"], "clean", 0.01, 0, tmp_path)

@@ -65,6 +65,7 @@ def test_rounded_forms_near_and_far_from_their_corners():
     "form",
     [lambda x: smooth_abs(x, 0.2), lambda x: smooth_sat(x, -1, 2, 0.2), lambda x: smooth_deadzone(x, -1, 2, 0.2)],
 )
+@pytest.mark.further(1)
 def test_rounded_forms_have_two_smooth_derivatives(form):
     h = 1e-5
     for x in (-1.0, 0.0, 0.3, 2.0):

@@ -40,6 +40,7 @@ def states(model: Model, x0, p, times, inputs=()):
     return jnp.stack([jnp.concatenate([a[None], b]) for a, b in zip(start, later, strict=True)])
 
 
+@pytest.mark.thorough
 def test_a_ball_in_text_bounces_in_time():
     ball = equations(
         "h' = v; v' = -g; when falling(h): v = -c*v", states=["h", "v"], outputs=["h"], parameters=["g", "c"]
@@ -59,6 +60,7 @@ def test_a_ball_in_text_bounces_in_time():
 @pytest.mark.parametrize(
     "text", ["v' = (-friction(v, R))/m", "f = friction(v, R); v' = -f/m", "v' = friction(v, R)/m*(-1)"]
 )
+@pytest.mark.thorough
 def test_a_mass_in_text_slides_to_rest_and_stays(text):
     mass = equations(f"x' = v; {text}", states=["x", "v"], outputs=["x"], parameters=["R", "m"])
     times, m, v0, force = np.linspace(0.0, 2.0, 11), 2.0, 1.5, 3.0

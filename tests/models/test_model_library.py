@@ -91,6 +91,7 @@ def test_every_declaration_is_usable(name, options):
 
 
 @pytest.mark.parametrize(("name", "options"), [entry for entry in ALL if not entry[0].endswith("_regression")])
+@pytest.mark.further(6)
 def test_every_parameter_and_state_has_an_effect(name, options):
     """Shift each argument alone: at some point a derivative, output or initial state must change, and shapes must
     hold."""

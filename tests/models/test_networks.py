@@ -80,6 +80,7 @@ def ill(parts, values):
     return round((high - low) / np.log(10)) < sum(kind in ("capacitor", "inductor") for _, kind, _, _ in parts)
 
 
+@pytest.mark.thorough
 def test_random_networks_answer_as_their_descriptor_system_does_and_no_good_one_is_refused():
     rng = np.random.default_rng(5)
     compared, refused = 0, 0

@@ -44,6 +44,7 @@ def record(unit, shift):
 
 @pytest.mark.parametrize(("unit", "shift"), [("K", 0.0), ("degC", 273.15)])
 @pytest.mark.parametrize("model", [heated("T = x", "K", "T"), heated("T = x - zero", "degC", "T + zero")])
+@pytest.mark.thorough
 def test_recordings_are_converted_and_the_truth_comes_back(model, unit, shift):
     assert pf.fit(Problem(model, record(unit, shift))).values["tau"] == pytest.approx(20.0, rel=1e-6)
 

@@ -65,6 +65,7 @@ def rates(model, x, u, p):
 
 
 @pytest.mark.parametrize("angles", ["horizontal", "hanging"])
+@pytest.mark.thorough
 def test_torque_is_that_of_lagrange(angles):
     model, s = pendubot_regression(joints=(1, 2), angles=angles), motion()
     expected = lagrange(s, TRUTH, hanging=angles == "hanging")
@@ -228,6 +229,7 @@ def test_wrong_options_are_named(options, words):
         pendubot(**options)
 
 
+@pytest.mark.thorough
 def test_presliding_holds_a_link_at_rest_where_a_smoothed_sign_creeps():
     t = np.linspace(0, 3, 601)
     start = {"theta1": 0.1, "theta2": 0.0, "omega1": 0.0, "omega2": 0.0, "slide1": 0.0, "slide2": 0.0}
@@ -262,6 +264,7 @@ def test_presliding_regression_reads_the_states_of_the_recording():
     np.testing.assert_array_equal(blocks["tau2"][:, names.index("Fc2")], signals["slide2"])
 
 
+@pytest.mark.thorough
 def test_the_equations_that_plantfit_models_prints_are_those_of_the_models():
     """Written down here as they are printed: M, C and G of `pendubot`, and both torques of `pendubot_regression`."""
     s, b, cos, sin = motion(), {**base_values(TRUTH)}, np.cos, np.sin

@@ -27,6 +27,7 @@ def test_values_and_slopes(a, b):
 @pytest.mark.parametrize(
     "order", [(jax.jacfwd, jax.jacrev), (jax.jacrev, jax.jacfwd), (jax.jacfwd, jax.jacfwd), (jax.jacrev, jax.jacrev)]
 )
+@pytest.mark.further(1)
 def test_nested_derivatives(order):
     outer, inner = order
     bent = [outer(inner(f, argnums=(0, 1)), argnums=(0, 1))(1.7, -0.6) for f in (quotient, plain)]
@@ -39,6 +40,7 @@ USES = [lambda q, a, b: q(a, b), lambda q, a, b: q(a, 3), lambda q, a, b: q(2, b
 
 
 @pytest.mark.parametrize("use", USES)
+@pytest.mark.thorough
 def test_shapes_that_broadcast(use):
     a, b = jnp.asarray(np.random.default_rng(0).normal(size=(3, 1))), jnp.asarray([0.5, -2.0, 3.0, 8.0])
     ours, theirs = (

@@ -30,6 +30,7 @@ def hats(nodes, x):
 
 
 @grids
+@pytest.mark.thorough
 def test_value_is_that_of_numpy_for_arrays_and_numbers(nodes):
     values, x = RNG.normal(size=len(nodes)), points(nodes)
     expected = np.interp(x, nodes, values)
@@ -54,6 +55,7 @@ def test_slope_at_nodes_is_the_one_to_the_right_and_zero_outside(nodes):
 
 @grids
 @pytest.mark.parametrize("jacobian", [jax.jacrev, jax.jacfwd])
+@pytest.mark.further(7)
 def test_derivative_by_values_is_the_hats_and_by_x_the_difference(nodes, jacobian):
     values, x, h = RNG.normal(size=len(nodes)), points(nodes), 1e-7
     x = x[np.min(np.abs(x[:, None] - nodes), axis=1) > 10 * h]
@@ -158,6 +160,7 @@ def bilinear(values, y, u):
     return np.array([np.interp(at, PAIR[0], [row[k] for row in rows]) for k, at in enumerate(y)])
 
 
+@pytest.mark.thorough
 def test_bilinear_value_against_numpy_inside_and_outside():
     values = RNG.normal(size=(5, 3))
     y, u = RNG.uniform(-2, 4, 100), RNG.uniform(-1, 3.5, 100)
@@ -215,6 +218,7 @@ def test_table_calls_the_look_up_of_its_number_of_signals():
         (("a", "b", "c"), ((0.0, 1.0),) * 3, "one or two signals"),
     ],
 )
+@pytest.mark.thorough
 def test_tables_that_cannot_be(over, nodes, words):
     with pytest.raises(ModelError, match=words) as caught:
         Table("gain", over, nodes)

@@ -198,6 +198,7 @@ def compiled_in(problem):
     return problem.compiled["costs"].description
 
 
+@pytest.mark.thorough
 def test_recorded_numbers_are_not_compiled_in(folder):
     z = np.array([0.4, 0.6])
     equation = f"k = {int.from_bytes(os.urandom(6)) / 2**48!r}\nx' = (K*u - k*x)/tau\ny = x"  # its own, as above
@@ -341,6 +342,7 @@ def test_what_is_compiled_with_care_is_another_program(folder):
     np.testing.assert_allclose(*made, rtol=1e-14)
 
 
+@pytest.mark.thorough
 def test_a_second_process_reads_what_the_first_one_kept(tmp_path):
     text = """
 import sys, numpy as np
@@ -387,6 +389,7 @@ kept_programs._made = lambda f, k, name, jitted, *a: (
     return subprocess.run(command, env=environment, capture_output=True, text=True, check=True).stdout.split()
 
 
+@pytest.mark.thorough
 def test_what_is_kept_is_not_written_into_xla_s_cache_as_well(tmp_path):
     text = """
 import jax
@@ -404,6 +407,7 @@ print(len(made))
     assert programs(tmp_path / "cache" / "programs")
 
 
+@pytest.mark.thorough
 def test_a_second_process_searches_with_the_programs_of_the_first(tmp_path):
     """Generations of a population method (CMA-ES calls LAPACK in them), in blocks and apart, and the candidates of one
     that drives itself."""
@@ -424,6 +428,7 @@ print("made", *sorted(set(made)))
 
 # a key and an executable of the blocks; those of asking, and the key of telling, whose text is the same
 @pytest.mark.parametrize(("few", "more"), [(False, 2), (True, 3)])
+@pytest.mark.thorough
 def test_other_settings_of_a_search_are_another_program(folder, monkeypatch, few, more):
     monkeypatch.setattr(population_loop, "worth_it", lambda *_: few)
 

@@ -70,6 +70,7 @@ INDEXED = {
 
 
 @pytest.mark.parametrize("name", INDEXED)
+@pytest.mark.further(7)
 def test_indexing(name):
     def body(c, i):
         value = INDEXED[name](i + c)
@@ -101,6 +102,7 @@ SHAPES = {
 
 
 @pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.further(6)
 def test_shapes(name):
     def body(c, x):
         c = 0.9 * c + x
@@ -138,6 +140,7 @@ def test_gradient_of_a_table_is_accumulated():
     compare(body, (jnp.zeros(9), 0.2), np.linspace(0, 1, K))
 
 
+@pytest.mark.thorough
 def test_scatter_into_a_carried_table():
     def body(c, x):
         table, i = c

@@ -48,6 +48,7 @@ AXES = [
 
 @pytest.mark.parametrize("axes", AXES)
 @pytest.mark.parametrize("size", [1, 33, 70])
+@pytest.mark.further(5)
 def test_one_axis(axes, size):
     full = data(size)
     args = [a if axis == 0 else jax.tree.map(lambda v: v[0], a) for a, axis in zip(full, axes, strict=True)]
@@ -63,6 +64,7 @@ PAIRS = [
 
 
 @pytest.mark.parametrize(("inner", "outer"), PAIRS)
+@pytest.mark.further(2)
 def test_two_axes(inner, outer):
     sizes = 5, 18
     args = []
@@ -91,6 +93,7 @@ def test_three_axes_and_rows_along_the_last():
 
 
 @pytest.mark.parametrize("rows", [None, 0])
+@pytest.mark.thorough
 def test_same_bits_in_every_batch_and_order(rows):
     p, table, x0, xs = data(70)
     if rows is None:

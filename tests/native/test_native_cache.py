@@ -39,6 +39,7 @@ def _native():
         pytest.skip("native loops are off here: no llvmlite, or PLANTFIT_NATIVE=0")
 
 
+@pytest.mark.thorough
 def test_broken_files_are_compiled_anew(tmp_path):
     assert loop(tmp_path)[0] == 2  # the loop, and the probe of the interface
     assert loop(tmp_path)[0] == 0
@@ -86,6 +87,7 @@ def test_code_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="rights of folders are those of POSIX")
+@pytest.mark.thorough
 def test_a_folder_that_others_can_write_to_is_not_used(tmp_path):
     assert loop(tmp_path)[0] == 2
     for folder, mode in ((tmp_path, 0o777), (tmp_path / "native", 0o775), (tmp_path / "native", 0o703)):
@@ -101,6 +103,7 @@ def test_a_folder_that_others_can_write_to_is_not_used(tmp_path):
 
 @pytest.mark.skipif(os.name != "posix", reason="rights of folders are those of POSIX")
 @pytest.mark.parametrize("home", ["/proc", "", "A FILE"])
+@pytest.mark.further(1)
 def test_no_home_costs_time_only(home, tmp_path):
     (tmp_path / "file").write_text("")
     if home == "":  # neither a name nor a home

@@ -117,6 +117,7 @@ def test_branches(which):
 
 @pytest.mark.parametrize("handed", ["number", "constant", "of all lanes", "array", "both"])
 @pytest.mark.parametrize("inside", [False, True])
+@pytest.mark.further(2)
 def test_a_branch_that_hands_on_what_is_there(handed, inside):
     """Its lanes keep that, those of the other branch get theirs; also in a loop that some lanes have left."""
     given = {

@@ -42,6 +42,7 @@ def _native():
         pytest.skip("native loops are off here: no llvmlite, or PLANTFIT_NATIVE=0")
 
 
+@pytest.mark.thorough
 def test_this_jaxlib_serves_the_interface(tmp_path):
     assert refusal() is None
     assert engine() == "native"
@@ -57,6 +58,7 @@ def test_this_jaxlib_serves_the_interface(tmp_path):
         ("handler.SIZES = (168, 40, 40, 56)", "structs have the sizes [168, 40, 40, 48]"),
     ],
 )
+@pytest.mark.further(1)
 def test_another_interface_ends_in_scan_with_one_sentence(change, said, tmp_path):
     result, *told = lines(change, tmp_path)
     assert result == "4.3125 scan False"

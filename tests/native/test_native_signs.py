@@ -41,6 +41,7 @@ def run(function, values):
 
 
 @pytest.mark.parametrize("seed", range(12))
+@pytest.mark.further(2)
 def test_bits_are_those_of_the_code_with_its_signs(seed, monkeypatch):
     function = expression(np.random.default_rng(seed))
     values = tuple(jnp.asarray(a) for a in np.random.default_rng(seed + 100).normal(size=(4, 50)))

@@ -188,6 +188,7 @@ def slow_walks(lanes, steps):
 
 @NEEDED
 @pytest.mark.parametrize("lanes", [1, 3, 8, 20, 37])
+@pytest.mark.further(4)
 def test_shares_of_two_neighbours_are_kept_as_their_sum_and_one_of_them(lanes):
     rows = slow_walks(max(lanes, 3), 200)
     rows = tuple(a[:lanes] for a in rows)

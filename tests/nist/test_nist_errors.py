@@ -19,6 +19,7 @@ def fitted(name, folder):
 
 
 @pytest.mark.parametrize("name", sorted(set(MODELS) - {"Lanczos3"}))
+@pytest.mark.further(4)
 def test_standard_errors_are_the_certified_ones(name, tmp_path):
     found = fitted(name, tmp_path)
     rows = found.findings["parameters"]

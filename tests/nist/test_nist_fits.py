@@ -15,6 +15,7 @@ def digits(found, expected):
 
 @pytest.mark.parametrize("start", [1, 2, None], ids=["start 1", "start 2", "no start"])
 @pytest.mark.parametrize("name", MODELS)
+@pytest.mark.further(11)
 def test_certified_values_to_six_digits(name, start, tmp_path):
     loaded = study(name, tmp_path, start=start)
     method = loaded.plan.methods[0]
@@ -39,11 +40,13 @@ def assert_certified(name, answer):
 
 @pytest.mark.parametrize("start", [1, 2])
 @pytest.mark.parametrize("name", MODELS)
+@pytest.mark.further(2)
 def test_default_settings_from_both_starts_in_a_wide_box(name, start, tmp_path):
     assert_certified(name, fit(wide_study(name, tmp_path, start=start).problem))
 
 
 @pytest.mark.parametrize("name", MODELS)
+@pytest.mark.further(4)
 def test_default_settings_from_no_start_in_a_wide_box(name, tmp_path):
     assert_certified(name, fit(wide_study(name, tmp_path, start=None).problem))
 

@@ -39,6 +39,7 @@ def both(monkeypatch, *args, **kwargs):
 
 
 @pytest.mark.parametrize("method", [pytest.param(n, marks=() if n in OFTEN else pytest.mark.slow) for n in POPULATIONS])
+@pytest.mark.thorough
 def test_bits_are_those_of_blocks(monkeypatch, method):
     # runs that end one after another, so that some of a generation no longer count
     assert same(*both(monkeypatch, corner(3), method, runs=3, budget=900, seed=5, stagnation=200))

@@ -60,6 +60,7 @@ def _one_generation(method, n, seed=3):
     return np.asarray(x), f, told
 
 
+@pytest.mark.thorough
 def test_one_update_of_the_full_matrix():
     n, sigma = 4, 0.05
     x, f, told = _one_generation(CmaEs(sigma=sigma), n)
@@ -95,6 +96,7 @@ def test_one_update_of_the_scales():
     assert np.allclose(told.shape.scales, np.exp(change / 2), atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_decoding_keeps_its_matrix_through_a_refresh():
     method = DecodingCmaEs()
     _, _, told = _one_generation(method, 5)
@@ -107,6 +109,7 @@ def test_decoding_keeps_its_matrix_through_a_refresh():
 
 
 @pytest.mark.parametrize("kind", FAMILY)
+@pytest.mark.thorough
 def test_failed_candidates_have_no_weight(kind):
     method = kind(sigma=0.1)
     state = method.init(jax.random.key(0), Facts(3, 1000))
@@ -163,6 +166,7 @@ def test_own_candidates_that_were_rounded_otherwise_are_not_foreign(kind, bounds
 
 
 @pytest.mark.parametrize("name", ["cmaes", "dd_cmaes", "bipop_cmaes"])
+@pytest.mark.thorough
 def test_warm_start_stays_in_its_valley(name):
     def two_valleys(x):
         # the narrow one, far from most of the cube, is the shallower
@@ -257,6 +261,7 @@ def test_ipop_doubles_and_bipop_shares_its_budget(monkeypatch):
     assert all(limits)
 
 
+@pytest.mark.thorough
 def test_restarts_end_a_flat_search():
     [r] = minimise(Objective(2, lambda x: 0.0 * x[:, 0]), "cmaes", budget=50_000, settings={"restarts": 2})
     assert r.status == "converged"

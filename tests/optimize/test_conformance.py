@@ -30,6 +30,7 @@ def pairs():
 
 
 @pytest.mark.parametrize(("method", "check"), list(pairs()))
+@pytest.mark.further(9)
 def test_conformance(method, check):
     check(method)
 
@@ -76,6 +77,7 @@ class Cut(RandomSearch):
     ],
     ids=["outside", "cut", "stuck", "centred"],
 )
+@pytest.mark.further(2)
 def test_suite_catches(broken, check, words):
     with pytest.raises(AssertionError, match=words):
         check(broken)

@@ -18,6 +18,7 @@ def bowl(x, data):
 
 
 @pytest.mark.parametrize("method", ["cmaes", "shade"])
+@pytest.mark.thorough
 def test_other_data_compile_nothing_and_the_bits_are_those_of_constants(method):
     TRACED.clear()
     counts = []

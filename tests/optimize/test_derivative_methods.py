@@ -37,6 +37,7 @@ def test_misra1a(method, digits):
 
 
 @pytest.mark.parametrize("method", ["least_squares", "auto", "lbfgsb"])
+@pytest.mark.further(1)
 def test_best_of_many_minima(method):
     results = minimise(from_residuals(wave, 2), method, runs=5, budget=3000, seed=1)
     assert all(abs(r.x[0] - 0.62) < 1e-3 for r in results)
@@ -78,6 +79,7 @@ def test_robust_loss_shrugs_off_outliers(loss):
     np.testing.assert_allclose(robust.x, reference.x, atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_auto_says_why():
     full = from_residuals(wave, 2)
     assert "residuals" in minimise(full, "auto", budget=500)[0].extra["reason"]

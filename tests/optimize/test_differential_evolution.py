@@ -255,6 +255,7 @@ def test_next_population_by_hand(method, rounding, sizes):
 
 @pytest.mark.parametrize("rounding", ["down", "nearest"])
 @pytest.mark.parametrize("method", ["lshade", "dish"])
+@pytest.mark.thorough
 def test_population_shrinks_linearly_and_the_budget_is_used(method, rounding):
     chosen, budget = ready(method, population=30, rounding=rounding), 900
     counter = Counter(bowl(3), budget)
@@ -276,6 +277,7 @@ def test_population_shrinks_linearly_and_the_budget_is_used(method, rounding):
     assert r.status is Status.budget
 
 
+@pytest.mark.thorough
 def test_only_live_candidates_reach_the_cost():
     """The calls of the cost, counted from inside, match the packed live candidates of all runs."""
     calls = []
@@ -295,6 +297,7 @@ def test_only_live_candidates_reach_the_cost():
     assert sum(calls) < 2.5 * spent
 
 
+@pytest.mark.thorough
 def test_shrinking_runs_keep_their_bits_in_any_company(monkeypatch):
     method = "lshade"
     together = minimise(corner(3), method, runs=5, budget=700, seed=7)
@@ -311,6 +314,7 @@ def test_shrinking_runs_keep_their_bits_in_any_company(monkeypatch):
         assert history(a) == history(b) == history(c)
 
 
+@pytest.mark.thorough
 def test_failures_are_counted_once_per_evaluation():
     [r] = minimise(hopeless(2), "lshade", budget=300, seed=1)
     assert r.failures == r.evaluations
@@ -326,6 +330,7 @@ def ellipsoid(x):
 
 
 @pytest.mark.parametrize("method", FAMILY)
+@pytest.mark.further(1)
 def test_ellipsoid_in_five_dimensions(method):
     results = minimise(Objective(5, ellipsoid), method, runs=5, budget=10_000, seed=3)
     assert np.median([r.cost for r in results]) < 1e-6
@@ -351,6 +356,7 @@ def test_strategies_of_de_follow_their_formula(strategy):
 
 
 @pytest.mark.parametrize("method", ["de", "lshade"])
+@pytest.mark.further(1)
 def test_collapsed_population_begins_anew(method):
     chosen = ready(method, population=8, restarts=1)
     state = chosen.init(jax.random.key(0), Facts(2, 1000))
@@ -380,6 +386,7 @@ def test_failed_members_are_no_parents():
         assert np.asarray(ask(jax.random.key(key), told)[0]).max() < 0.95 - 0.2
 
 
+@pytest.mark.thorough
 def test_distances_weigh_in_the_unit_cube():
     """Stretching the box leaves every bit of DISH as it is: it sees the cube only."""
     one, two = (

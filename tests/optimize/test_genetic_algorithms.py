@@ -229,6 +229,7 @@ def test_linear_schedule_ends_with_small_moves():
         ("elite_ga", {}, 0.0, 1e-3),
     ],
 )
+@pytest.mark.further(1)
 def test_median_on_the_sphere(method, settings, low, high):
     results = minimise(Objective(D, sphere), method, runs=9, budget=20_000, seed=3, settings=settings)
     assert low <= np.median([r.cost for r in results]) < high
@@ -243,6 +244,7 @@ def _bias(method, settings):
 
 
 @pytest.mark.parametrize(("method", "settings"), [("cga", {"crossover": "sbx"}), ("binary_ga", {}), ("elite_ga", {})])
+@pytest.mark.thorough
 def test_best_points_on_noise_are_uniform(method, settings):
     assert _bias(method, settings) < 0.03
 

@@ -177,6 +177,7 @@ def test_a_leaf_that_ended_stays_where_it_ended():
     assert np.max(np.diag(leaf.covariance)) < 1e-12
 
 
+@pytest.mark.thorough
 def test_leaves_of_many_parameters_learn_scales_first():
     seed = np.full(120, 0.4)
     leaf = Deme(1, climbers(120, 20, 5), Facts(120, 10_000), jax.random.key(1), seed, 0.05)
@@ -200,6 +201,7 @@ def test_basins_of_two_bowls_get_a_leaf_each():
     assert len(tree.active(1)) <= method.children
 
 
+@pytest.mark.thorough
 def test_rastrigin_is_solved_better_than_by_the_published_rules():
     """pyhms reaches 7.96 with its defaults and 1.99 repaired: 6-D, 20 000 evaluations, medians."""
     optimum = 0.15 + 0.6 * ((np.arange(6) * 0.618034) % 1.0)

@@ -37,6 +37,7 @@ def rosenbrock(x):
         ("cmaes", rosenbrock, {}, 1e-9),
     ],
 )
+@pytest.mark.further(2)
 def test_median_of_five(method, function, settings, bound):
     results = minimise(Objective(D, function), method, runs=5, budget=20_000, seed=3, settings=settings)
     assert np.median([r.cost for r in results]) < bound

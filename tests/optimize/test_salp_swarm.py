@@ -35,6 +35,7 @@ def test_followers_move_one_after_another(n, leaders):
     [("published", 0.5, 5), ("paper", 0.5, 1), ("published", 0.0, 1), ("published", 1.0, N)],
 )
 @pytest.mark.parametrize("low", [-5.0, 0.0, 2.5])
+@pytest.mark.further(3)
 def test_generation_in_units(variant, share, leaders, low):
     """One generation against the equations in raw coordinates, with the same random numbers."""
     method = SalpSwarm(population=N, variant=variant, leaders=share)
@@ -97,6 +98,7 @@ def test_shift_invariant_has_the_same_bits_in_every_box():
     assert np.median(near) < 1e-9
 
 
+@pytest.mark.thorough
 def test_published_gets_worse_far_from_zero_and_paper_is_worse_still():
     near, far, paper = _sphere("published", -5), _sphere("published", 100), _sphere("paper", -5)
     assert np.median(near) < 1e-10
@@ -112,6 +114,7 @@ def _noise(variant, low):
     return np.mean((x == 0) | (x == 1)), stats.kstest(x, "uniform").statistic
 
 
+@pytest.mark.thorough
 def test_structural_bias_on_noise():
     """Published: towards the bounds, growing with their distance from zero; shift invariant: as mild everywhere."""
     near, far, ours = _noise("published", -5), _noise("published", 100), _noise("shift_invariant", 100)

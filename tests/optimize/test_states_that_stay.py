@@ -21,6 +21,7 @@ def plain(function, given, state):
 
 @pytest.mark.parametrize("method", ["cmaes", "dd_cmaes", "shade", "pso"])
 @pytest.mark.parametrize("budget", [400, 30_000])  # apart, and in blocks
+@pytest.mark.thorough
 def test_the_bits_are_those_of_a_plain_map(monkeypatch, method, budget):
     def searched():
         jax.clear_caches()

@@ -289,6 +289,7 @@ OFTEN = ["lag, free start", "nonlinear before linear", "event at a state"]
         for name in MOVING
     ],
 )
+@pytest.mark.further(2)
 def test_residuals_are_affine_to_rounding_in_what_is_found(name, stepper):
     lines, names, _, settings = TEXTS[name]
     made = problem(text(lines, names, **settings), stepper=stepper)

@@ -32,6 +32,7 @@ OPTIMUM = {"k1": 5.9259e-5, "k2": 2.9634e-5, "k3": 2.0473e-5, "k4": 27.449e-5, "
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.thorough
 def test_a_fit_in_five_decades_ends_in_the_published_optimum(seed):
     states = {f"x{k}": {"initial": 100.0 if k == 1 else 0.0} for k in range(1, 6)}
     model = equations(MODEL, states=states, outputs=list(SHARES), parameters=list(OPTIMUM))

@@ -136,6 +136,7 @@ def _random(rng: np.random.Generator, depth: int) -> Callable:
 
 
 @pytest.mark.parametrize("seed", range(60))
+@pytest.mark.further(26)
 def test_random_functions_are_affine_where_it_is_said(seed):
     rng = np.random.default_rng(seed)
     function, n = _random(rng, 5), 5

@@ -54,6 +54,7 @@ def compared(record, declared):
 
 @pytest.mark.parametrize("declared", ["previous", "linear"])
 @pytest.mark.parametrize("truth", ["previous", "linear"])
+@pytest.mark.further(3)
 def test_the_hold_of_the_record_is_found_whatever_is_declared(truth, declared):
     problem = Problem(LAG, recorded(truth, 0.01), hold={"u": declared}, stepper="exact", substeps=1)
     (first,) = check_holds(problem, Z)
@@ -112,6 +113,7 @@ def with_free_clock():
 
 
 @pytest.mark.parametrize("by", [pytest.param(0.13, marks=pytest.mark.slow), -0.21])
+@pytest.mark.thorough
 def test_a_shift_between_clocks_is_a_parameter_of_either_sign(by):
     answer = pf.fit(with_free_clock().with_recordings({"run": shifted(by)}), seed=1)
     assert answer.values["clock_shift_u"] == pytest.approx(by, abs=0.01)
@@ -165,6 +167,7 @@ bounds = [-0.3, 0.3]
 """
 
 
+@pytest.mark.thorough
 def test_a_study_file_frees_a_clock_and_check_tells_the_hold(tmp_path, monkeypatch, capsys):
     from typer.testing import CliRunner
 

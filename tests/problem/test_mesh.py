@@ -183,6 +183,7 @@ def test_a_pole_is_no_lack_of_evaluations_and_a_lack_of_them_is_no_pole():
     assert short.spent
 
 
+@pytest.mark.thorough
 def test_a_mesh_of_a_box_that_nothing_follows_is_given_up_for_adaptive_steps(monkeypatch):
     """A tenth of this box swings two hundred times and more in a record: no mesh is fine enough for nine tenths of
     it."""

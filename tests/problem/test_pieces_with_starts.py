@@ -134,6 +134,7 @@ def test_a_chaotic_record_is_fitted_in_pieces(well):
     assert all("forgets" not in s["sentence"] for s in answer.findings["verdict"])
 
 
+@pytest.mark.thorough
 def test_in_one_piece_it_is_told_with_the_lines_to_write_and_not_diagnosed(well):
     answer = pf.fit(spec.load(well()).problem, budget=400, seed=1)
     said = [s["sentence"] for s in answer.findings["verdict"]]

@@ -40,6 +40,7 @@ def mean_of_means(problem: Problem) -> float:
 
 
 @pytest.mark.parametrize("steady", [False, True])
+@pytest.mark.further(1)
 def test_cost_is_the_mean_of_the_recordings_mean_squares(steady):
     records = {
         "long": step(400, 2.0, "long"),

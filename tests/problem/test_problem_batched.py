@@ -81,6 +81,7 @@ def test_every_stepper_is_held_to_a_plain_loop():
 
 
 @each_case
+@pytest.mark.further(1)
 def test_residuals_have_order_and_values_of_a_plain_loop(name):
     q = prepared(name)
     for z in q.zs:
@@ -88,6 +89,7 @@ def test_residuals_have_order_and_values_of_a_plain_loop(name):
 
 
 @each_case
+@pytest.mark.further(2)
 def test_jacobian_is_the_slope_of_the_plain_loop(name):
     q = prepared(name)
     jacobian = q.call("residuals_and_jacobian", q.zs[1])[1]
@@ -97,6 +99,7 @@ def test_jacobian_is_the_slope_of_the_plain_loop(name):
 
 
 @each_case
+@pytest.mark.further(2)
 def test_costs_of_several(name):
     q = prepared(name)
     close(q.call("costs", q.zs), [np.mean(plain_residuals(q.case, q.problem, z) ** 2) for z in q.zs], 1e-11)
@@ -118,6 +121,7 @@ def test_cost_of_one(name):
         pytest.param("rk4", marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.further(1)
 def test_gradients(name):
     q = prepared(name)
     f, g = q.call("values_and_gradients", q.zs)
@@ -134,6 +138,7 @@ def test_gradients(name):
         for n in CASES
     ],
 )
+@pytest.mark.thorough
 def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
     q = prepared(name)
     batched = q.problem.evaluator
@@ -167,6 +172,7 @@ def test_blocks_of_records_side_by_side_and_in_chunks_agree(name, monkeypatch):
         if n != "one late input, new at every sample"
     ],
 )
+@pytest.mark.thorough
 def test_records_together_one_by_one_and_in_chunks_give_costs_of_the_same_bits(name, monkeypatch):
     q = prepared(name)
     batched, numbers = q.problem.evaluator, q.problem.arguments
@@ -206,6 +212,7 @@ def test_records_of_very_unequal_length_are_not_filled_up():
 
 
 @pytest.mark.parametrize("name", [SOME[0], *(pytest.param(n, marks=pytest.mark.slow) for n in SOME[1:])])
+@pytest.mark.thorough
 def test_residuals_and_jacobian_equal_those_record_by_record(name):
     q = prepared(name)
     for own, plain in zip(
@@ -215,6 +222,7 @@ def test_residuals_and_jacobian_equal_those_record_by_record(name):
 
 
 @some_cases
+@pytest.mark.further(2)
 def test_few_rows_keep_mean_square_gradient_and_gauss_newton_matrix(name):
     q = prepared(name)
     r, jacobian = map(np.asarray, q.call("residuals_and_jacobian", q.zs[2]))

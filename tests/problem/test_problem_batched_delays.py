@@ -133,6 +133,7 @@ def test_the_tight_cost_is_that_of_the_tight_solver(kind):
 
 
 @pytest.mark.parametrize("kind", [pytest.param("step", marks=pytest.mark.slow), "held", "interpolated"])
+@pytest.mark.thorough
 def test_slope_by_dead_time_is_that_of_a_tight_cost(kind):
     expected, places = tight_slopes(kind), np.array(list(DELAYS.values()))
     scale = np.max(np.abs(gradients(kind, 4, np.linspace(0.0, 1.0, 20))[:, 0]))
@@ -150,6 +151,7 @@ def test_slope_by_dead_time_is_that_of_a_tight_cost(kind):
 
 
 @pytest.mark.parametrize("kind", [pytest.param("step", marks=pytest.mark.slow), "held", "interpolated"])
+@pytest.mark.thorough
 def test_slope_by_dead_time_at_the_default_step_on_samples_and_bounds(kind):
     """Within 1 % at the default step, 0.1 % after two halvings."""
     hold = {"u": "linear" if kind == "interpolated" else "previous"}
@@ -165,6 +167,7 @@ def test_slope_by_dead_time_at_the_default_step_on_samples_and_bounds(kind):
 
 
 @pytest.mark.parametrize("kind", GAINS)
+@pytest.mark.thorough
 def test_slope_by_table_entries_is_that_of_a_tight_cost(kind):
     h, delays = 1e-3, (0.53, 1.0)
     for i, delay in enumerate(delays):

@@ -61,6 +61,7 @@ def made(name):
 
 
 @pytest.mark.parametrize("name", ["ball", pytest.param("stick", marks=pytest.mark.slow), "late"])
+@pytest.mark.further(1)
 def test_derivatives_equal_differences_and_costs_equal_residuals(name):
     problem, truth = made(name)
     z = problem.space.cube(problem.space.vector(truth)) * 0.97 + 0.01
@@ -115,6 +116,7 @@ def test_the_check_at_the_answer_is_one_that_knows_these_models(name):
     assert found.max_error < 2e-4
 
 
+@pytest.mark.thorough
 def test_late_states_choose_their_own_steps():
     problem, _ = made("late")
     free = Problem(problem.model, problem.experiments["recording"].recording)

@@ -15,6 +15,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
+@pytest.mark.further(2)
 def test_residuals_are_the_same_with_and_without_derivatives(name):
     problem = CASES[name].problem()
     assert shared(problem)

@@ -61,6 +61,7 @@ def test_at_rest_the_model_equals_the_roots_of_its_equation():
 
 
 @pytest.mark.parametrize("order", [("run", "curve"), ("curve", "run")])
+@pytest.mark.thorough
 def test_moving_and_steady_records_in_one_problem_equal_record_by_record(order):
     records = {"run": Experiment(run()), "curve": Experiment(curve(0.05), steady=True)}
     problem = Problem(model(), {n: records[n] for n in order}, substeps=2)
@@ -86,6 +87,7 @@ def with_noise(record, rms, seed):
     ("order", "noise"),
     [pytest.param(("run", "curve"), 0.0, marks=pytest.mark.slow), (("curve", "run"), 0.002)],
 )
+@pytest.mark.thorough
 def test_a_fit_of_both_finds_all_parameters(order, noise):
     records = {
         "run": Experiment(with_noise(run(), noise, 1)),

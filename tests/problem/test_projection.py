@@ -122,6 +122,7 @@ def slopes(function, at: np.ndarray, h: float = 1e-5) -> np.ndarray:
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.further(13)
 def test_the_cost_is_the_least_over_the_linear_coordinates(kind):
     p, projection = made(kind), projected_kind(kind)
     places, kept = projection.solved, projection.kept
@@ -148,6 +149,7 @@ def test_the_cost_is_the_least_over_the_linear_coordinates(kind):
 
 @pytest.mark.parametrize("full", [False, True], ids=["kaufman", "full"])
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.further(19)
 def test_rows_have_the_cost_and_the_exact_gradient(kind, full):
     projection = projected_kind(kind, full)
     zn = points(projection)
@@ -165,6 +167,7 @@ def test_rows_have_the_cost_and_the_exact_gradient(kind, full):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.further(12)
 def test_a_sample_costs_what_the_answer_costs(kind):
     projection = projected_kind(kind)
     zn = points(projection, 8)
@@ -175,6 +178,7 @@ def test_a_sample_costs_what_the_answer_costs(kind):
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.further(6)
 def test_rows_above_a_limit_are_left_after_their_cost(kind):
     projection = projected_kind(kind)
     zn = points(projection, 6)
@@ -204,6 +208,7 @@ def test_a_row_that_is_left_and_a_sample_cost_one_jacobian():
 @pytest.mark.parametrize(
     "kind", [k for k in KINDS if k not in ("process", "two outputs", "balance", "at rest", "tied")]
 )
+@pytest.mark.further(6)
 def test_full_derivatives_are_those_of_the_residuals_at_the_answer(kind):
     p, projection, simple = made(kind), projected_kind(kind, True), projected_kind(kind)
     zn = points(projection)

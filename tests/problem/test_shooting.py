@@ -49,6 +49,7 @@ def values(problem: Problem, z: np.ndarray) -> np.ndarray:
     return np.asarray(problem.space.physical(z))
 
 
+@pytest.mark.thorough
 def test_an_oscillation_over_fifty_periods_is_found_from_anywhere():
     problem = oscillation()
     floor = cost(problem, problem.space.cube(list(OSCILLATION.values())))
@@ -66,6 +67,7 @@ def test_fit_with_shooting_ends_at_the_floor():
     assert answer.best.method == "least_squares"
 
 
+@pytest.mark.thorough
 def test_a_balanced_pendulum_is_found_where_single_shooting_runs_away():
     """In ten seconds a deviation grows by e^29: at the true parameters the plain cost is step errors grown large."""
     problem = balanced()
@@ -98,6 +100,7 @@ def test_chaos_is_found_from_anywhere():
     assert sum(cost(problem, plain_fit(problem, z)) < 10 * floor for z in tries) == 0
 
 
+@pytest.mark.thorough
 def test_on_a_stable_plant_with_dead_time_the_answer_is_that_of_single_shooting():
     problem = Problem(lag(), lag_recording(irregular=True), substeps=2)
     near = problem.space.cube([1.5, 1.0, 0.4])
@@ -128,6 +131,7 @@ def test_the_unit_of_the_output_does_not_matter():
     assert other.gap < 1e-6
 
 
+@pytest.mark.thorough
 def test_the_origin_of_time_does_not_matter():
     problem, late = settling(), lag_recording()
     late = Problem(lag(), Recording(late.t + 4096.0, late.signals), substeps=2)

@@ -42,6 +42,7 @@ def begun_at_the_whole(shooting: Shooting, z: np.ndarray):
     "options",
     [pytest.param({}, marks=pytest.mark.slow), {"irregular": True}, {"hold": {"u": "linear"}}, {"before": {"u": 3.0}}],
 )
+@pytest.mark.further(1)
 def test_segments_of_a_late_input_join_to_the_whole_simulation(options):
     problem = lag_problem(**options)
     shooting = Shooting.of(problem, segments=12)

@@ -107,6 +107,7 @@ def mixed():
 
 
 @pytest.mark.parametrize("kind", ["steam", "curve", pytest.param("mixed", marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_every_form_of_the_cost_is_the_same(kind):
     if kind == "curve":
         problem = smoothed((2.0,), *noisy(n=40))

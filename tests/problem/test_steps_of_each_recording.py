@@ -46,6 +46,7 @@ def shares(problem, z):
     return {v.recording: v.rms_error / NOISE for v in verify(problem, z)}
 
 
+@pytest.mark.thorough
 def test_what_many_quiet_recordings_hide_in_their_mean_is_refined(recordings):
     problem = Problem(BENT, recordings)
     z = problem.space.cube(problem.space.vector({"c": 2.0}))

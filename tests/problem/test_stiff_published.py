@@ -66,6 +66,7 @@ def made(name):
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=pytest.mark.slow) if n in ("hires", "oregonator", "robertson") else n for n in CASES]
 )
+@pytest.mark.thorough
 def test_simulated_at_given_values(name):
     problem, z, exact = made(name)
     shown, error = steps_and_error(choose_substeps(problem), z)
@@ -78,6 +79,7 @@ def test_simulated_at_given_values(name):
         assert abs(y[output][-1] - end) < 1e-3 * width, output
 
 
+@pytest.mark.thorough
 def test_a_fineness_that_rounding_does_not_allow_gives_way_to_a_coarser_one():
     problem, z, _ = made("robertson")
     fine = _adaptive(problem, lambda *_: 0.0, z[None, :], 1.0, 64)

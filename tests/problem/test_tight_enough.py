@@ -64,6 +64,7 @@ def true_cost(problem):
     return float(np.mean(r[np.isfinite(r)] ** 2))
 
 
+@pytest.mark.thorough
 def test_an_exact_simulation_is_confirmed_where_the_tight_solver_alone_is_off():
     problem, z = at(256)
     true = true_cost(problem)
@@ -78,6 +79,7 @@ def test_an_exact_simulation_is_confirmed_where_the_tight_solver_alone_is_off():
     assert error.rms_error["y_observable_LateEffector"] < 0.01 * SCALES["LateEffector"]
 
 
+@pytest.mark.thorough
 def test_a_simulation_that_is_off_is_still_told():
     problem, z = at(32)
     true = true_cost(problem)

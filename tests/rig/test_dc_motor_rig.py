@@ -176,6 +176,7 @@ def test_a_period_tells_of_the_speed_at_its_end_not_of_half_a_step_ago():
 
 
 @pytest.mark.parametrize("seeds", [1, pytest.param(3, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_errors_of_a_repeated_drive_come_back_unless_the_voltage_wanders(seeds):
     """Square waves of 5 s in which a motor settles: one settled reading says something of that 5 s later."""
 

@@ -54,6 +54,7 @@ def tuned(tmp_path):
     return file
 
 
+@pytest.mark.thorough
 def test_the_board_is_driven_to_its_set_points(capsys, monkeypatch, program, tuned, tmp_path):
     with running(program, "--truth", tmp_path / "truth", "--watchdog", 3000) as port:
         said = call(
@@ -97,6 +98,7 @@ def assert_driven_as_read(controller, got, truth):
 
 
 @pytest.mark.parametrize("kind", [pytest.param("lqi", marks=pytest.mark.slow), "mpc"])
+@pytest.mark.thorough
 def test_an_lqi_and_an_mpc_drive_the_board_as_well(capsys, monkeypatch, program, tmp_path, kind):
     """For the motor that the host's firmware simulates (firmware/host/sim_motor.c), without its winding and its dry
     friction."""

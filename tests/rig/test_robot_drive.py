@@ -107,6 +107,7 @@ def held(folder, seeds):
     return np.array(inside)
 
 
+@pytest.mark.thorough
 def test_the_camera_tells_wheels_and_track(tmp_path):
     # 3 intervals that hold in 95 %: 1 or none does in 0.7 % of all cases
     assert held(tmp_path, (1,)).sum() >= 2

@@ -134,6 +134,7 @@ def test_what_rounding_leaves_at_rest_asks_for_no_steps(text):
 
 
 @pytest.mark.parametrize("count", [pytest.param(2, marks=pytest.mark.slow), pytest.param(6, marks=pytest.mark.slow), 4])
+@pytest.mark.thorough
 def test_derivatives_run_in_native_loops_whatever_the_number_of_states(count, monkeypatch):
     """As XLA's loops they took 10 s for an interval: all the trials that an interval may have are worked off there."""
 
@@ -196,6 +197,7 @@ def test_functions_of_the_linear_part_are_exponential_or_say_their_error(n):
     assert exact > 25
 
 
+@pytest.mark.thorough
 def test_states_that_begin_at_zero_one_behind_another_take_few_steps(monkeypatch):
     """Each grows by a higher power of time: as a share of itself its error is large however short a step is."""
     text = "a' = g - a + 0*u\nb' = c*a - b\nd' = m*b^2 - d\nx' = d - x^2\ny = x"
@@ -212,6 +214,7 @@ def test_states_that_begin_at_zero_one_behind_another_take_few_steps(monkeypatch
     assert found[1] < 2e-4
 
 
+@pytest.mark.thorough
 def test_sharp_friction_is_followed_where_equal_steps_are_far_off():
     problem, exact = sampled_coarsely()
     found = errors(problem, TRUTH, (1, 2, 4, 8))
@@ -297,6 +300,7 @@ def replayed(pair, p, x, u, shares):
         yield x[0]
 
 
+@pytest.mark.thorough
 def test_derivatives_are_those_of_the_steps_as_they_are():
     t, u = np.arange(12) * PERIOD, 2.0 * np.sin(0.5 * np.arange(12))
     problem = adaptively(problem_of(PENDULUM, OWN, t=t, u=u), 2)
@@ -336,6 +340,7 @@ def test_what_dies_away_asks_for_no_steps_and_what_explodes_costs_infinity():
     assert float(blown.costs(np.array([[0.0]]))[0]) == costs[0]
 
 
+@pytest.mark.thorough
 def test_sharp_friction_can_be_followed_everywhere_in_the_box():
     """Coarse steps that jump over the place where it sticks, to and fro, took more trials than an interval may."""
     problem, _ = sampled_coarsely()
@@ -352,6 +357,7 @@ def test_a_gradient_search_is_told_no_number_too():
     assert not np.isfinite(float(costs[1]))
 
 
+@pytest.mark.thorough
 def test_sharp_friction_gets_adaptive_steps_and_a_smooth_plant_does_not():
     given, exact = sampled_coarsely(1e-4)
     problem = choose_substeps(given)
@@ -396,6 +402,7 @@ def test_a_fineness_beyond_numbers_is_refused():
         problem_of(PENDULUM, OWN, stepper="adaptive", substeps=1001)
 
 
+@pytest.mark.thorough
 def test_an_edge_of_a_dead_time_ends_a_step():
     t, truth = np.arange(300) * 0.1, {"K": 2.0, "tau": 0.8, "L": 0.437}
     u = np.repeat(np.random.default_rng(1).uniform(-1, 1, 10), 30)

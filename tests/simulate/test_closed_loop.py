@@ -102,6 +102,7 @@ CHAINS = {
 
 
 @pytest.mark.parametrize(("chain", "stepper"), [*((c, "exact") for c in CHAINS), ("pwm", "rk4"), ("very late", "rk4")])
+@pytest.mark.further(3)
 def test_equals_a_plain_loop(chain, stepper):
     sensor, actuator = CHAINS[chain]
     rng = np.random.default_rng(2)
@@ -150,6 +151,7 @@ def test_a_proportional_loop_has_its_closed_form():
 
 
 @pytest.mark.parametrize("stepper", FIXED)
+@pytest.mark.further(2)
 def test_plants_that_are_not_linear_converge_to_a_tight_solver(stepper):
     plant, h = {"a": 0.8, "A": 2.0}, 2.0
     controller = pid(h, lower=0.0, upper=3.0)
@@ -228,6 +230,7 @@ def test_batches_over_everything_equal_single_loops(stepper):
 
 
 @pytest.mark.parametrize("chain", ["bare", "pwm", "very late", "slow sensor"])
+@pytest.mark.further(2)
 def test_metrics_without_the_trajectory_equal_those_with_it(chain):
     sensor, actuator = CHAINS[chain]
     loop = closed_loop(

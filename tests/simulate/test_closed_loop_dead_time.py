@@ -35,6 +35,7 @@ def one(gain=2.0, tau=3.0, late=0.0, later=0.0):
     return {"K": gain, "tau": tau, "Td": late, "Tb": later}
 
 
+@pytest.mark.thorough
 def test_whole_samples_are_those_of_a_late_actuator():
     plain = lag("y' = (K*u - y)/tau", ("K", "tau"))
     late = lag("y' = (K*delay(u, Td) - y)/tau", ("K", "tau", "Td"))
@@ -68,6 +69,7 @@ def test_two_dead_times_between_samples(stepper):
         np.testing.assert_allclose(seen.y, answer(2.0, late) + answer(0.3, later), atol=1e-9)
 
 
+@pytest.mark.thorough
 def test_batches_over_dead_times_and_their_derivative():
     loop = closed_loop(lag(), pid(PERIOD, lower=-1, upper=1), period=PERIOD, longest_delay=1.0)
     times = np.array([0.0, 0.43, 1.0, 1.3])  # the last one is longer than any that may be

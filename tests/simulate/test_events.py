@@ -81,6 +81,7 @@ def test_ball_bounces_at_the_right_times_with_the_right_energy(event):
     assert bounces[-1] >= 4
 
 
+@pytest.mark.thorough
 def test_derivatives_of_the_ball_carry_the_times_of_impact():
     times, q = 0.05 * np.arange(30), np.array([9.81, 0.8, 1.0])
     got = jax.jit(jax.jacrev(lambda q: ball(q, times)))(q)
@@ -103,6 +104,7 @@ def test_a_crossing_that_changes_nothing_about_its_surface_happens_once(rate, le
     np.testing.assert_array_equal(jax.jit(jax.vmap(count))(jnp.linspace(0.2, 2.9, 300)), 1.0)
 
 
+@pytest.mark.thorough
 def test_a_step_that_would_pass_the_surface_leaves_no_nan_in_derivatives():
     """A tank that is filled again when nearly empty; the slope of the square root below zero is NaN, and no step
     that counts goes there."""
@@ -229,6 +231,7 @@ def test_a_force_below_breakaway_never_moves_the_mass():
     assert np.all(np.array(v) == 0.0)
 
 
+@pytest.mark.thorough
 def test_mass_slides_on_for_its_momentum_and_stops():
     """v0 = 1: stops after m v0 / Fc at m v0^2 / (2 Fc), inside a step."""
     step = with_friction(rk4, bind_friction(DRY, MASS))
@@ -303,6 +306,7 @@ def test_a_play_may_drive_another_one():
     np.testing.assert_allclose(np.array(jax.jit(jax.jacrev(lambda *p: run(*p)[0], (0, 1)))(*gaps))[:, 15], -1.0)
 
 
+@pytest.mark.thorough
 def test_a_step_is_traced_once_wherever_it_stands():
     """Friction inside of events: a step is asked for at both, to look, to search, to go on, and with derivatives."""
     v = plant("x v", "F", "m Fc", lambda x, u, p: {"x": x["v"], "v": u["F"] / p["m"]})

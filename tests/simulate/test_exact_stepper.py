@@ -39,6 +39,7 @@ def test_one_step_a_sample_is_exact_however_fast_the_plant(hold):
     np.testing.assert_allclose(y, expected, atol=1e-11)
 
 
+@pytest.mark.thorough
 def test_a_fit_with_dead_time_has_the_derivatives_of_its_exact_answer():
     model = first_order(initial="free")
     values = {"K": 1.7, "tau": 0.35, "L": 0.234, "c": 0.1, "y0": 0.0}

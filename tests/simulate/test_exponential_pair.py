@@ -79,6 +79,7 @@ def solved(matrix, right):
     ("n", "stiffness", "bar"),
     [(1, 1e8, 1e-14), (2, 1.0, 1e-14), (2, 1e3, 1e-12), (2, 1e6, 1e-9), (3, 1.0, 1e-13), (3, 1e3, 1e-10)],
 )
+@pytest.mark.further(5)
 def test_derivatives_of_stiff_steps_are_exact_but_for_rounding(n, stiffness, bar):
     """Against fractions: forwards and backwards, by Z, the rates and their change, of eigenvectors that lie
     anywhere."""

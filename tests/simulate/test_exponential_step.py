@@ -64,6 +64,7 @@ def stepper(vector, varying, pattern):
         for dense in (False, True)
     ],
 )
+@pytest.mark.further(10)
 def test_a_step_is_the_formula_with_and_without_a_pattern(n, varying, dense):
     vector, derivative = chain(n, dense)
     rng = np.random.default_rng(n)
@@ -155,6 +156,7 @@ def test_decay_is_the_rational_function_of_radau():
 
 
 @pytest.mark.parametrize("n", [2, 3])
+@pytest.mark.further(1)
 def test_derivatives_by_state_inputs_step_and_parameter(n):
     vector, _ = chain(n, True)
     rng = np.random.default_rng(7)

@@ -26,6 +26,7 @@ ALONE = {(1, "two states")}
         for name in PLANTS
     ],
 )
+@pytest.mark.further(1)
 def test_same_values_and_derivatives(name, lanes):
     """Of one candidate and of several side by side, by parameters, dead time and first states."""
     text, states = PLANTS[name]

@@ -52,6 +52,7 @@ def test_pure_delay_against_its_polynomials(tau):
 
 
 @pytest.mark.parametrize("stepper", FIXED)
+@pytest.mark.further(1)
 def test_error_falls_with_the_order_of_the_stepper(stepper):
     order = STEPPERS[stepper].order
     errors = [
@@ -65,6 +66,7 @@ def test_error_falls_with_the_order_of_the_stepper(stepper):
 @pytest.mark.parametrize(
     "stepper", [s if s == "exponential" else pytest.param(s, marks=pytest.mark.slow) for s in FIXED]
 )
+@pytest.mark.thorough
 def test_cost_by_delay_on_the_grid_off_it_and_at_bounds(stepper):
     """Within 1 % at one step per sample, 0.1 % after two halvings, on the gradient's own scale."""
     data = closed_form(T, 0.6) + 0.1 * np.cos(5 * T)
@@ -80,6 +82,7 @@ def test_cost_by_delay_on_the_grid_off_it_and_at_bounds(stepper):
         assert np.max(np.abs(got - truth)) < share * np.max(np.abs(truth))
 
 
+@pytest.mark.thorough
 def test_reverse_agrees_with_forward_and_batches_with_single():
     weights = np.random.default_rng(0).normal(size=(3, len(T)))
 
@@ -136,6 +139,7 @@ def tight_oscillator(q, t, u):
     return np.array([at[round(s, 12)] for s in t])
 
 
+@pytest.mark.thorough
 def test_held_inputs_and_irregular_samples_against_scipy():
     rng = np.random.default_rng(4)
     t = np.round(np.r_[0.0, np.cumsum(rng.uniform(0.1, 0.3, 11))], 6)

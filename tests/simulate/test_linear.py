@@ -83,6 +83,7 @@ def test_very_stiff_blocks_settle():
 
 
 @pytest.mark.parametrize(("transform", "varying"), [(jax.jacfwd, False), (jax.jacrev, True)])
+@pytest.mark.further(1)
 def test_derivatives_by_parameters_and_length(transform, varying):
     @jax.jit
     def end(q):

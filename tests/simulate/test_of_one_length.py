@@ -35,6 +35,7 @@ def problem(hold, lengths=LENGTHS, late="delay(u, L)", **settings):
 
 
 @pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.further(1)
 def test_one_program_serves_all_and_its_bits_are_those_of_each_alone(hold):
     made, values = problem(hold), np.array([1.3, 0.7, 0.234])
     program = made.compiled["outputs"]
@@ -62,6 +63,7 @@ def test_times_of_its_own_keep_their_number():
 
 @pytest.mark.parametrize("hold", ["previous", "linear"])
 @pytest.mark.parametrize("late", [0.0, 0.234, 1.0])  # 1.0: edges that fall behind the end of a short record
+@pytest.mark.thorough
 def test_the_tight_solver_follows_all_by_one_program_with_the_bits_of_each_alone(hold, late):
     made = problem(hold)
     simulator, drives = made.predictor.stepping(), {n: made.data["drive"][n] for n in LENGTHS}
@@ -79,6 +81,7 @@ def test_the_tight_solver_follows_all_by_one_program_with_the_bits_of_each_alone
     assert len(program._programs) == 1
 
 
+@pytest.mark.thorough
 def test_a_cost_is_checked_by_one_program_for_records_of_all_lengths():
     made = problem("previous")
     program: Any = tight._compiled(made.predictor.stepping()).record

@@ -148,6 +148,7 @@ y = z
 """
 
 
+@pytest.mark.thorough
 def test_friction_backlash_and_events_are_followed_to_the_same_end(monkeypatch):
     spoken = {n: {"bounds": (0.01, 9.0)} for n in ("k", "gap")}
     model = pf.equations(STICKS, states=["x", "v", "z", "w"], inputs=["u"], outputs=["y"], parameters=spoken)

@@ -62,6 +62,7 @@ def test_steppers_without_a_function_of_their_own_have_a_file_of_tests():
 
 @pytest.mark.parametrize("stepper", FIXED)
 @pytest.mark.parametrize(("hold", "swing"), [("previous", 0.0), ("linear", 0.0), ("previous", 1.0), ("linear", 1.0)])
+@pytest.mark.further(2)
 def test_order_of_convergence(stepper, hold, swing):
     """Of a linear rate without time some steppers have a higher order than the registry says."""
     expected, order = exact_linear(hold, swing), STEPPERS[stepper].order

@@ -57,6 +57,7 @@ def richardson(f, p, name, h):
         pytest.param("linear", True, marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.further(1)
 def test_gradient_equals_central_differences_of_its_own_cost(hold, irregular):
     cost, gradient_at = gradient_of(hold, irregular)
     p = floats(P | {"e": 0.2})
@@ -115,6 +116,7 @@ def test_all_derivatives_together_equal_those_of_a_tight_solver():
 
 
 @pytest.mark.parametrize("stepper", [pytest.param(s, marks=pytest.mark.slow) if s == "rk4" else s for s in FIXED])
+@pytest.mark.thorough
 def test_forward_and_reverse_derivatives_agree(stepper):
     simulator = simulator_of(substeps=4, stepper=stepper)  # rk4 is stable to 2.8 T1 = 56 ms
     t, u = record()

@@ -51,6 +51,7 @@ def test_tank_from_its_singular_empty_start(scale):
     np.testing.assert_allclose(levels, (q / 2.0) ** 2, rtol=1e-7)
 
 
+@pytest.mark.thorough
 def test_saturating_and_tabulated_laws_against_brentq():
     u = jnp.linspace(-4, 4, 9)
     a, b = pair_at_rest(u, (1.5, 0.8))
@@ -65,6 +66,7 @@ def test_saturating_and_tabulated_laws_against_brentq():
     np.testing.assert_allclose(a, 0.8 * table(expected), atol=1e-10)
 
 
+@pytest.mark.thorough
 def test_order_of_points_and_batching_do_not_matter():
     u = jnp.linspace(-4, 4, 9)
     answer, turned = (pair_at_rest(v, (1.5, 0.8)) for v in (u, u[::-1]))
@@ -74,6 +76,7 @@ def test_order_of_points_and_batching_do_not_matter():
     np.testing.assert_allclose(batch[1][1], answer[1], atol=1e-13)
 
 
+@pytest.mark.thorough
 def test_derivatives_against_finite_differences():
     u = jnp.linspace(-3, 3.1, 9)
 

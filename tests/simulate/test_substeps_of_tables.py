@@ -40,6 +40,7 @@ def size(name, steps):
 
 
 @pytest.mark.parametrize("steps", [2, 5])
+@pytest.mark.thorough
 def test_the_bits_are_those_of_substeps_that_are_written_out(monkeypatch, steps):
     looped = bits(steps)
     monkeypatch.setattr(intervals, "UNROLLED_TABLES", intervals.UNROLLED)

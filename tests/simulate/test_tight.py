@@ -117,6 +117,7 @@ def _with(made, p):
 STICKS = ("x' = v\nv' = (u - friction(v, Fc, Fs))/m\ny = x", {"Fc": 1.0, "Fs": 1.3, "m": 0.7})
 
 
+@pytest.mark.thorough
 def test_the_error_of_a_simulation_is_told_over_the_whole_record():
     """Sticking and sliding with a held force: coarse and fine steps, and a record of more than 1500 pieces."""
     text, p = STICKS
@@ -163,6 +164,7 @@ def test_an_answer_behind_a_pole_is_refused_and_exponential_growth_is_not():
     assert check_steps(simulator, p, drive).stopped is None
 
 
+@pytest.mark.thorough
 def test_the_checked_cost_is_that_of_the_exact_solution():
     """Two outputs with scales, two records with weights; one step a sample is too coarse and said to be."""
     model = pf.equations("x' = (u - x)/tau - 0.2*x^3\ny = x\nw = x + u", inputs=["u"], states=["x"], outputs=["y", "w"],

@@ -52,6 +52,7 @@ OFTEN = {"12 - t", "t - 12.5", "sin(4*t)"}  # by every stepper; all others by th
         for k, name in enumerate(FIXED)
     ],
 )
+@pytest.mark.further(12)
 def test_events_by_time_alone_happen_once_each(condition, kind, moments, stepper, substeps):
     found = outputs(counter(condition, kind), substeps=substeps, stepper=stepper)["c"]
     np.testing.assert_array_equal(found, [sum(m <= t + 1e-9 for m in moments) for t in T])
@@ -63,6 +64,7 @@ def test_many_doses_between_two_samples_and_two_in_one_moment():
     np.testing.assert_array_equal(outputs(model, t=np.array([0.0, 2.0, 10.0, 20.0]))["c"], [0.0, 3.0, 18.0, 18.0])
 
 
+@pytest.mark.thorough
 def test_moments_that_are_parameters_move_and_their_derivative_is_exact():
     """x' = -x with doses of 1 at a, a + 1, a + 2, a + 3, within one sample: x(t) = sum exp(-(t - moment))."""
     text = "\n".join(["x' = -k*x", *(f"when rising(t - a - {k}): x = x + 1" for k in range(4))])
@@ -143,6 +145,7 @@ LAG = pf.equations(
 
 
 @pytest.mark.parametrize("hold", ["previous", "linear"])
+@pytest.mark.further(1)
 def test_states_begin_before_the_record_under_the_inputs_before(hold):
     """From rest at -10 s under u = 0.7, the input of the record from its first sample on."""
     t, u = np.arange(2.0, 30.0, 1.1), np.sin(np.arange(26))
@@ -160,6 +163,7 @@ def test_states_begin_before_the_record_under_the_inputs_before(hold):
     np.testing.assert_allclose(found, x + late, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_problem_with_initial_time_has_the_same_costs_gradients_and_predictions_everywhere():
     rng = np.random.default_rng(0)
     records, exact = {}, {}
@@ -202,6 +206,7 @@ y = blood/V
 """
 
 
+@pytest.mark.thorough
 def test_the_dose_in_the_middle_of_the_record_is_found():
     """Two doses of 100, at the start and at 12: today's second one never came, and 6.0, 0.009, 12.4 were called
     determined."""

@@ -81,6 +81,7 @@ def test_parameters_without_units_give_combinations_without_units(tmp_path):
     assert after.values["K_c"] == pytest.approx(3.0 / 1.2, rel=0.02)
 
 
+@pytest.mark.thorough
 def test_products_and_sums_become_parameters_and_hold_the_truth(tmp_path):
     study, before = fitted(tmp_path, lag(tmp_path))
     new = spec.in_combinations(study, before.findings)
@@ -151,6 +152,7 @@ def test_a_power_is_taken_back(tmp_path):
 
 
 @pytest.mark.parametrize("kind", ["negative", "units", "library"])
+@pytest.mark.further(2)
 def test_where_equations_cannot_hold_them_companions_are_held(tmp_path, kind):
     u, _, e, _ = inputs_and_noise(3)
     if kind == "negative":

@@ -90,6 +90,7 @@ def test_all_else_stays(write):
 @pytest.mark.parametrize(
     "given", ["split = 0.7", pytest.param("fit = [0, 42]\nvalidate = [42, 60]", marks=pytest.mark.slow)]
 )
+@pytest.mark.thorough
 def test_the_unseen_part_is_left_out(write, given):
     """`plantfit init` writes `split = 0.7`, and the verdict gives the command for such a file."""
     study = write(more=given)

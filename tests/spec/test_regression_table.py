@@ -79,6 +79,7 @@ def written(folder, seed=0, regression=TABLE, recording="", more=""):
     return path
 
 
+@pytest.mark.thorough
 def test_intervals_of_own_equations_hold_the_truth_where_least_squares_misses_it(tmp_path):
     held, plain, off = [], [], []
     for seed in range(100, 125):
@@ -96,6 +97,7 @@ def test_intervals_of_own_equations_hold_the_truth_where_least_squares_misses_it
     assert np.median(off) < 1e-3
 
 
+@pytest.mark.thorough
 def test_a_free_joint_with_friction_does_not_draw_coefficients_to_zero(tmp_path):
     """Its torque is zero, which zero coefficients explain exactly: weights by residuals led there in a third of
     these records."""

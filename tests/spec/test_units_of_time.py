@@ -61,6 +61,7 @@ SOME = [("s", "s"), ("no unit", "min"), ("min, converted", "s"), ("1/h, converte
 @pytest.mark.parametrize(("what", "unit"), [
     pytest.param(w, u, marks=() if (w, u) in SOME else pytest.mark.slow) for w in TEXT for u in ("s", "min")
 ])  # fmt: skip
+@pytest.mark.thorough
 def test_equations_fit_the_truth_in_the_unit_that_is_told(what, unit, tmp_path):
     recorded(tmp_path, unit)
     model, parameters = TEXT[what]
@@ -74,6 +75,7 @@ def test_equations_fit_the_truth_in_the_unit_that_is_told(what, unit, tmp_path):
     ("unit", "own"),
     [("s", "min"), ("ms", "s"), *(pytest.param(*p, marks=pytest.mark.slow) for p in (("min", "h"), ("day", "week")))],
 )
+@pytest.mark.thorough
 def test_a_library_model_converts_to_seconds_and_tells_them(unit, own, tmp_path):
     recorded(tmp_path, unit)
     low, high = (v / SECONDS[own] for v in (10, 1000))

@@ -71,6 +71,7 @@ COMMANDS = [
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)
 @pytest.mark.parametrize("where", ["a server", "an empty server", "nobody there", "no port"])
+@pytest.mark.further(6)
 def test_no_command_shows_a_password(words, where, request, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     if "server" in where:

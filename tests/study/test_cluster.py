@@ -35,6 +35,7 @@ def job(study_id, text=TEXT, maker=MAKER, files=None):
     return Job(study_id, Recipe(maker, text, "", files or {}))
 
 
+@pytest.mark.thorough
 def test_two_workers_of_a_cluster_change_no_bit(tmp_path, client):
     store, seen, said = Store.open(tmp_path / "study.db"), [], []
     study_id = begun(store)
@@ -47,6 +48,7 @@ def test_two_workers_of_a_cluster_change_no_bit(tmp_path, client):
     assert [p.runs_done for p in seen] == sorted(p.runs_done for p in seen)
 
 
+@pytest.mark.thorough
 def test_a_lost_worker_costs_no_more_than_its_last_checkpoint(tmp_path, client):
     store, said = Store.open(tmp_path / "study.db"), []
     study_id = begun(store, delay=0.05)
@@ -69,6 +71,7 @@ def test_a_lost_worker_costs_no_more_than_its_last_checkpoint(tmp_path, client):
     assert bits(store.runs(study_id)) == bits(alone())
 
 
+@pytest.mark.thorough
 def test_a_stopped_study_is_saved_and_goes_on_anywhere(tmp_path, client):
     store = Store.open(tmp_path / "study.db")
     study_id = begun(store)
@@ -80,6 +83,7 @@ def test_a_stopped_study_is_saved_and_goes_on_anywhere(tmp_path, client):
     assert bits(store.runs(study_id)) == bits(alone())
 
 
+@pytest.mark.thorough
 def test_recordings_travel_and_no_disk_is_shared(tmp_path, client):
     store = Store.open(tmp_path / "study.db")
     plan = Plan(name="sums", methods=("random",), runs=2, budget=60, seed=1, chunk=1)

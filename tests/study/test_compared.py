@@ -177,6 +177,7 @@ def test_over_problems_more_methods_are_ranked():
     assert [p.worse for p in across.pairs] == ["early", "third"]
 
 
+@pytest.mark.thorough
 def test_methods_that_did_not_run_everywhere_are_left_out_of_ranks():
     lone = ProblemRuns("p1", tuple(falling("early", k, 1.0) for k in range(6)))
     assert compared([ProblemRuns("p0", tuple(two_methods(6))), lone]).across is None

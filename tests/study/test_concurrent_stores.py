@@ -31,6 +31,7 @@ def done_by(process):
     return [(int(study), method, int(first)) for study, method, first in (line.split() for line in said.splitlines())]
 
 
+@pytest.mark.thorough
 def test_eight_processes_do_no_task_twice_and_lose_none(store):
     store = Store.open(store.address, busy_timeout=30.0)
     study_id = store.add(plan("shared", RUNS), spec_text=None, coordinates=NAMES, probe=b"")
@@ -49,6 +50,7 @@ def test_eight_processes_do_no_task_twice_and_lose_none(store):
     assert [(r.method, r.run) for r in store.runs(study_id)] == [(m, k) for m in ("random", "pso") for k in range(RUNS)]
 
 
+@pytest.mark.thorough
 def test_ten_studies_write_at_once_to_a_store_that_they_all_make(store, tmp_path, request):
     """All ten find a database without tables; one makes them."""
     address = (

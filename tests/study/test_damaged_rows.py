@@ -42,6 +42,7 @@ COLUMNS = {
 
 
 @pytest.mark.parametrize(("table", "column"), [(t, c) for t, columns in COLUMNS.items() for c in columns])
+@pytest.mark.further(10)
 def test_columns_of_another_kind_are_said_or_read(table, column, place):
     for value in VALUES:
         with sqlite3.connect(place) as connection:

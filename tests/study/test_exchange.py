@@ -92,6 +92,7 @@ def test_both_kinds_hold_the_same(store, tmp_path):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("after", [0, 3])
+@pytest.mark.further(2)
 def test_an_unfinished_study_goes_on_where_it_is_brought(store, tmp_path, kind, after):
     plan = Plan(name="p", methods=("random", "pso"), runs=5, budget=40, seed=4, chunk=2)
     search = FakeSearch()

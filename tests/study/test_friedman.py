@@ -63,6 +63,7 @@ def test_type_one_error_of_friedman_on_identical_methods():
     assert 0.02 <= np.mean(p < 0.05) <= 0.08  # 0.009 scatter; ranks are discrete
 
 
+@pytest.mark.thorough
 def test_resampled_a12_agrees_with_scipys_bootstrap():
     rng = np.random.default_rng(2)
     x, y = rng.normal(0.5, 1, 25), rng.normal(0, 1, 30)

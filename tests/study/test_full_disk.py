@@ -31,6 +31,7 @@ main.run_cli()
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="needs limits of POSIX, which this system lacks")
 
 
+@pytest.mark.thorough
 def test_a_disk_that_fills_up_costs_nothing_that_was_finished(tmp_path):
     store = Store.open(tmp_path / "study.db")
     study_id = begun(store, LONG, delay=0.0)

@@ -31,6 +31,7 @@ def tried(tmp_path, stride):
     return json.loads(done.stdout)
 
 
+@pytest.mark.thorough
 def test_some_faults_lose_nothing(tmp_path):
     told = tried(tmp_path, 59)
     assert told["found"] == []

@@ -51,6 +51,7 @@ def kill_after_new_checkpoint(store):
 
 
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL, which this system lacks")
+@pytest.mark.thorough
 def test_three_kills_change_no_bit(tmp_path):
     store = Store.open(tmp_path / "killed.db")
     marks = []

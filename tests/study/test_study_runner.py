@@ -206,6 +206,7 @@ def test_coordinates_must_fit_the_problem(store):
     assert store.studies() == []
 
 
+@pytest.mark.thorough
 def test_real_methods_give_the_same_bits_in_any_chunks(store):
     methods, settings = ("random", "pso", "lbfgsb"), {"pso": {"population": 10}}
     plans = [

@@ -66,6 +66,7 @@ NINE = "a1 c1 w1 a2 c2 w2 a3 c3 w3"
          "a and b can be exchanged: same model"),
     ],
 )  # fmt: skip
+@pytest.mark.further(2)
 def test_one_model_written_twice(p, first, second, sentence):
     map_ = found(p, first, second)
     assert (map_ and map_.sentence) == sentence
@@ -105,6 +106,7 @@ def test_one_model_written_twice(p, first, second, sentence):
         (problem("y = a*b*u", "a b", units=(("a", "V"), ("b", "ohm"))), [3, 1], [1, 3]),
     ],
 )
+@pytest.mark.further(8)
 def test_answers_that_only_look_alike(p, first, second):
     assert found(p, first, second) is None
 

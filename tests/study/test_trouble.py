@@ -64,6 +64,7 @@ def test_a_jump_back_does_not_hold_the_task_of_a_dead_worker_for_a_day(sqlite_st
     assert AHEAD_SECONDS > STALE_SECONDS
 
 
+@pytest.mark.thorough
 def test_a_server_that_is_started_anew_in_the_middle(monkeypatch):
     """Killed as by a power failure: what was finished is there, the search ends in one sentence and goes on to the
     same bits."""

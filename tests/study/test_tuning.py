@@ -28,6 +28,7 @@ FACTS = Facts(3, 600, np.zeros(3), np.ones(3))
 
 
 @pytest.mark.parametrize("method", sorted(REGISTRY))
+@pytest.mark.further(2)
 def test_a_dial_reaches_its_ends_and_its_default(method):
     dials = dials_of(method, FACTS).dials
     for dial in dials:
@@ -368,6 +369,7 @@ def test_a_word_may_make_a_shape_of_a_number():
     assert "alpha" in dials.traced
 
 
+@pytest.mark.thorough
 def test_held_settings_keep_their_value_in_every_trial():
     found = tune(
         bowl(2), "pso", "random", only=["inertia"], held={"population": 7}, budget=140, runs=3, trials=6, seed=2

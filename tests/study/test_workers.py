@@ -34,6 +34,7 @@ def pids(store, study_id):
 
 
 @pytest.mark.parametrize("workers", [2, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_more_workers_change_no_bit(tmp_path, workers):
     store, said, seen = Store.open(tmp_path / "study.db"), [], set()
     study_id = begun(store, delay=0.01)
@@ -82,6 +83,7 @@ def test_charges_are_those_that_the_study_began_with(store):
     assert bits(store.runs(study_id)) == bits(store.runs(again))
 
 
+@pytest.mark.thorough
 def test_leaving_the_block_stops_helpers_which_save_and_let_go(tmp_path):
     store = Store.open(tmp_path / "study.db")
     study_id = begun(store)
@@ -204,6 +206,7 @@ needs_proc = pytest.mark.skipif(
 
 
 @needs_proc
+@pytest.mark.thorough
 def test_three_kills_of_helpers_and_parents_change_no_bit(tmp_path):
     # so slow that no luck of the machine ends the study before the third kill; what is left is done at full speed
     runs, kinds = killed(Store.open(tmp_path / "study.db"), PLAN, 3, 2, seed=2, delay=0.3)

@@ -73,6 +73,7 @@ def truly_reach(problem, results, best) -> int:
 
 
 @pytest.mark.parametrize(("method", "runs", "budget"), [("auto", 3, None), ("pso", 4, 300), ("random", 5, 60)])
+@pytest.mark.further(1)
 def test_after_reweighting_all_runs_that_reach_the_answer_agree(method, runs, budget):
     found = fit(two_outputs(), method, runs=runs, budget=budget, seed=1)
     findings = found.findings
@@ -400,6 +401,7 @@ def test_a_parameter_that_equal_runs_contradict_is_not_determined(seed):
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.further(3)
 def test_runs_that_agree_and_exchanged_terms_open_nothing(seed):
     findings = fit(product(known=True, seed=seed), runs=4, seed=seed).findings
     assert [p["status"] for p in findings["parameters"]] == ["determined"] * 3

@@ -37,6 +37,7 @@ def test_bands_of_a_straight_line_are_those_of_its_covariance():
         assert 0.5 * (high + low) == pytest.approx(band.value, abs=0.15 * np.max(sd))
 
 
+@pytest.mark.thorough
 def test_in_60_records_the_plant_and_its_readings_lie_where_they_are_said_to():
     plant, reading = 0, []
     for seed in range(60):

@@ -200,6 +200,7 @@ def holds_along(formula, names, values, direction, logs):
 
 
 @pytest.mark.parametrize("seed", range(30))
+@pytest.mark.further(12)
 def test_random_products(seed):
     """Three coefficients that are products of powers of six parameters: the rank is that of the exponents."""
     rng = np.random.default_rng(seed)
@@ -227,6 +228,7 @@ def test_random_products(seed):
 
 
 @pytest.mark.parametrize("seed", range(30))
+@pytest.mark.further(11)
 def test_random_sums(seed):
     """Three coefficients that are sums of five parameters with whole weights: the rank is that of the weights."""
     rng = np.random.default_rng(100 + seed)

@@ -33,6 +33,7 @@ def motor(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.thorough
 def test_a_slope_at_the_answer_is_no_combination(seed):
     """Kb + Rm Cm/Kt is known. It was "Kb + 0.101*Cm = 0.0727 ± 0.0000075"."""
     found = motor(seed)["combinations"]
@@ -68,6 +69,7 @@ def test_what_is_named_are_numbers_of_their_own():
         ("y = a*b^2*u + v", "ab", [{"a": 0.5, "b": 1.0}]),
     ],
 )
+@pytest.mark.further(4)
 def test_what_is_one_everywhere_is_named(text, names, expected, seed):
     rng = np.random.default_rng(seed)
     u, v = rng.normal(size=(2, 200))

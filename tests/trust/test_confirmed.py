@@ -23,6 +23,7 @@ def ended(z, cost, number=0):
     )
 
 
+@pytest.mark.thorough
 def test_a_fit_goes_on_with_finer_steps_until_the_cost_is_right():
     text = "y' = r*y*(1 - y)"
     model = pf.equations(

@@ -45,6 +45,7 @@ def named(answer):
 
 
 @pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_noise_of_a_sensor_is_no_fault_of_the_model(seed):
     answer, said = told(oven(seed, 0.7), seed, diagnosed=True)
     assert not named(answer)
@@ -56,6 +57,7 @@ def test_noise_of_a_sensor_is_no_fault_of_the_model(seed):
 
 
 @pytest.mark.parametrize("wrong", ["second lag", pytest.param("drift", marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_what_a_model_lacks_is_not_called_noise(wrong):
     answer, said = told(oven(3, 0.5, wrong), 3, diagnosed=True)
     assert named(answer)
@@ -110,6 +112,7 @@ def straight_line(seed, lacking):
     return pf.Problem(model, recording, {"a": (-10, 10), "b": (-10, 10)})
 
 
+@pytest.mark.thorough
 def test_what_moves_the_parameters_is_not_all_noise():
     said = [told(straight_line(seed, 0.6))[1] for seed in range(12)]
     assert sum("Not all that is left is noise: weighted for its correlation, a would be " in s for s in said) >= 6

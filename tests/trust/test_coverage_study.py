@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))  # benchmarks are beside the package
 
@@ -32,6 +33,7 @@ def test_a_line_is_determined_and_a_product_is_not():
     assert "| line | a | 3 | 100 % |" in report(line)
 
 
+@pytest.mark.thorough
 def test_what_scales_with_others_is_not_said_to_have_a_least_value():
     """A motor by voltage and speed: Kt, Jm, Cm and Tf grow together, and Rm and Lm with Kt. "Cm is at least 3.33e-10"
     was where its range was no longer followed."""

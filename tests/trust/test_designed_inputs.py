@@ -106,6 +106,7 @@ def test_a_parabola_is_measured_at_three_points_a_third_each(static):
     assert [rows[n] for n in "abc"] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_curve_without_dynamics_is_told_as_levels_and_a_plant_with_them_as_time(static, lag, tmp_path):
     curve = pf.design(static, inputs={"u": (-1, 1)}, duration=48, alone=True, draws=0, seed=3)
     assert [(level["values"], level["samples"]) for level in curve.record["levels"]] == [
@@ -165,6 +166,7 @@ def test_the_information_is_that_of_the_exact_jacobian(lag):
         pytest.param("mode", resonance, 0.05, (-1, 1), marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.thorough
 def test_fits_of_recordings_of_the_input_reach_the_errors_that_were_foretold(case, simulate, dt, ends, request):
     answer = request.getfixturevalue(case)
     found = pf.design(answer, inputs={"u": ends}, duration=20, alone=True, seed=2, budget=1500)
@@ -210,6 +212,7 @@ def test_errors_are_smaller_than_with_step_prbs_multisine_and_chirp_on_three_pla
         assert found.record["kind"] == "designed"
 
 
+@pytest.mark.thorough
 def test_limits_of_level_slew_and_hold_are_kept(mode):
     found = pf.design(
         mode,
@@ -282,6 +285,7 @@ def _pulses(noise, seed):
     return answer_of("x' = (K*u - x)/tau\ny = x", {"x": "1"}, bounds, t, u, y, 0.0)
 
 
+@pytest.mark.thorough
 def test_white_errors_that_are_larger_where_parameters_are_told_are_not_called_correlated():
     noise = np.where(np.arange(1600) % 160 < 24, 0.2, 0.01)
     for seed in (4, 5):  # tests that take errors as of one size call those of 5 not white
@@ -314,6 +318,7 @@ def test_errors_that_are_correlated_are_called_so():
     assert not any("are correlated" in s for s in said)
 
 
+@pytest.mark.thorough
 def test_the_same_seed_gives_the_same_input(lag):
     one, same, other = (pf.design(lag, inputs={"u": (0, 1)}, budget=400, seed=s).recording["u"] for s in (4, 4, 5))
     assert np.array_equal(one, same)
@@ -332,6 +337,7 @@ def straight_or_bent(rows):
 
 
 @pytest.mark.parametrize(("samples", "top"), [(16, 0.4), (20, 0.6), (30, 0.8)])
+@pytest.mark.thorough
 def test_two_models_are_told_apart_as_often_as_foretold(samples, top):
     rng, noise = np.random.default_rng(4), 0.1
     u = rng.uniform(0, 0.1, 80)
@@ -375,6 +381,7 @@ def test_two_models_are_told_apart_as_often_as_foretold(samples, top):
         ({"slew": {"u": 0}}, SpecError, "positive change per second"),
     ],
 )
+@pytest.mark.thorough
 def test_refusals(lag, asked, error, words):
     with pytest.raises(error, match=words.replace("(", r"\(")):
         pf.design(lag, budget=200, **asked)
@@ -404,6 +411,7 @@ def test_a_design_for_plants_that_scatter_says_so_and_others_do_not(static):
     assert "Recordings scatter in a and b: the input serves 6 plants as another recording may find them." in said
 
 
+@pytest.mark.thorough
 def test_no_shape_changes_before_a_level_has_lasted():
     for hold in (1, 7, 40):
         found = dict(shapes(1320, 2, 1, hold))

@@ -40,6 +40,7 @@ def diagnosed(place, changed_record=None, **options):
         ("tanks", "lag", "u"),
     ],
 )
+@pytest.mark.further(1)
 def test_a_planted_fault_is_named_with_its_size(plant, fault, signal, tmp_path):
     d = diagnosed(write(PLANTS[plant], fault, 0.02, 5, tmp_path))
     first = d.rounds[0].found
@@ -57,6 +58,7 @@ def test_a_planted_fault_is_named_with_its_size(plant, fault, signal, tmp_path):
 
 
 @pytest.mark.parametrize("seed", [11, 12])
+@pytest.mark.further(1)
 def test_a_clean_record_is_left_alone(seed, tmp_path):
     d = diagnosed(write(PLANTS["first"], "clean", 0.02, seed, tmp_path))
     assert not d.found
@@ -66,6 +68,7 @@ def test_a_clean_record_is_left_alone(seed, tmp_path):
     assert not changed(d)
 
 
+@pytest.mark.thorough
 def test_coloured_noise_is_not_taken_for_a_fault(tmp_path):
     """A slow noise, as large as some faults, that nothing in the catalogue made."""
 
@@ -81,6 +84,7 @@ def test_coloured_noise_is_not_taken_for_a_fault(tmp_path):
     assert not d.found
 
 
+@pytest.mark.thorough
 def test_outliers_are_named_and_do_not_hide_a_dead_time(tmp_path):
     def spiked(recording):
         y, rng = recording["y"].copy(), np.random.default_rng(0)
@@ -97,6 +101,7 @@ def test_outliers_are_named_and_do_not_hide_a_dead_time(tmp_path):
     assert "outliers" in diagnosis_record(d)["verdict"][0]["sentence"]
 
 
+@pytest.mark.thorough
 def test_two_faults_are_named_one_after_the_other_and_the_file_runs(tmp_path):
     place = write(PLANTS["first"], "dead_time", 0.01, 2, tmp_path)
 
@@ -116,6 +121,7 @@ def test_two_faults_are_named_one_after_the_other_and_the_file_runs(tmp_path):
     assert set(problem.space.names) == {"K", "tau", "dead_time_u", "drift_y"}
 
 
+@pytest.mark.thorough
 def test_what_a_linear_record_cannot_tell_apart_is_named_as_a_pair(tmp_path):
     """Before a linear plant at rest a lag of the input is a lag of the sensor."""
     plant = replace(PLANTS["first"], period=0.02, held=60, samples=900)
@@ -151,6 +157,7 @@ def test_effects_on_signals_are_their_closed_forms():
     assert np.allclose(effects.dead_zone(np.array([-2.0, 0.3, 1.0]), 0.5), [-1.5, 0.0, 0.5])
 
 
+@pytest.mark.thorough
 def test_a_cause_that_the_catalogue_lacks_is_not_called_very_likely(tmp_path):
     """A tank that empties by the root of its level, fitted as a linear one: a dead zone of the inflow explains much,
     and is false."""

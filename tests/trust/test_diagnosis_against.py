@@ -42,6 +42,7 @@ def said_of(kind, seed=1):
     return diagnosis_record(diagnose(answer.problem, answer.best.x, rounds=1))["verdict"]
 
 
+@pytest.mark.thorough
 def test_an_addition_that_unseen_data_refute_is_told_as_that():
     said = said_of("turning")[0]["sentence"]
     assert said.startswith("None of the ")
@@ -51,6 +52,7 @@ def test_an_addition_that_unseen_data_refute_is_told_as_that():
     assert "log-likelihood" not in said
 
 
+@pytest.mark.thorough
 def test_an_addition_that_chance_may_be_is_told_as_that():
     said = said_of("wandering", 2)[0]["sentence"]
     assert "of what is left, which may be chance: its evidence, twice the gain of log-likelihood, is" in said
@@ -58,6 +60,7 @@ def test_an_addition_that_chance_may_be_is_told_as_that():
 
 
 @pytest.mark.parametrize("kind", ["straight", "clean"])
+@pytest.mark.further(1)
 def test_what_is_named_and_what_explains_nothing_have_nothing_against_them(kind):
     said = " ".join(v["sentence"] for v in said_of(kind))
     assert ("A drift of 0.004" in said and "missing" in said) is (kind == "straight")

@@ -47,6 +47,7 @@ def test_laws_of_sensors_have_the_derivatives_of_differences(kind):
 
 
 @pytest.mark.parametrize("kind", CANDIDATES)
+@pytest.mark.thorough
 def test_every_candidate_passes_the_exam_for_packages(kind):
     check_candidate(kind, CANDIDATES[kind], KINDS[kind])
 

@@ -43,6 +43,7 @@ def answered(problem):
         ("tanks", "change a2 with t"),
     ],
 )
+@pytest.mark.thorough
 def test_what_changes_is_named_with_its_size_and_the_file_runs(plant, fault, tmp_path):
     made = PLANTS[plant]
     place = write(made, fault, 0.01, 21, tmp_path)
@@ -101,6 +102,7 @@ def room(seed, cross, noise=0.1):
     return Problem(model, record, split=0.7)
 
 
+@pytest.mark.thorough
 def test_a_cross_term_of_two_inputs_is_named_by_all_its_names():
     """Through either gain or either input it is one and the same, which the sentence says."""
     answer = answered(room(4, -0.06))
@@ -120,6 +122,7 @@ def test_a_cross_term_of_two_inputs_is_named_by_all_its_names():
 
 
 @pytest.mark.parametrize("seed", [4, 5, 6])
+@pytest.mark.further(1)
 def test_two_inputs_without_a_cross_term_have_none(seed):
     answer = answered(room(seed, 0.0))
     assert not diagnose(answer.problem, answer.best.x).found
@@ -143,6 +146,7 @@ def test_dry_friction_and_its_fall_with_speed_are_both_named(tmp_path):
     assert any(line.startswith("[parameters.stribeck_speed_w]") for line in lines)
 
 
+@pytest.mark.thorough
 def test_derivatives_by_changes_are_exact_and_the_core_leaves_them_out(tmp_path):
     problem = load(write(PLANTS["second"], "clean", 0.01, 3, tmp_path)).problem
     carrier = Carrier.of(problem, np.full(3, 0.5), inside_kinds(problem))
@@ -169,6 +173,7 @@ def test_derivatives_by_changes_are_exact_and_the_core_leaves_them_out(tmp_path)
     np.testing.assert_allclose(core[:, others], jacobian[:, others], rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.thorough
 def test_of_many_changes_the_best_by_their_derivatives_are_tried(tmp_path):
     """What a straight line explains is what least squares with that column explains; the planted one is among the
     best."""
@@ -220,6 +225,7 @@ def test_parameters_that_may_not_change_and_too_many_pairs(tmp_path):
     ("value", "deviation", "number"),
     [(0.47, 1.4, 0.0), (3.6, 0.9, 3.6), (293.42, 5.0, 293.0), (1234.0, 160.0, 1200.0), (0.0, 1e-9, 0.0)],
 )
+@pytest.mark.thorough
 def test_references_are_round_numbers_within_half_a_step(value, deviation, number):
     found = round_number(value, deviation)
     assert found == pytest.approx(number)

@@ -80,6 +80,7 @@ def diagnosed(problem):
     return answer, with_unmeasured(course, course.diagnosis([]), repeats_in(course))
 
 
+@pytest.mark.thorough
 def test_sun_is_told_with_the_house_beside_it(tmp_path):
     study = load(write(tmp_path, 1, sun="Ti", clouds=0.0))
     answer, d = diagnosed(study.problem)
@@ -118,6 +119,7 @@ def test_sun_is_told_with_the_house_beside_it(tmp_path):
 
 
 @pytest.mark.parametrize("limit", [10.0, 1e9])
+@pytest.mark.further(1)
 def test_work_that_does_not_suffice_for_a_pattern_is_not_silent(tmp_path, limit):
     problem = load(write(tmp_path, 5, fault="sensor")).problem
     answer = fit(problem, budget=200)
@@ -158,6 +160,7 @@ def test_the_whole_diagnosis_tells_sun_and_the_new_study_has_the_house(tmp_path)
             assert "A pattern that repeats every 24 h is left" in s["sentence"]
 
 
+@pytest.mark.thorough
 def test_parameters_are_not_called_determined_without_a_word_on_the_pattern(tmp_path):
     answer, d = diagnosed(load(write(tmp_path, 2, fault="sensor", size=0.3)).problem)
     record = diagnosis_record(d)
@@ -172,10 +175,12 @@ def test_parameters_are_not_called_determined_without_a_word_on_the_pattern(tmp_
 
 
 @pytest.mark.parametrize("name", ["nothing, noise of 0.15 K with a memory of 5 h", "dead time", "step of Ria"])
+@pytest.mark.further(1)
 def test_nothing_else_is_called_a_daily_pattern(tmp_path, name):
     assert told(load(write(tmp_path, 3, **FALSE[name])).problem)[1] is None
 
 
+@pytest.mark.thorough
 def test_short_records_and_unknown_names_have_no_daily_pattern(tmp_path):
     problem = load(write(tmp_path, 4, days=3)).problem
     answer = fit(problem, budget=200)
@@ -183,6 +188,7 @@ def test_short_records_and_unknown_names_have_no_daily_pattern(tmp_path):
         diagnose(answer.problem, answer.best.x, only="daily pattern of Ti")
 
 
+@pytest.mark.thorough
 def test_a_daily_pattern_is_tried_where_it_is_asked_for(tmp_path):
     study = load(write(tmp_path, 5))
     answer = fit(study.problem, budget=200)

@@ -24,6 +24,7 @@ def disturbed_problem(place, plant, fault, seed, size=1.0):
 
 
 @pytest.mark.parametrize("plant", ["first", *(pytest.param(p, marks=pytest.mark.slow) for p in ("second", "tanks"))])
+@pytest.mark.thorough
 def test_parameters_beside_a_disturbance_are_those_of_the_plant(tmp_path, plant):
     told, errors, least_squares, held = 0, [], [], []
     for seed in range(3):
@@ -49,6 +50,7 @@ def test_parameters_beside_a_disturbance_are_those_of_the_plant(tmp_path, plant)
 @pytest.mark.parametrize(
     "fault", ["dead_time", "lag", "saturation", "backlash", "start", "change K with u", "change tau with t"]
 )
+@pytest.mark.thorough
 def test_an_error_of_the_model_is_not_called_a_disturbance(tmp_path, fault):
     """Nor is it where the addition is not tried at all: the residual follows the input."""
     for seed in (1, 2):
@@ -83,6 +85,7 @@ def test_dry_friction_is_found_beside_a_disturbance(tmp_path):
 
 
 @pytest.mark.parametrize("seed", [3, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_dry_friction_that_a_disturbance_hides_is_found_on_the_innovations(tmp_path, seed):
     """Of the residuals themselves it explains no more than chance might; it is found where both are there."""
     problem, _ = disturbed_problem(tmp_path, "second", "coulomb", seed)
@@ -96,6 +99,7 @@ def test_dry_friction_that_a_disturbance_hides_is_found_on_the_innovations(tmp_p
         assert abs(answer.values["b"] - PLANTS["second"].truth["b"]) > 0.2
 
 
+@pytest.mark.thorough
 def test_a_dead_time_moves_beside_a_disturbance(tmp_path):
     problem, _ = disturbed_problem(tmp_path, "first", "dead_time", 4)
     answer = fit(problem, budget=1500)
@@ -106,6 +110,7 @@ def test_a_dead_time_moves_beside_a_disturbance(tmp_path):
         assert abs(d.disturbed.values[name][0] - value) <= 3.0 * d.disturbed.values[name][1], name
 
 
+@pytest.mark.thorough
 def test_a_drift_is_only_possible_where_a_disturbance_does_without_it(tmp_path):
     problem, _ = disturbed_problem(tmp_path, "first", "clean", 3)
     problem = problem.with_recordings({n: drifted(e.recording) for n, e in problem.experiments.items()})
@@ -172,6 +177,7 @@ def test_a_parameter_that_the_innovations_do_not_show_has_no_value():
     assert found.standard_errors[2] < 0.2
 
 
+@pytest.mark.thorough
 def test_where_a_parameter_ends_at_a_bound_the_walk_is_told_without_values(tmp_path):
     """Steps along derivatives say nothing of the others then."""
     problem, _ = disturbed_problem(tmp_path, "first", "clean", 1)

@@ -53,6 +53,7 @@ def found_of(problem: pf.Problem) -> list[tuple[str, float | None]]:
     ("seed", "offset"),
     [pytest.param(1, 0.06, marks=pytest.mark.slow), (2, -0.06), pytest.param(3, 0.12, marks=pytest.mark.slow)],
 )
+@pytest.mark.thorough
 def test_an_offset_of_the_current_is_named_with_its_size(seed, offset):
     named = dict(found_of(cell(seed, offset_i=offset)))
     assert named["offset of i"] == pytest.approx(offset, abs=0.015)
@@ -60,10 +61,12 @@ def test_an_offset_of_the_current_is_named_with_its_size(seed, offset):
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_no_offset_of_the_current_is_named_where_there_is_none(seed):
     assert found_of(cell(seed)) == []
 
 
+@pytest.mark.thorough
 def test_an_offset_of_the_voltage_is_not_one_of_the_current():
     named = dict(found_of(cell(1, offset_v=0.02)))
     assert "offset of i" not in named

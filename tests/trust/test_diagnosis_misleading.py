@@ -31,6 +31,7 @@ def carried(plant, folder):
 
 
 @pytest.mark.parametrize("fault", [pytest.param("saturation", marks=pytest.mark.slow), "offset"])
+@pytest.mark.thorough
 def test_a_second_cause_is_not_named_for_a_fit_without_it_that_was_not_at_its_end(fault):
     """The wrong model presses a parameter to its bound, from where a bent valley leads back; a dead time of 0.4 ±
     0.4 ms came with it."""
@@ -56,6 +57,7 @@ def test_a_fit_follows_a_bent_valley_from_a_bound(tmp_path):
 
 
 @pytest.mark.parametrize("noise", [0.005, 0.02])
+@pytest.mark.thorough
 def test_outliers_that_a_wrong_model_hid_are_left_out_with_the_right_one(noise):
     one = judged(PLANTS["first"], "dead_time+outliers", noise, 20)
     assert one.all
@@ -91,6 +93,7 @@ def test_two_causes_that_look_like_a_third_are_found_together(tmp_path):
         assert t.value == pytest.approx(PLANTS["second"].faults[t.extension.kind], rel=0.05)  # as both together have it
 
 
+@pytest.mark.thorough
 def test_two_causes_of_which_neither_tells_anything_alone_are_named(tmp_path):
     """A saturation before a lag: with either alone a fit leaves twenty times the noise, so slow that nothing of it
     counts as evidence."""
@@ -105,6 +108,7 @@ def test_two_causes_of_which_neither_tells_anything_alone_are_named(tmp_path):
     assert times_noise(d.carrier, end, d.apart) < 1.2
 
 
+@pytest.mark.thorough
 def test_additions_of_one_input_stand_as_in_the_study_file_whichever_was_found_first(tmp_path):
     """What is limited and then lags is not what lags and is then limited."""
     carrier = carried(PLANTS["first"], tmp_path)
@@ -121,6 +125,7 @@ def test_additions_of_one_input_stand_as_in_the_study_file_whichever_was_found_f
     assert np.max(np.abs(one - wrong)) > 0.1
 
 
+@pytest.mark.thorough
 def test_changed_inputs_are_written_where_preparing_them_anew_would(tmp_path, monkeypatch):
     carrier = carried(PLANTS["motor"], tmp_path)
     changed = {"a": {"u": 0.5 * carrier.inputs["a"]["u"] + 0.1}}
@@ -132,6 +137,7 @@ def test_changed_inputs_are_written_where_preparing_them_anew_would(tmp_path, mo
         np.testing.assert_array_equal(fast, anew)
 
 
+@pytest.mark.thorough
 def test_what_was_found_first_gives_its_place_to_what_fits_better_beside_a_later_cause(tmp_path):
     """A further lag with a wrong initial value, in the tanks: a sensor lag explains more at first, and is neither of
     both."""
@@ -213,6 +219,7 @@ def late_and_begun(seed, off):
 
 
 @pytest.mark.parametrize("seed", [6, *(pytest.param(s, marks=pytest.mark.slow) for s in (5, 7, 8))])
+@pytest.mark.thorough
 def test_a_start_that_a_missing_part_has_moved_is_no_finding(seed):
     """The fit without the dead time takes a part of it as the noise of the first value, 0.4 in place of 0.1, or finds
     more than noise can be and begins at the noisy value. Held there, an initial value and an offset were called likely
@@ -223,6 +230,7 @@ def test_a_start_that_a_missing_part_has_moved_is_no_finding(seed):
     assert np.sqrt(d.end.cost(d.carrier.rows.fit) / d.carrier.rows.fit.sum()) < 0.106
 
 
+@pytest.mark.thorough
 def test_a_first_value_that_is_wrong_is_still_found_beside_another_fault():
     d = late_and_begun(5, 3.0)
     assert [t.extension.kind for t in d.found] == ["dead_time", "start"]

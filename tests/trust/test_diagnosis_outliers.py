@@ -82,6 +82,7 @@ def _stepped(taken, seed=1, spikes=()):
     return [v["sentence"] for v in diagnosis_record(diagnose(answer.problem, answer.best.x, rounds=1))["verdict"]]
 
 
+@pytest.mark.thorough
 def test_samples_behind_steps_of_an_input_are_no_outliers_where_the_clock_shakes():
     rng = np.random.default_rng(3)
     t = 0.02 * np.arange(800)

@@ -211,6 +211,7 @@ def diagnosed_as_a_lag(t, u, y, slowest):
 
 @pytest.mark.parametrize("stuck", [0, 60, 90])
 @pytest.mark.parametrize("seed", [1, *(pytest.param(s, marks=pytest.mark.slow) for s in (0, 2))])
+@pytest.mark.further(1)
 def test_beside_a_sensor_that_was_stuck_no_addition_is_proposed(seed, stuck):
     """The truth is a first-order plant; nothing is missing but the samples of the sensor."""
     rng, n = np.random.default_rng(seed), 900
@@ -229,6 +230,7 @@ def test_beside_a_sensor_that_was_stuck_no_addition_is_proposed(seed, stuck):
 
 
 @pytest.mark.parametrize("every", [1, 8])
+@pytest.mark.thorough
 def test_beside_an_output_that_is_read_seldom_no_addition_is_proposed(every):
     """The repeats look like a lag of the input, "very likely missing", and nothing is missing but fresh samples."""
     told = 0
@@ -259,6 +261,7 @@ def test_beside_an_output_that_is_read_seldom_no_addition_is_proposed(every):
     ("seed", "slowest"),
     [(1, 12.0), (0, 500.0), *(pytest.param(*p, marks=pytest.mark.slow) for p in ((0, 12.0), (1, 500.0)))],
 )
+@pytest.mark.thorough
 def test_beside_a_parameter_that_is_pressed_on_its_bound_no_addition_is_proposed(seed, slowest):
     """The truth has T = 40 s, and a dead time of 3 s that nothing of the model stands for."""
     rng, n = np.random.default_rng(seed), 900

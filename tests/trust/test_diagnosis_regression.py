@@ -34,6 +34,7 @@ FAULTS = {
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize("fault", FAULTS)
+@pytest.mark.further(2)
 def test_what_is_missing_is_named_with_its_size(fault, seed):
     missing, truth, key = FAULTS[fault]
     answer = fit(Problem(axis(), record(seed, missing), split=0.7))
@@ -50,6 +51,7 @@ def test_what_is_missing_is_named_with_its_size(fault, seed):
     assert any("very likely missing" in said["sentence"] for said in diagnosis_record(d)["verdict"])
 
 
+@pytest.mark.thorough
 def test_nothing_is_named_where_nothing_is_missing():
     named = []
     for seed in range(30):
@@ -105,6 +107,7 @@ def test_a_table_of_instruments_has_no_diagnosis(tmp_path):
         before_filter(load(tmp_path / "axis.toml"))
 
 
+@pytest.mark.thorough
 def test_a_run_tries_what_is_missing_where_much_is_left(tmp_path):
     """And nothing where the residual is noise; of filtered columns it says what is needed."""
     bent, white = (

@@ -37,6 +37,7 @@ def drifting_study(place, plant, seed, size=5.0, fault="clean"):
     return load(study.path), noise
 
 
+@pytest.mark.thorough
 def test_the_curve_is_added_to_the_output_exactly():
     nodes, values = np.array([0.0, 3.0, 4.0, 9.0]), np.array([0.0, 1.0, -2.0, 0.5])
     plain = first_order()
@@ -73,6 +74,7 @@ def test_what_is_no_curve_is_refused_in_words(given, said):
 
 
 @pytest.mark.parametrize("plant", ["first", *(pytest.param(p, marks=pytest.mark.slow) for p in ("second", "tanks"))])
+@pytest.mark.thorough
 def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
     truth, told, level, errors, least_squares, held = PLANTS[plant].truth, 0, 0, [], [], []
     for seed in (1, 2, 3):
@@ -108,6 +110,7 @@ def test_a_drift_is_told_and_the_study_with_it_has_the_plant(tmp_path, plant):
 @pytest.mark.parametrize(
     "fault", ["dead_time", "lag", "saturation", "backlash", "change K with u", "change tau with t", "coloured"]
 )
+@pytest.mark.thorough
 def test_an_error_of_the_model_is_not_called_a_drift(tmp_path, fault):
     """Nor is it where the addition is not tried at all."""
     from plantfit.trust.diagnosis.catalogue import inside_kinds
@@ -123,6 +126,7 @@ def test_an_error_of_the_model_is_not_called_a_drift(tmp_path, fault):
         assert drifting(carrier, one, carrier.given.outputs, carrier.rows.fit) is None
 
 
+@pytest.mark.thorough
 def test_what_a_drift_hides_is_named_beside_it(tmp_path):
     """A dead time that explains little of what drifts."""
     named = 0
@@ -136,6 +140,7 @@ def test_what_a_drift_hides_is_named_beside_it(tmp_path):
     assert named == 2
 
 
+@pytest.mark.thorough
 def test_a_curve_that_nothing_asks_for_stays_at_zero(tmp_path):
     """Smoothing by restricted maximum likelihood leaves a line, and the plant keeps its parameters."""
     study = load(write(PLANTS["first"], "clean", 0.01, 4, tmp_path))

@@ -43,6 +43,7 @@ def test_a_first_sample_is_blamed_for_states_that_begin_at_it_alone(off, said):
 
 
 @pytest.mark.parametrize(("seed", "size"), [(8, 1.0), pytest.param(9, 1e-3, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_a_wrong_first_sample_of_a_plant_that_integrates_is_no_offset_of_the_sensor(seed, size):
     """A shift of all that is simulated follows both the same."""
     n, noise = 400, 0.05 * size
@@ -88,6 +89,7 @@ def tank(seed, loss):
 
 
 @pytest.mark.parametrize("seed", [2, pytest.param(1, marks=pytest.mark.slow), pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_what_explains_alike_is_judged_with_its_own_first_values(seed):
     """Where the fit without the loss has put the first value, a change that bends to it explains more than the loss."""
     given = problem(

@@ -48,6 +48,7 @@ def test_a_step_begins_exactly_at_its_moment(kind, signal, size, more):
     np.testing.assert_allclose(problem.predict(np.array([size, at]))["y"], expected, atol=1e-5)
 
 
+@pytest.mark.thorough
 def test_a_parameter_keeps_its_sign_and_derivatives_by_the_moment_are_exact():
     problem = problem_with("step", "K")
     t = problem.experiments["a"].recording.t
@@ -86,6 +87,7 @@ def diagnosed(folder, plant, what, size, seed):
     return study, with_unmeasured(course, made, None, steps_of(course, made)), at
 
 
+@pytest.mark.thorough
 def test_a_parameter_that_changes_is_told_with_its_moment_and_both_values(tmp_path):
     study, d, at = diagnosed(tmp_path, "first", "K", -0.15, 3)
     assert d.stepping is not None
@@ -106,6 +108,7 @@ def test_a_parameter_that_changes_is_told_with_its_moment_and_both_values(tmp_pa
     assert low < at < high
 
 
+@pytest.mark.thorough
 def test_where_inputs_jump_the_fit_beside_a_moment_is_not_stuck(tmp_path):
     d = diagnosed(tmp_path, "motor", "J", 0.5, 2)[1]
     assert d.stepping is not None
@@ -148,6 +151,7 @@ def test_loads_that_no_record_tells_apart_are_told_together(tmp_path):
         pytest.param("motor", "offset", marks=pytest.mark.slow),
     ],
 )
+@pytest.mark.thorough
 def test_nothing_else_is_called_a_step(tmp_path, plant, what):
     assert _told(tmp_path, plant, what, 0.0, 3) is None
 
@@ -231,6 +235,7 @@ def _told(folder, plant, what, size, seed):
     return steps_of(course, course.diagnosis([]))
 
 
+@pytest.mark.thorough
 def test_a_step_is_told_with_its_own_first_values():
     """The fit without it has put the first value of a plant that forgets it late far off: m was 1.5017 ± 0.0004."""
     rng, t = np.random.default_rng(3), 0.2 * np.arange(1000)

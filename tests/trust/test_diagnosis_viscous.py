@@ -39,6 +39,7 @@ def first_named(answer):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.thorough
 def test_viscous_friction_of_a_rotor_is_very_likely_missing(seed):
     first, sentence = first_named(rotor(lambda w: 0.4 * w, seed))
     assert first == "viscous friction of w"
@@ -66,6 +67,7 @@ def test_viscous_friction_of_a_pendulum_is_very_likely_missing(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.thorough
 def test_another_friction_is_not_called_viscous(seed):
     first, sentence = first_named(rotor(lambda w: 1.0 * np.tanh(w / 0.01), seed))
     assert first == "dry friction of w"
@@ -76,6 +78,7 @@ def test_another_friction_is_not_called_viscous(seed):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.thorough
 def test_it_is_not_named_of_a_model_that_has_it(seed):
     own = {"b": pf.Parameter((0.0, 2.0))}
     answer = rotor(lambda w: 0.4 * w, seed, "w' = (T - b*w)/J; y = w", own)

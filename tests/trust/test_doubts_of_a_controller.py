@@ -58,6 +58,7 @@ def test_what_the_diagnosis_calls_missing_or_found_is_told():
         assert [s.startswith(words) for s in said] == ([True] if words else [])
 
 
+@pytest.mark.thorough
 def test_they_stand_first_in_the_verdict_and_in_the_c_file(tmp_path):
     answer = answered(lambda u: np.sign(u) * u**2)
     found = pf.tune(answer, budget=5, plants=100, lower=-2.0, upper=2.0, set_point=1.0, step=0.5)

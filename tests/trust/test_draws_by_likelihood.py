@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 from scipy import stats
 from scipy.optimize import least_squares
 
@@ -44,6 +45,7 @@ def roughly_known(problem, z):
     return [{"name": c.name, "value": v, "low": c.lower, "high": c.upper, **same} for c, v in rows]
 
 
+@pytest.mark.thorough
 def test_the_truth_has_any_place_among_draws_in_a_bent_valley():
     ranks = []
     for problem, z, truth in records(SEEDS):
@@ -56,6 +58,7 @@ def test_the_truth_has_any_place_among_draws_in_a_bent_valley():
     assert np.mean(np.abs(np.array(ranks) - 0.5) > 0.475) < 0.1
 
 
+@pytest.mark.thorough
 def test_draws_have_the_quantiles_of_the_likelihood_on_a_grid():
     """The cost to the power -n/2 over points that fill the box, on the scale of the search; residuals here are not
     correlated."""
@@ -75,6 +78,7 @@ def test_draws_have_the_quantiles_of_the_likelihood_on_a_grid():
                 assert abs(np.mean(drawn[:, i] < end) - level) < 0.06
 
 
+@pytest.mark.thorough
 def test_walkers_draw_from_a_curved_density():
     """Rosenbrock's valley: x normal, y about x^2; the moments are known."""
     rng = np.random.default_rng(1)

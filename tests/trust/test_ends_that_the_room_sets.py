@@ -28,6 +28,7 @@ def false_ends(seeds):
 
 
 @pytest.mark.parametrize("seed", [2, 3, 10])
+@pytest.mark.further(1)
 def test_what_voltage_and_speed_leave_open_has_no_end(seed):
     """Kt/(L*J), R/L + b/J and (R*b + Kt*Kb)/(L*J) are all that is known: an inertia as small as you like goes with a
     large inductance and little friction. It was "Jm is at least 1.71e-9": the torque constant stood at the edge of the
@@ -38,6 +39,7 @@ def test_what_voltage_and_speed_leave_open_has_no_end(seed):
 
 
 @pytest.mark.parametrize("seed", [4, 7, 8, 11])
+@pytest.mark.further(1)
 def test_a_friction_near_zero_may_grow_by_decades_and_take_what_the_motor_constant_gives(monkeypatch, seed):
     """Kb + R*b/Kt is known, and b stands at 1e-8. It was "Kb = 0.0916, determined" in a quiet record, and 0 to 0.038:
     by its logarithm b seems to do nothing."""
@@ -50,6 +52,7 @@ def test_a_friction_near_zero_may_grow_by_decades_and_take_what_the_motor_consta
 
 
 @pytest.mark.parametrize("seed", [3, 9, 12])
+@pytest.mark.thorough
 def test_a_cost_that_is_flat_up_to_a_wall_ends_at_the_wall(seed):
     """Kb has an end at about 0.092, up to which others make up for it. As of a parabola the end was told where a
     quarter of the way from the last place inside to the first outside were: 0 to 0.0775, and the truth is 0.09."""

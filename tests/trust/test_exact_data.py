@@ -22,6 +22,7 @@ def statuses(text, names, noise, seed):
 
 @pytest.mark.parametrize("noise", [0.0, 1e-8, 1e-6])
 @pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.thorough
 def test_products_stay_open_however_exact_the_data(noise, seed):
     """It was a LinAlgError: the prior of the box was less than the rounding of the data."""
     found = statuses("y = a*b*u + c*d*v", "abcd", noise, seed)
@@ -29,6 +30,7 @@ def test_products_stay_open_however_exact_the_data(noise, seed):
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-8])
+@pytest.mark.thorough
 def test_a_sum_with_a_ratio_stays_open_too(noise):
     found = statuses("y = (a + R*b/k)*u + R/k*v", ("a", "b", "R", "k"), noise, 1)
     assert "determined" not in found.values()

@@ -28,6 +28,7 @@ def told(samples, walk, seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.thorough
 def test_few_samples_are_told_as_few(seed):
     [sentence] = told(8, walk=False, seed=seed)
     assert sentence.startswith(
@@ -38,6 +39,7 @@ def test_few_samples_are_told_as_few(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
+@pytest.mark.thorough
 def test_enough_white_samples_are_not_told(seed):
     assert told(60, walk=False, seed=seed) == []
 
@@ -48,6 +50,7 @@ def test_slow_residuals_are_told_as_slow():
     assert all(SLOW in s and FEW not in s for s in said)
 
 
+@pytest.mark.thorough
 def test_beside_intervals_that_are_too_short_nothing_is_said_of_an_interval():
     """No sentence "K cannot be told from zero: 0 to 36" beside "intervals may be too short", none of ends that the
     data do not set."""
@@ -135,6 +138,7 @@ def misfit(dead_time, useless=False):
     return fit(Problem(model, Recording(t, {"u": Signal(u), "x": Signal(y)})), budget=1500, seed=1).findings
 
 
+@pytest.mark.thorough
 def test_what_residuals_leave_without_an_end_is_not_called_open():
     """A lag of 20 s is fitted without its 4 s of dead time and follows 86 %: "the data allow any value above 0" of a
     gain was never true, and only said that so few independent samples are left."""
@@ -149,6 +153,7 @@ def test_what_residuals_leave_without_an_end_is_not_called_open():
     assert "any value" not in said
 
 
+@pytest.mark.thorough
 def test_what_the_samples_leave_open_is_said_beside_slow_residuals():
     found = misfit(4, useless=True)
     assert not found["determined"]["sound"]

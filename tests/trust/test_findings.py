@@ -72,6 +72,7 @@ def held(findings: dict[str, Any]) -> Findings:
     return read
 
 
+@pytest.mark.thorough
 def test_nothing_is_lost_and_the_schema_holds(late, of_table):
     read = held(late)
     assert read.schema_version == VERSION
@@ -87,6 +88,7 @@ def test_every_section_of_a_fit_is_a_field(late, of_table):
 
 
 @pytest.mark.parametrize("key", ["white", "unit", "value", "runs", "level"])
+@pytest.mark.further(1)
 def test_the_schema_refuses_what_is_wrong(late, key):
     """So that it is no schema that takes everything."""
     wrong = json.loads(json.dumps(late).replace(f'"{key}": ', f'"{key}": {{}}, "was {key}": '))

@@ -70,6 +70,7 @@ def test_keys_that_go_or_change_raise_the_version():
 
 
 @pytest.mark.parametrize("change", ["gone", "another kind", "may be null", "added", "an older list"])
+@pytest.mark.further(3)
 def test_the_list_tells(change):
     version, kept = listed()
     now = keys(findings_schema())

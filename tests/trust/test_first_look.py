@@ -167,6 +167,7 @@ def test_a_block_left_out_at_the_start_is_foretold_without_running_away():
             assert np.sqrt(np.mean(errors**2)) < (2 if begin else 5) * NOISE
 
 
+@pytest.mark.thorough
 def test_a_slow_plant_that_a_linear_model_follows_is_not_called_noise():
     """Four steps of a heater in half an hour: in no eighth of the record there is enough of the answer."""
     blamed = 0
@@ -189,6 +190,7 @@ def test_a_slow_plant_that_a_linear_model_follows_is_not_called_noise():
     assert blamed > 2
 
 
+@pytest.mark.thorough
 def test_noise_and_a_decay_beside_an_input_that_does_nothing_are_still_called_noise():
     for seed in range(12):
         rng = np.random.default_rng(100 + seed)

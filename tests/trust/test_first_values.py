@@ -65,6 +65,7 @@ def test_there_are_none_where_states_begin_elsewhere():
     assert first_value_effects(problem, np.array([0.3]), residual_blocks(problem)).noise.shape == (N, 0)
 
 
+@pytest.mark.thorough
 def test_every_recording_has_a_column_of_its_own_and_weights_count():
     y = clean() + NOISE * np.random.default_rng(0).normal(size=N)
     one = problem_of(y)
@@ -113,6 +114,7 @@ def estimates(problem, base, seeds, first=True):
 
 
 @pytest.mark.parametrize(("u", "much"), [(None, True), (BLOCKS, False)])
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_and_the_factor_is_what_the_first_value_does(u, much):
     base, seeds = clean(u), 120
     problem = problem_of(base, u)

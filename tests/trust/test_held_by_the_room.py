@@ -40,6 +40,7 @@ SLOW = pytest.mark.slow
     ("seed", "times"),
     [(1, 2.5), (2, 3.5), *(pytest.param(s, k, marks=SLOW) for s in (4, 6, 8) for k in (0.5, 1.7, 3.5))],
 )
+@pytest.mark.thorough
 def test_what_is_known_as_ratios_has_no_ends(seed, times):
     """A run said "Cl is at least 4.4e-15", and of other records that E is at most 2.8e14: where A and others stood on
     edges of the room, refits that cost 300 times the threshold counted as inside and those above it as outside.

@@ -79,6 +79,7 @@ def test_holms_levels():
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
+@pytest.mark.further(1)
 def test_recordings_of_one_plant_are_seldom_called_different(memory):
     """Of 100 studies of two recordings 5 may be; 13 has a chance of one in a thousand."""
     told = [study(seed, 2, memory) for seed in range(STUDIES)]
@@ -115,6 +116,7 @@ def answered(recordings, **more):
     return pf.fit(pf.Problem(model(), recordings, substeps=1, **more), budget=400)
 
 
+@pytest.mark.thorough
 def test_an_answer_is_compared_with_every_recording_alone(tmp_path):
     rng = np.random.default_rng(5)
     recordings = {n: recording(rng, n, lag=0.9 if n == "hot" else 0.6) for n in ("a", "b", "hot", "c")}
@@ -154,6 +156,7 @@ def test_what_a_recording_does_not_determine_is_not_compared():
     assert [a["tested"] for a in found.record["parameters"][0]["alone"]] == [True, True, False]
 
 
+@pytest.mark.thorough
 def test_parameters_that_may_differ_are_no_disagreement():
     rng = np.random.default_rng(7)
     made = equations(
@@ -220,6 +223,7 @@ def test_a_recording_is_named_only_where_two_others_were_compared():
     assert "without which" not in said
 
 
+@pytest.mark.thorough
 def test_basins_of_one_cost_are_no_disagreement():
     """Two lags in a row may be exchanged; a recording that is fitted alone stays at the names that the joint answer
     has."""
@@ -255,6 +259,7 @@ def test_the_spread_of_paule_and_mandel():
     assert between(values, np.full(5, 10.0)) == 0.0
 
 
+@pytest.mark.thorough
 def test_the_answer_names_the_recording_and_allows_for_it():
     rng = np.random.default_rng(5)
     answer = answered({n: recording(rng, n, lag=0.9 if n == "hot" else 0.6) for n in ("a", "b", "hot", "c")})
@@ -437,6 +442,7 @@ def test_recordings_of_equal_weight_have_the_interval_of_hartung_and_knapp():
     assert found.degrees == pytest.approx([3.0, 3.0])
 
 
+@pytest.mark.thorough
 def test_bands_and_plants_are_those_of_another_recording_where_recordings_scatter():
     """Lags of six recordings, 5 % apart: plants scatter as they do, not by the noise of the joint answer, which is
     0.3 %."""
@@ -489,6 +495,7 @@ def test_refits_that_would_take_longer_than_the_search_are_left(monkeypatch):
 
 
 @pytest.mark.parametrize(("scatter", "most"), [(0.0, 6), (0.05, 45)])
+@pytest.mark.further(1)
 def test_intervals_hold_the_mean_of_what_scatters(scatter, most):
     """40 studies of 5 recordings: 95 % of intervals hold it, and 5 % of studies that do not scatter are told to (6
     by chance: 1 in 100)."""

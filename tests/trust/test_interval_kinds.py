@@ -18,6 +18,8 @@ from plantfit.trust.intervals.kinds.noise import log_likelihood, noise_of
 from plantfit.trust.intervals.kinds.posterior import posterior
 from plantfit.trust.intervals.kinds.told import interval_sentences
 
+pytestmark = pytest.mark.thorough
+
 ONE = {"u": "1", "y": "1"}
 
 

@@ -4,6 +4,7 @@ import pytest
 from benchmarks.known_plants import PLANTS, holds, row_of, table
 
 
+@pytest.mark.thorough
 def test_the_ratios_of_a_free_mass_are_named_and_nothing_more():
     row = row_of("mass, free", 3)
     assert set(row["combinations"]) == {"c/m", "k/m"}

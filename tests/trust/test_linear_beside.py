@@ -40,6 +40,7 @@ def told(text, recording, parameters, split=0.7, whole=False):
 @pytest.mark.parametrize(
     ("omega", "damping"), [*(pytest.param(*p, marks=pytest.mark.slow) for p in ((1.2, 0.17), (3.0, 0.4))), (0.7, 0.05)]
 )
+@pytest.mark.thorough
 def test_an_oscillation_is_named_and_what_to_write_reaches_the_noise(omega, damping):
     recording = record(3, omega, damping)
     _, said = told(FIRST, recording, OWN)
@@ -59,6 +60,7 @@ def test_an_oscillation_is_named_and_what_to_write_reaches_the_noise(omega, damp
     assert all(r["white"] for r in answer.findings["residual_tests"])
 
 
+@pytest.mark.thorough
 def test_a_gain_of_the_other_sign_is_named():
     recording = record(5, 20.0, 5.0, gain=-3.0)
     # a run asks for the column first, and leaves it there
@@ -84,6 +86,7 @@ def test_a_gain_of_the_other_sign_is_named():
     )
 
 
+@pytest.mark.thorough
 def test_a_disturbance_that_another_state_imitates_on_fitted_samples_is_no_state():
     slow = record(6, 20.0, 5.0, noise=0.005)
     y = slow["y"] + 3.0 * np.sin(2 * np.pi * slow.t / 150.0)
@@ -94,6 +97,7 @@ def test_a_disturbance_that_another_state_imitates_on_fitted_samples_is_no_state
 
 
 @pytest.mark.parametrize("kind", ["right", "curved", "lagged"])
+@pytest.mark.further(1)
 def test_where_a_linear_model_does_not_say_it_nothing_is_said(kind):
     if kind == "curved":  # a linear model leaves as much
         recording = record(4, 20.0, 1.0, curve=lambda y: y + 0.8 * y**2)
@@ -104,6 +108,7 @@ def test_where_a_linear_model_does_not_say_it_nothing_is_said(kind):
 
 
 @pytest.mark.parametrize("period", [4.7, 11.0])
+@pytest.mark.thorough
 def test_a_swing_that_no_input_moves_is_no_state_of_the_plant(period):
     """A sine acts on a lag of first order. "What is missing is mostly linear; write one more state" is wrong: the
     linear model swings from its own initial states throughout."""
@@ -119,6 +124,7 @@ def test_a_swing_that_no_input_moves_is_no_state_of_the_plant(period):
     assert "no input moves. Something that comes back acts on the plant" in one["sentence"]
 
 
+@pytest.mark.thorough
 def test_a_swing_that_inputs_move_is_one_of_the_plant_however_little_it_fades():
     _, (one,) = told(FIRST, record(3, 3.0, 0.002), OWN)
     assert "no input moves" not in one["sentence"]
@@ -148,6 +154,7 @@ def two_masses(seed, size=1.0, level=20.0, second=60.0, between=2.0, n=600):
     ("seed", "size", "level"),
     [(4, 1.0, 20.0), *(pytest.param(*p, marks=pytest.mark.slow) for p in ((5, 30.0, -10.0), (6, 0.1, 300.0)))],
 )
+@pytest.mark.thorough
 def test_a_second_mass_that_is_missing_is_no_cause_that_looks_like_it(seed, size, level):
     model = equations(
         TWO_MASSES,

@@ -78,6 +78,7 @@ def test_a_time_is_between_two_samples_only_where_no_record_is_faster(clocks, to
     assert all("1 s apart" in look.sentence and "tau" in look.sentence for look in found)
 
 
+@pytest.mark.thorough
 def test_a_time_that_the_fit_has_determined_is_not_said_to_be_beyond_the_samples():
     problem = decays([SLOW], [1.0], tau=(0.02, 0.9))
     assert [look.kind for look in problem_looks(problem)].count("sampled slowly") == 1
@@ -171,6 +172,7 @@ def test_an_input_that_never_moves_is_told_as_what_it_is():
 
 
 @pytest.mark.parametrize(("start", "gain", "seed"), [(6.0, 2.0, 1), (0.0, 2.0, 2), (60.0, 20.0, 3)])
+@pytest.mark.thorough
 def test_an_input_that_never_moves_has_an_effect_that_the_level_tells(start, gain, seed):
     """At rest, and settling from elsewhere, the gain is known by the level: no sentence says that it cannot be told."""
     t = np.arange(0.0, 300.0, 2.0)

@@ -2,6 +2,7 @@
 is open."""
 
 import numpy as np
+import pytest
 
 from plantfit import Parameter, Problem, Recording, Signal, fit
 from plantfit.models import equations
@@ -27,6 +28,7 @@ def _fitted():
     return [r for r in rows if r["parameter"] == "c"]
 
 
+@pytest.mark.thorough
 def test_offsets_near_zero_have_the_interval_of_the_closed_form():
     rows = _fitted()
     told, dark = rows[: RECORDS - 5], rows[RECORDS - 5 :]

@@ -81,6 +81,7 @@ def test_other_signals_have_no_noise_of_readings(name):
 
 
 @pytest.mark.parametrize("count", [25, pytest.param(60, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_intervals_hold_where_those_by_the_outputs_noise_do_not(count):
     base, held = Problem(CELL, drive(0), SPACE), {"output": 0, "both": 0}
     seeds, found, told = range(1, count + 1), [], []
@@ -104,6 +105,7 @@ def test_intervals_hold_where_those_by_the_outputs_noise_do_not(count):
     assert np.sqrt(np.mean(np.square(told))) < 1.4 * np.std(found)
 
 
+@pytest.mark.thorough
 def test_what_looks_like_noise_and_was_there_widens_nothing():
     """The current really shook: residuals show nothing of it."""
     for seed in range(1, 6):

@@ -57,6 +57,7 @@ def answers(pulses, seeds):
         yield problem, z, linearise(problem, z)
 
 
+@pytest.mark.thorough
 def test_intervals_hold_where_those_by_the_noise_do_not():
     held = {"noise": 0, "steps": 0}
     seeds = range(1, 61)
@@ -169,6 +170,7 @@ def fine_steps(seed, commanded=False, step=0.02, noise=0.005):
 
 
 @pytest.mark.parametrize("seeds", [range(10, 20), pytest.param(range(20), marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_intervals_allow_for_steps_that_are_fine_beside_the_range_and_not_beside_the_noise(seeds):
     held = {"noise": 0, "steps": 0}
     for seed in seeds:
@@ -183,6 +185,7 @@ def test_intervals_allow_for_steps_that_are_fine_beside_the_range_and_not_beside
 
 
 @pytest.mark.parametrize("count", [5, pytest.param(10, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_of_a_command_in_fine_steps_residuals_tell_that_the_plant_got_it(count):
     told = 0
     for seed in range(count):

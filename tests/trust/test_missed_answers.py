@@ -38,6 +38,7 @@ def well(seed: int, *, force: str = "a*x + b*x^3", box=BOX, noise: float = 0.05,
     return pf.Problem(model, pf.from_arrays({"t": t, "u": u, "y": y}), box)
 
 
+@pytest.mark.thorough
 def test_the_answer_is_found_and_said():
     """Of a motion half as large, so that the truth is elsewhere in the box."""
     problem = well(2, box=BOX | {"b": (0.0, 6.0)}, size=0.5)
@@ -53,6 +54,7 @@ def test_the_answer_is_found_and_said():
     assert answer.findings["runs"][0]["ended"] == "segments"
 
 
+@pytest.mark.thorough
 def test_every_run_keeps_its_own_end_but_the_best():
     problem = well(5)
     runs = [_run(k, problem, [0.017, 0.506, 0.0, 0.148], 0.18 + 1e-9 * k) for k in range(2)]
@@ -88,6 +90,7 @@ def test_populations_keep_their_own_answer(method):
     assert run.extra["ended"] == "searched"
 
 
+@pytest.mark.thorough
 def test_nothing_is_said_of_a_wrong_model():
     """Its best answer follows no better from segments."""
     problem = well(2, force="a*x", box={n: BOX[n] for n in ("d", "a", "g")})

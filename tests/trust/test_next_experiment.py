@@ -19,6 +19,7 @@ def free(design):
     return jnp.zeros(1)
 
 
+@pytest.mark.thorough
 def test_a_parabola_is_measured_at_both_ends_and_the_middle():
     # Fedorov 1972, section 2.3: weights 1/3 at -1, 0 and 1
     found = d_optimal(parabola, free, (-np.ones(6), np.ones(6)), budget=3000, seed=1)

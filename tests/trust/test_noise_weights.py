@@ -35,6 +35,7 @@ def intervals(answer):
 
 
 @pytest.mark.parametrize("count", [6, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_with_correlated_noise_values_and_intervals_are_those_of_generalised_least_squares(count):
     held, shorter, nearer, taken = [], [], [], 0
     for seed in range(count):
@@ -60,6 +61,7 @@ def test_with_correlated_noise_values_and_intervals_are_those_of_generalised_lea
 
 
 @pytest.mark.parametrize("seeds", [(2, 3), pytest.param(range(5), marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_errors_that_samples_share_are_weighed_without_asking(seeds):
     held, ratios = [], []
     for seed in seeds:
@@ -108,6 +110,7 @@ def test_all_that_an_answer_tells_is_of_one_estimate(tmp_path):
 
 
 @pytest.mark.parametrize("count", [3, pytest.param(6, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_a_model_that_lacks_something_keeps_least_squares_and_says_why(count):
     kept = 0
     for seed in range(count):
@@ -122,6 +125,7 @@ def test_a_model_that_lacks_something_keeps_least_squares_and_says_why(count):
     assert kept >= count - 1
 
 
+@pytest.mark.thorough
 def test_where_it_cannot_be_the_reason_is_named():
     def reason(problem, **options):
         answer = pf.fit(problem, runs=1, **options)
@@ -157,6 +161,7 @@ def test_where_it_cannot_be_the_reason_is_named():
     assert pf.fit(timed, runs=1).problem.weighted is not None
 
 
+@pytest.mark.thorough
 def test_recordings_that_agree_are_weighed_together_and_those_that_do_not_are_told():
     answer = pf.fit(oven(5, recordings=3, n=400, estimator=GLS), runs=1)
     assert answer.problem.weighted is not None
@@ -168,6 +173,7 @@ def test_recordings_that_agree_are_weighed_together_and_those_that_do_not_are_to
     assert not [s for s in said(answer) if "too short" in s]
 
 
+@pytest.mark.thorough
 def test_intervals_and_estimates_of_every_kind_begin_at_least_squares():
     answer = pf.fit(oven(6, estimator=GLS), runs=1)
     least = answer.by_least_squares

@@ -39,6 +39,7 @@ def ranges(answer):
     return {r["name"]: (r["status"], r["low"], r["high"]) for r in answer.findings["parameters"] if not r["index"]}
 
 
+@pytest.mark.thorough
 def test_the_charge_of_a_cell_with_a_free_curve_is_not_known():
     """It was "soc0 = 0.545 ± 0.011" and "Q = 6205 ± 159", each with the truth outside: the curve had been moved."""
     answer = fit(cell(4), seed=4)
@@ -78,6 +79,7 @@ def test_ranges_hold_the_charge_and_the_capacity_that_a_free_curve_leaves_open()
 
 
 @pytest.mark.parametrize("held", ["soc0", "ocv"])
+@pytest.mark.thorough
 def test_with_the_start_or_the_curve_held_the_rest_is_known(held):
     own = {"soc0": Parameter(value=0.9), "ocv": Parameter(value=tuple(OCV))}
     answer = fit(cell(2, **{held: own[held]}), seed=1)
@@ -90,6 +92,7 @@ def test_with_the_start_or_the_curve_held_the_rest_is_known(held):
     assert found["Q"][1] < TRUTH["Q"] < found["Q"][2]
 
 
+@pytest.mark.thorough
 def test_a_state_that_its_own_rate_depends_on_moves_no_table():
     """A tank's outflow goes with the root of the level, so that its sensor's curve is where it is."""
     rng, step = np.random.default_rng(3), 2.0

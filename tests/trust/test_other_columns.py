@@ -56,6 +56,7 @@ def said(answer):
         ({"v": 3.6}, "With v taken as km/h in place of m/s the model follows", 1 / 3.6),
     ],
 )
+@pytest.mark.thorough
 def test_a_wrong_sign_and_a_wrong_unit_are_told_by_name_and_the_line_mends_them(seed, wrong, cause, factor):
     data = driven(seed)
     answer = fitted(data, **wrong)
@@ -69,6 +70,7 @@ def test_a_wrong_sign_and_a_wrong_unit_are_told_by_name_and_the_line_mends_them(
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.thorough
 def test_nothing_is_told_of_what_the_model_lacks_nor_of_a_late_clock_nor_of_a_good_record(seed):
     data = driven(seed)
     assert said(fitted(data)) == []
@@ -89,6 +91,7 @@ def tanks(seed, n=300):
 
 
 @pytest.mark.parametrize("seed", SEEDS[:2])
+@pytest.mark.thorough
 def test_two_columns_that_are_exchanged_are_told(seed):
     t, q, h = tanks(seed)
     model = pf.equations(
@@ -105,6 +108,7 @@ def test_two_columns_that_are_exchanged_are_told(seed):
 
 
 @pytest.mark.parametrize("factor", [1000.0, 1.0])
+@pytest.mark.thorough
 def test_a_published_reference_in_mm_is_told(factor):
     """The drive of the EMPS benchmark in its loop: 24 841 samples."""
     whole = load(Path(pf.__file__).parent / "cases" / "emps" / "closed_loop.toml").problem

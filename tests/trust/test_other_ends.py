@@ -107,6 +107,7 @@ def absorbed(low: float, seed: int) -> Problem:
 
 
 @pytest.mark.parametrize("seed", range(6))
+@pytest.mark.further(3)
 def test_bounds_leave_one_of_two_answers(seed):
     """A search ends on the bound beside the other answer, at whose cost noise could have chosen it."""
     rows = {p["name"]: p for p in pf.fit(absorbed(5.5, seed), seed=1).findings["parameters"]}
@@ -121,6 +122,7 @@ def test_without_such_bounds_ranges_hold_both():
     assert rows["V"]["status"] == "weak"
 
 
+@pytest.mark.thorough
 def test_ranges_hold_the_truth_whichever_answer_was_reported():
     """Noise reports one of two answers; the interval around the other one belongs to the range, and not its value
     alone, beyond which the truth lies in half of the records."""
@@ -132,6 +134,7 @@ def test_ranges_hold_the_truth_whichever_answer_was_reported():
     assert min(held.values()) >= 17, held  # binomial(20, 0.95): 17 to 20 in 98 % of cases
 
 
+@pytest.mark.thorough
 def test_an_end_on_a_bound_that_noise_may_have_chosen_counts():
     """The other optimum lies hardly beyond the bound: what is within the bounds costs as little."""
     problem = bowl(1e-3)

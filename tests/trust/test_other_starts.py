@@ -37,6 +37,7 @@ def said(answer):
 
 
 @pytest.mark.parametrize("first", [0.0, pytest.param(-0.04, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_a_first_value_that_nothing_can_begin_at_is_named_with_the_lines_that_free_it(first):
     answer = fit(epidemic(1, first))
     [sentence] = said(answer)
@@ -51,6 +52,7 @@ def test_a_first_value_that_nothing_can_begin_at_is_named_with_the_lines_that_fr
         assert abs(rows[name]["value"] - true) < 4 * rows[name]["standard_error"]
 
 
+@pytest.mark.thorough
 def test_it_is_not_named_where_the_start_is_good_or_where_something_else_is_missing():
     assert not said(fit(epidemic(2, 0.004)))
     assert not said(fit(epidemic(3, 0.0, bump=0.3)))

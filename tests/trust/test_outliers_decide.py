@@ -77,6 +77,7 @@ def test_many_recordings_share_a_sentence(count, told):
         assert bool(failing(found)) is False
 
 
+@pytest.mark.thorough
 def test_the_verdict_of_a_sensor_that_loses_its_echo():
     rng = np.random.default_rng(4)
     t, u = np.arange(N) * 0.05, np.repeat(rng.uniform(-6, 6, N // 40), 40)

@@ -109,6 +109,7 @@ def test_a_dead_time_that_the_record_tells():
         (0.5, 5.0, 0.2, 0.6, "does not tell the dead time"),
     ],
 )
+@pytest.mark.further(3)
 def test_a_dead_time_that_leans_on_its_bounds_is_said(late, noise, low, high, said):
     found = dead_time(step(late, noise, 4, low, high, n=100), MIDDLE)
     assert not found.determined

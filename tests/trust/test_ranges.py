@@ -280,6 +280,7 @@ def scaled_fit(text, truth, seed, box):
 @pytest.mark.parametrize("box", [3.0, 20.0])
 @pytest.mark.parametrize("seed", [1, 2])
 @pytest.mark.parametrize("family", list(FAMILIES))
+@pytest.mark.further(8)
 def test_what_scales_together_has_no_ends(family, seed, box):
     for row in rows(scaled_fit(*FAMILIES[family], seed, box)).values():
         assert (row["status"], row["low"], row["open"]) == ("flat", 0.0, "upper")

@@ -56,6 +56,7 @@ def answer(order, seed, noise=0.02):
     return pf.fit(pf.Problem(model, records, own), budget=600, seed=1)
 
 
+@pytest.mark.thorough
 def test_a_wrong_order_of_three_batches_is_told_and_a_right_one_is_not():
     wrong = str(answer(2, 1).verdict)
     assert "The residuals of y are not white (correlation" in wrong
@@ -68,6 +69,7 @@ def test_a_wrong_order_of_three_batches_is_told_and_a_right_one_is_not():
         assert "not white" not in str(right.verdict)
 
 
+@pytest.mark.thorough
 def test_what_such_recordings_lack_is_looked_for():
     wrong = answer(2, 1)
     assert not wrong.findings["residual_tests"]
@@ -79,6 +81,7 @@ def test_what_such_recordings_lack_is_looked_for():
     assert first["likely"] == "very likely"
 
 
+@pytest.mark.thorough
 def test_what_a_solver_leaves_is_nothing_that_the_model_lacks():
     assert "not white" not in str(answer(1, 1, noise=0.0).verdict)
 

@@ -33,6 +33,7 @@ def simulated(steps, missing=0.0, seed=0):
     ("steps", "seed"),
     [(20, 1), (200, 2), *(pytest.param(*p, marks=pytest.mark.slow) for p in ((20, 0), (20, 2), (200, 0), (200, 1)))],
 )
+@pytest.mark.thorough
 def test_errors_of_its_solver_are_told_as_such(steps, seed):
     answer = simulated(steps, seed=seed)
     assert answer.values["mu"] == pytest.approx(1.2, rel=1e-3)
@@ -45,6 +46,7 @@ def test_errors_of_its_solver_are_told_as_such(steps, seed):
     assert not any("systematic" in s["sentence"] or "does not hold" in s["sentence"] for s in verdict)
 
 
+@pytest.mark.thorough
 def test_what_a_model_lacks_is_told_of_records_without_noise():
     verdict = str(simulated(200, missing=0.1).verdict)
     assert "something systematic is missing" in verdict

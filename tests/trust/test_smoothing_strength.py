@@ -116,6 +116,7 @@ def test_cross_validation_is_that_by_hand():
 
 
 @pytest.mark.parametrize("way", ["reml", "cross-validated"])
+@pytest.mark.thorough
 def test_a_chosen_strength_comes_nearer_to_the_truth_than_none_or_much(way):
     errors = {name: [] for name in ("chosen", "none", "much")}
     for seed in range(8):
@@ -148,6 +149,7 @@ def test_a_straight_line_is_found_to_be_one():
     assert typical_bends(found.problem, found.z)["f", "u"] < 3e-3
 
 
+@pytest.mark.thorough
 def test_reml_gives_each_axis_its_own_strength():
     rng = np.random.default_rng(5)
     second = tuple(np.linspace(0.0, 1.0, 6).tolist())

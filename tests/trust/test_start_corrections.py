@@ -130,6 +130,7 @@ def test_parameters_that_a_start_counts_by(initial, found):
     assert start_parameters(problem, np.asarray(problem.space.physical(np.full(problem.space.dimension, 0.4)))) == found
 
 
+@pytest.mark.thorough
 def test_a_nonlinear_plant_of_two_outputs():
     """A pendulum whose angle and current are measured, against a fit in which the angle's start is a parameter of
     the model."""
@@ -208,6 +209,7 @@ def test_a_new_recording_begins_where_it_is_measured_and_the_fitted_one_where_th
     assert answer.predict(new)["y"][0] == pytest.approx(new["y"][0], abs=1e-12)
 
 
+@pytest.mark.thorough
 def test_a_stored_study_opens_with_the_same_bits(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     r = record(4, off=-2.0)
@@ -230,6 +232,7 @@ def test_a_stored_study_opens_with_the_same_bits(tmp_path, monkeypatch):
     assert fresh.values["tau"] == pytest.approx(first.values["tau"], rel=1e-6)
 
 
+@pytest.mark.thorough
 def test_intervals_hold_the_truth_and_are_no_wider_than_needed():
     """The spread of estimates over records that differ in noise is that which is stated, and much smaller than
     without."""
@@ -279,6 +282,7 @@ def test_starts_are_free_in_intervals_of_all_kinds():
         np.testing.assert_allclose(found[kind], wanted[other_kind], atol=loose * width, err_msg=kind)
 
 
+@pytest.mark.thorough
 def test_recordings_alone_have_starts_of_their_own():
     """Else each keeps the start that it has in the fit of all, and recordings agree more than their errors allow."""
     records = {f"r{k}": record(10 + k, samples=100, name=f"r{k}") for k in range(3)}

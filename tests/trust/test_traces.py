@@ -112,6 +112,7 @@ def check(compiled, allowed):
 
 @pytest.mark.parametrize("make", [few_samples, two_outputs], ids=["16 samples", "reweighting"])
 @pytest.mark.parametrize("runs", [1, 3])
+@pytest.mark.further(2)
 def test_prepare_search_finish_and_verdict_share_their_shapes(compiled, make, runs):
     problem = make()
     compiled.clear()  # making the record simulated it

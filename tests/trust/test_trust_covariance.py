@@ -188,6 +188,7 @@ def test_slow_residuals_and_short_records_have_intervals_that_hold(n, rho):
 
 @pytest.mark.parametrize("robust", [True, False])
 @pytest.mark.parametrize(("few", "given"), [(3, True), (4, True), (4, False), (8, False), (25, False)])
+@pytest.mark.further(6)
 def test_an_output_of_few_samples_has_intervals_that_hold(few, given, robust):
     """Two parameters seen by y at 150 samples, two more by w at few: its scale is given, or the rms of its
     residuals."""

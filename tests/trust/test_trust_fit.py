@@ -42,6 +42,7 @@ def answer():
     return fit(problem, seed=1)
 
 
+@pytest.mark.thorough
 def test_parameters_lie_within_three_standard_errors():
     rows = {p["name"]: p for p in answer().findings["parameters"]}
     for name in BOX:

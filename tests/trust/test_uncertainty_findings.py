@@ -207,6 +207,7 @@ def test_a_regression_with_a_held_coefficient():
     assert found.systematic["span"][0] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.thorough
 def test_a_gain_scales_the_gain_of_moving_and_steady_records_alike():
     model = pf.equations(
         "x' = (K*u - x)/tau; y = x", inputs={"u": "V"}, states={"x": "V"}, outputs={"y": "V"},
@@ -283,6 +284,7 @@ def test_intervals_with_a_held_constant_and_few_repeats_hold_what_they_promise()
     assert np.mean(short, axis=0)[0] < 0.88
 
 
+@pytest.mark.thorough
 def test_the_reference_of_voltage_and_current_scales_a_motor_as_its_units_say():
     """V and i by 1 + e: R = V/i stays, K goes with e, and torques K i, with them inertia and friction, with 2 e."""
     model = dc_motor(tied=True, current_output=True)

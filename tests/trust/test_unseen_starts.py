@@ -51,6 +51,7 @@ def told(found):
 
 
 @pytest.mark.parametrize("count", [3, pytest.param(8, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_noise_of_the_first_unseen_value_is_no_reason_that_a_right_model_does_not_hold(count):
     named = 0
     for seed in range(count):
@@ -67,11 +68,13 @@ def test_noise_of_the_first_unseen_value_is_no_reason_that_a_right_model_does_no
 
 
 @pytest.mark.parametrize("changed", [{"a": 0.86}, {"c": 0.54}, {"w": 0.37}])
+@pytest.mark.further(2)
 def test_a_plant_that_changed_is_not_excused(changed):
     found = findings(oscillation(1), oscillation(101, (2.4, 1.2), **changed))
     assert failing(found), told(found)
 
 
+@pytest.mark.thorough
 def test_what_the_model_lacks_is_not_excused():
     def crowded(seed, start):
         return oscillation(seed, start, k=0.005)
@@ -83,6 +86,7 @@ def test_what_the_model_lacks_is_not_excused():
     assert all(s.get("started") is None for s in unseen)
 
 
+@pytest.mark.thorough
 def test_many_unseen_recordings_are_told_in_one_sentence():
     unseen = {f"u{k}": oscillation(50 + k, (2.7 + 0.1 * k, 1.0)) for k in range(6)}
     right = findings(oscillation(1), **unseen)
@@ -94,6 +98,7 @@ def test_many_unseen_recordings_are_told_in_one_sentence():
     assert any("it does not hold there (1: u2)" in s for s in told(changed)), told(changed)
 
 
+@pytest.mark.thorough
 def test_a_first_value_that_is_no_noise_is_not_excused():
     found = findings(oscillation(2), oscillation(102, (2.4, 1.2), spoiled=12.0))
     assert failing(found)

@@ -49,6 +49,7 @@ def told(answer: pf.Answer) -> list[str]:
 
 @pytest.mark.parametrize("seed", [0, 2, 7, 12])
 @pytest.mark.parametrize("true", ["previous", "linear"])
+@pytest.mark.thorough
 def test_both_dead_times_are_told_where_the_record_cannot_tell(seed, true):
     answer = pf.fit(problem(recorded(seed, true)), seed=1)
     [look] = [look for look in answer.findings["data"] if look["kind"] == "hold"]
@@ -59,6 +60,7 @@ def test_both_dead_times_are_told_where_the_record_cannot_tell(seed, true):
     assert 'hold = { u = "previous" } or hold = { u = "linear" }' in sentence
 
 
+@pytest.mark.thorough
 def test_a_long_record_with_little_noise_tells_straight_lines():
     [sentence] = told(pf.fit(problem(recorded(1, "linear", noise=1e-3, n=600, fine=40)), seed=1))
     assert "straight lines fit better" in sentence
@@ -69,6 +71,7 @@ def test_nothing_is_said_where_a_long_record_tells_that_the_input_is_held():
     assert told(pf.fit(problem(recorded(1, "previous", noise=1e-3, n=600, fine=40)), seed=1)) == []
 
 
+@pytest.mark.thorough
 def test_dead_times_of_several_recordings_share_one_sentence():
     records = {"first": recorded(7, "linear"), "second": recorded(12, "linear")}
     whole = problem(records["first"])
@@ -80,6 +83,7 @@ def test_dead_times_of_several_recordings_share_one_sentence():
     assert look["figures"]["linear"] == pytest.approx(DEAD, abs=0.6)
 
 
+@pytest.mark.thorough
 def test_what_is_stated_is_believed():
     record = recorded(0, "linear")
     assert problem(record).holds_stated == frozenset()
@@ -97,6 +101,7 @@ def without_dead_time(seed: int, hold: str, shift: int = 0) -> pf.Answer:
 
 
 @pytest.mark.parametrize("seed", range(4))
+@pytest.mark.thorough
 def test_straight_lines_are_told_without_a_dead_time(seed):
     answer = without_dead_time(seed, "linear")
     [sentence] = told(answer)
@@ -116,12 +121,14 @@ def test_straight_lines_are_told_without_a_dead_time(seed):
 
 
 @pytest.mark.parametrize("seed", [0, 1, *(pytest.param(s, marks=pytest.mark.slow) for s in (2, 3))])
+@pytest.mark.thorough
 def test_no_straight_lines_are_told_of_a_held_input_nor_of_a_clock_that_is_late(seed):
     assert told(without_dead_time(seed, "previous")) == []
     for shift in (1, 3):
         assert told(without_dead_time(seed, "previous", shift)) == []
 
 
+@pytest.mark.thorough
 def test_beside_something_else_that_is_missing_straight_lines_come_first():
     record = recorded(1, "linear", n=600, fine=40, dead=0.0)
     y = record["y"] + 0.1
@@ -166,6 +173,7 @@ def driven_by(seed: int, linear: tuple[str, ...], stated: dict[str, str], n: int
 
 
 @pytest.mark.parametrize("stated", [{}, {"w": "previous"}], ids=["alone", "stated"])
+@pytest.mark.thorough
 def test_two_inputs_that_go_straight_are_written_in_one_line(stated):
     answer = pf.fit(driven_by(1, ("u", "v"), stated), seed=1)
     first, second = told(answer)
@@ -201,6 +209,7 @@ def test_nothing_is_told_of_two_inputs_that_are_held():
     assert 'Write hold = { u = "linear" } under [model]' in sentence
 
 
+@pytest.mark.thorough
 def test_nothing_is_said_without_a_dead_time_nor_of_an_input_that_jumps_nor_where_the_interval_holds_both():
     assert told(pf.fit(problem(recorded(0, "previous"), late=False), seed=1)) == []
     for seed in (0, 2):

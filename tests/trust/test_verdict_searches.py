@@ -199,6 +199,7 @@ def test_where_only_noise_is_left_a_larger_budget_is_no_advice():
     assert "hardly" not in good["sentence"]
 
 
+@pytest.mark.thorough
 def test_only_noise_is_said_where_no_answer_fits_much_better():
     """One local search in a cost with an optimum for every lost period of a sine, under noise of several sizes: where
     what it leaves passes for noise, the lowest cost of all leaves hardly less."""

@@ -141,6 +141,7 @@ def test_few_samples_whose_errors_show_have_the_scale_of_their_errors():
     assert 0.1 < found.problem.scales["w"] < 0.8
 
 
+@pytest.mark.thorough
 def test_bootstrap_and_profile_have_no_interval_of_what_rests_on_unknown_noise():
     said = "so the bootstrap has no interval of {}."
     for given in (False, True):

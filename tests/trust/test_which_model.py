@@ -127,6 +127,7 @@ def test_a_model_that_drifts_away_is_judged_over_the_noise():
     assert not paired_difference([np.full(3, 1.0)], [np.full(3, 2.0)]).told  # three samples tell nothing
 
 
+@pytest.mark.thorough
 def test_slow_errors_of_equal_size_are_told_apart_at_most_as_often_as_stated():
     """Half a wave each over the record, of amplitudes that are drawn alike (4000 pairs: at most 6 %)."""
     rng, wave = np.random.default_rng(9), np.cos(np.pi * np.arange(100) / 99)

@@ -33,6 +33,7 @@ def test_correlations_that_chance_explains_count_as_none(residuals):
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.5])
+@pytest.mark.thorough
 def test_ranges_of_a_free_start_hold(memory):
     """Of a start that a tenth of the samples decide 84 % held it under such noise."""
     model = pf.models.make("first_order", dead_time=False, initial="free")

@@ -38,6 +38,7 @@ REACTOR = {"D": (1e-3, 1.0), "k": (1e-4, 10.0)}
 
 
 @pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.thorough
 def test_an_outflow_by_the_root_is_no_dead_zone_beyond_doubt(seed):
     """Fitted as one in proportion to the level it looks like a dead zone or an offset of the inflow, by which unseen
     samples are followed far worse than fitted ones."""
@@ -59,6 +60,7 @@ def test_an_outflow_by_the_root_is_no_dead_zone_beyond_doubt(seed):
         ),
     ],
 )  # fmt: skip
+@pytest.mark.thorough
 def test_a_change_with_a_state_says_which_exponent_it_stands_for(text, bounds, rate, start, noise, power):
     told = [s for s in said(record(1, rate, start, noise), text, bounds) if "a power of h that is" in s]
     assert "an exponent of h in what" in told[0]
@@ -81,6 +83,7 @@ def test_where_no_exponent_is_wrong_none_is_named(kind):
 
 
 @pytest.mark.parametrize("law", ["root", "time"])
+@pytest.mark.further(1)
 def test_what_changes_with_time_in_a_plant_that_nothing_drives_may_change_with_its_state(law):
     """A tank that drains by the root of its level, fitted as a decay: its time constant falls in proportion to time."""
     t = 5.0 * np.arange(140)
