@@ -115,7 +115,8 @@ def outputs_begun_at(problem: Problem, z: np.ndarray) -> list[str]:
 def _not_taken(problem: Problem, z: np.ndarray) -> list[str]:
     """The same without those whose noise free parameters take up: where each such state begins a free amount `start_x`
     above its value in every recording, as in pieces of a record, that is one unknown and not two."""
-    taken = {p.removeprefix(START) for p in start_parameters(problem, problem.space.physical(z)) if _own(problem, p)}
+    values = np.asarray(problem.space.physical(np.asarray(z, dtype=float)))
+    taken = {p.removeprefix(START) for p in start_parameters(problem, values) if _own(problem, p)}
     return [o for o, states in states_begun_at(problem, z).items() if not taken.issuperset(states)]
 
 
