@@ -172,3 +172,34 @@ def test_lost_starts_are_searched_for_where_a_model_could_forget_them(monkeypatc
     else:
         assert forgetting_of_lost(problem, np.array([0.5])) == []
     assert bool(asked) == searched
+
+
+def _held_up(rate: float, seed: int) -> Problem:
+    """A body that falls away from its rest by e in 1/`rate` s, held up by a controller that jumps between places; the
+    box of its stiffness and gain goes far below and above theirs."""
+    rng, dt, n = np.random.default_rng(seed), 0.02 / rate, 1500
+    step = np.array([[np.cosh(rate * dt), np.sinh(rate * dt) / rate], [rate * np.sinh(rate * dt), np.cosh(rate * dt)]])
+    push = np.array([(np.cosh(rate * dt) - 1.0) / rate**2, np.sinh(rate * dt) / rate])
+    x, at, u = np.zeros((n, 2)), np.repeat(rng.uniform(-1, 1, n // 50), 50), np.zeros(n)
+    for k in range(n):
+        u[k] = rate**2 * (3.0 * (at[k] - x[k, 0]) - 2.0 * x[k, 1] / rate)
+        if k + 1 < n:
+            x[k + 1] = step @ x[k] + push * u[k]
+    model = equations(
+        "x' = v\nv' = g*u + s*x\ny = x", inputs=["u"], states={"x": {"initial": "y"}, "v": {"initial": 0.0}},
+        outputs=["y"], parameters=["g", "s"], check=False,
+    )  # fmt: skip
+    y = x[:, 0] + 0.003 * rng.standard_normal(n)
+    record = Recording(np.arange(n) * dt, {"u": Signal(u), "y": Signal(y)}, "run")
+    box = {"g": Parameter((0.1, 10.0)), "s": Parameter((0.1 * rate**2, 50.0 * rate**2), scale="log")}
+    return Problem(model, record, box, substeps=1)
+
+
+@pytest.mark.parametrize(("rate", "lost"), [(3.0, (0.0, 0.0)), (280.0, (0.0, 0.0)), (40.0, (0.5, 0.05))])
+def test_the_length_of_pieces_is_that_of_the_plant_where_a_search_ended_far_from_it(rate, lost):
+    """At the lower end of the box a simulation runs away least, and says that it keeps its start for long."""
+    problem, z = _held_up(rate, 1), np.array(lost)
+    (there,), (found,) = forgetting(problem, z), forgetting_of_lost(problem, z)
+    plant = np.log(10.0) / rate
+    assert there.tenfold > 2.2 * plant
+    assert found.tenfold == pytest.approx(plant, rel=0.35)

@@ -566,3 +566,20 @@ def test_a_signal_that_is_measured_seldom_has_no_gaps_but_long_ones(seed):
     seldom = np.full(n, np.nan)
     seldom[::10], seldom[100:290] = 1.0 + rng.normal(size=37), np.nan
     assert told(seldom) == [199]
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("moves", ["slowly", "quickly", "in jumps"])
+@pytest.mark.parametrize(("noise", "told"), [(0.0, True), (0.1, True), (0.3, True), (0.8, False), (2.5, False)])
+def test_levels_are_told_where_no_noise_carries_a_signal_across_them(noise, told, moves, seed):
+    """With more noise than that a rounded model is no better than one that is not, and misses the mean."""
+    rng, n, step = np.random.default_rng(seed), 800, 0.002
+    y = {
+        "slowly": 0.03 * np.sin(np.arange(n) / 90 + seed),
+        "quickly": 0.03 * np.sin(np.arange(n) / 9 + seed),
+        "in jumps": np.repeat(rng.uniform(-0.03, 0.03, n // 40), 40),
+    }[moves]
+    read = np.round((y + noise * step * rng.standard_normal(n)) / step) * step
+    record = Recording(np.arange(float(n)), {"y": Signal(read)}, "run")
+    kinds = [look.kind for look in signal_looks(record, "y", True)]
+    assert ("quantised" in kinds) is told

@@ -338,3 +338,12 @@ def test_samples_that_are_too_few_for_a_fit_are_told(samples, given, few):
     assert (said in told(found)) is (few > 3)  # of 3 it is said in other words
     assert (found.silent == {"y": 3}) is (few == 3)
     assert ("determine none of 3 parameters." in told(found)[0]) is bool(found.silent)
+
+
+def test_of_one_free_parameter_nothing_is_told_apart():
+    found = before_fit(problem("x' = u - x/tau; y = x", {"tau": (0.1, 5)}))
+    assert found is not None
+    said = told(found)[0]
+    assert said.startswith(
+        "These records can tell the one free parameter (rank of the sensitivities at 8 random points"
+    )

@@ -5,7 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from plantfit import Problem, Recording, Signal, equations
+from plantfit import Parameter, Problem, Recording, Signal, equations
+from plantfit.models.extensions import with_extensions
 from plantfit.models.library import catalogue as library
 from plantfit.models.remade import takes
 from plantfit.trust.finish.descent import descent
@@ -180,3 +181,26 @@ def test_what_to_write_is_told_of_models_that_take_it():
     assert [takes(m, "initial", "free") for m in (first, free, motor, own)] == [True, False, False, False]
     chamber = library.make("steam_chamber", initial="measured")
     assert not takes(chamber, "initial", "free")  # an option of this name that has no such value
+
+
+@pytest.mark.parametrize("pieces", [1, 2])
+@pytest.mark.parametrize(("kind", "columns"), [("free", False), ("shared", True), ("held", True), ("none", True)])
+def test_a_start_that_is_free_in_every_recording_takes_the_noise_of_the_first_value(kind, columns, pieces):
+    """A piece of a record begins a free amount above its first measured value, which is one unknown and not two."""
+    model = equations(
+        "x' = (K*u - x)/tau\ny = x", inputs=["u"], states={"x": {"initial": "y"}}, outputs=["y"], parameters=DECLARED
+    )
+    model = model if kind == "none" else with_extensions(model, {"start": {"x": (-1.0, 1.0)}})
+    y = clean() + NOISE * np.random.default_rng(0).normal(size=N)
+    u, part = np.ones(N), N // pieces
+    records = {}
+    for k in range(pieces):
+        at = slice(k * part, (k + 1) * part)
+        records[f"r{k}"] = Recording(T[at] - T[at][0], {"u": Signal(u[at]), "y": Signal(y[at])}, f"r{k}")
+    bounds = (-1.0, 1.0)
+    own = {"free": Parameter(bounds, per_recording=True), "shared": Parameter(bounds), "held": 0.0}
+    given = {"start_x": own[kind]} if kind in own else {}
+    problem = Problem(model, records, {n: BOUNDS[n] for n in ("K", "tau")} | given, substeps=2)
+    effects = first_value_effects(problem, np.full(problem.space.dimension, 0.4), residual_blocks(problem))
+    shared_alone = kind == "shared" and pieces == 1  # one recording: its value is its own
+    assert (effects.noise.shape[1] > 0) is (columns and not shared_alone)

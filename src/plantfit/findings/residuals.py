@@ -44,6 +44,17 @@ class Turned(Record):
     """Whether it is the whole record; `elsewhere` is then the least of the other recordings."""
 
 
+class Curved(Record):
+    """What a polynomial of the inputs explains of a residual of rows that are not in time, more than chance does."""
+
+    inputs: list[str]
+    explained: float
+    """Share of the mean square."""
+    p_value: float
+    noise: float
+    """What is left beside it, in the unit of the output."""
+
+
 class ShortRecordings(Record):
     """Test of the residuals of one output in recordings that are too short for tests of their own, taken together."""
 
@@ -76,6 +87,7 @@ class ResidualTest(Record):
     """By input."""
     stretch: Stretch | None = None
     turned: Turned | None = None
+    curved: Curved | None = None
 
 
 class CorrelatedNoise(Record):

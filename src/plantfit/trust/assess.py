@@ -42,6 +42,7 @@ from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
 from plantfit.trust.validate.residuals.correlated import correlated_residuals
+from plantfit.trust.validate.residuals.curved import curved
 from plantfit.trust.validate.residuals.one_stretch import one_stretch
 from plantfit.trust.validate.residuals.residual_tests import (
     cross_correlation,
@@ -211,6 +212,7 @@ def _scores(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]
 
 def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[ResidualTest]:
     inputs = getattr(problem.model, "inputs", {})
+    count, several = problem.space.dimension, len(problem.experiments) * len(problem.outputs)
     for name, experiment in problem.experiments.items():
         record, mask = experiment.recording, experiment.mask("fit")
         for output in problem.outputs:
@@ -232,6 +234,7 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                     if against
                     else one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
                 )
+            driven = {} if problem.in_time or p_value <= WHITE else {i: record[i][mask][rows] for i in inputs}
             cross = {}
             for i in inputs:
                 u = record[i][mask][rows]
@@ -256,6 +259,7 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 cross=cross,
                 stretch=stretch,
                 turned=against,
+                curved=curved(residual, driven, count, several) if driven else None,
             )
 
 

@@ -103,11 +103,15 @@ def look(
     file: Annotated[str, typer.Argument(help="A study file (TOML), or a file of measurements.")],
     input_: Annotated[
         list[str] | None,
-        typer.Option("--input", help="An input (repeat); if left out, those of the study, else the first column."),
+        typer.Option(
+            "--input", help="An input (repeat); if left out, those of the study, else columns that seem to be."
+        ),
     ] = None,
     output: Annotated[
         list[str] | None,
-        typer.Option("--output", help="An output (repeat); if left out, those of the study, else the last column."),
+        typer.Option(
+            "--output", help="An output (repeat); if left out, those of the study, else columns that seem to be."
+        ),
     ] = None,
     recording: Annotated[
         str | None, typer.Option("--recording", help="Which recording of a study file; the first if left out.")

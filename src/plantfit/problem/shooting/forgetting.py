@@ -34,20 +34,21 @@ class Forgetting:
 def forgetting_of_lost(problem: Problem, z: np.ndarray) -> list[Forgetting]:
     """The recordings that forget their start, of a problem whose records are not followed at the cube point z (d,).
 
-    A search may end where the model does not move as the plant does, and deviations do not grow. So where none is found
-    at z, they are looked for where segments of the records fit best, joined loosely: closing the gaps leads chaos back
-    to where z is. Of segments that follow the records at less than `BETTER` of the cost only, and of no linear model
-    whose deviations grow nowhere in the box.
+    A search may end where the model does not move as the plant does, and deviations grow nowhere, or slower: those of
+    an unstable plant do so least at the end of its box, where the simulation runs away least. So they are looked for
+    where segments of the records fit best, joined loosely: closing the gaps leads chaos back to where z is. Of segments
+    that follow the records at less than `BETTER` of the cost only, else at z, and of no linear model whose deviations
+    grow nowhere in the box.
     """
-    if found := forgetting(problem, z):
-        return found
+    found = forgetting(problem, z)
     if settles(problem) or (shooting := in_segments(problem)) is None:
-        return []
+        return found
     try:
         shot = shooting.search(starts=STARTS, weights=LOOSE)
     except (SearchError, SimulationError):  # it cannot be simulated in segments either
-        return []
-    return forgetting(problem, shot.z) if shot.cost < BETTER * float(problem.costs(z[None])[0]) else []
+        return found
+    better = shot.cost < BETTER * float(problem.costs(z[None])[0])
+    return (forgetting(problem, shot.z) or found) if better else found
 
 
 def forgetting(problem: Problem, z: np.ndarray) -> list[Forgetting]:

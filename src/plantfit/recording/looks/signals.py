@@ -20,6 +20,9 @@ APART, SLOWER = (1, 2, 3, 5, 8, 13, 21), 5.0  # samples of a move, and steps by 
 WHOLE = 12  # samples in front of it whose moves are whole steps
 STUCK = 20  # equal samples, where the plant does not rest, see `_rests`
 STRETCHES = 20  # of equal samples in one line
+# of a step: noise that carries a signal across levels, so that these do not show; the part of second differences that
+# is looked at for it, and the deviation of that part of a normal distribution
+ACROSS, CALM, PART = 0.6, 0.9, 0.789
 SPIKE = 10.0  # robust deviations
 LEVELS, COARSE = 0.2, 0.01  # levels by samples below which a signal is quantised; step by range from which it is said
 # of the test for feedback: samples back, chance, and share of the input's news that past outputs tell
@@ -116,7 +119,7 @@ def signal_looks(recording: Recording, name: str, measured: bool, settles: bool 
             _without(name, times, sorted((b, n) for n, b in stuck)),
             figures={"samples": float(longest)},
         )  # fmt: skip
-    if len(levels) <= LEVELS * len(values) and step > COARSE * (high - low):
+    if len(levels) <= LEVELS * len(values) and step > COARSE * (high - low) and _shakes(values) < ACROSS * step:
         yield Look(
             "quantised", "info", recording.name, name,
             f"{name} comes in {len(levels)} levels, {step:.4g}{unit} apart at least.", *every,
@@ -189,6 +192,14 @@ def _without(name: str, times: np.ndarray, stuck: Sequence[tuple[int, int]]) -> 
     (first sample, count)."""
     stretches = [[float(f"{times[k]:.9g}") for k in (b + 1, b + n - 1)] for b, n in stuck[:STRETCHES]]
     return f"clean = [{inline({'step': 'drop_samples', 'signal': name, 'between': stretches})}]"
+
+
+def _shakes(values: np.ndarray) -> float:
+    """The noise of a signal from sample to sample, without the tenth of the samples where it moves most. One read in
+    steps without noise gives half a step at most."""
+    second = np.sort(np.abs(np.diff(values, 2)))
+    calm = second[: max(1, int(CALM * len(second)))]
+    return float(np.sqrt(np.mean(calm**2) / 6.0)) / PART
 
 
 def _spikes(recording: Recording, name: str, values: np.ndarray, times: np.ndarray, unit: str) -> Iterator[Look]:

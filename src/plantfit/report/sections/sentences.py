@@ -73,6 +73,11 @@ def whiteness(test: ResidualTest, noise: bool = False) -> str:
     is correlated leave such a one."""
     small = test.p_value is not None and test.p_value < 1e-6
     p = "" if test.p_value is None else " (p < 0.000001)" if small else f" (p = {significant(test.p_value, 2)})"
+    if test.white and test.curved is not None:
+        return (
+            f"White{p} in the order of the rows, but a polynomial of the inputs explains "
+            f"{100 * test.curved.explained:.0f} % of their squares: something is missing."
+        )
     if test.white:
         return f"White{p}: the residuals look like noise; the model explains what can be explained."
     if test.shared:

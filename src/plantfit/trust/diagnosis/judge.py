@@ -23,6 +23,8 @@ from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted
 CHANCE = 0.01  # that anything is named where nothing is missing
 LEAST = 0.01  # of the mean square: less is not worth a change of the model
 FEWEST = 10  # samples of a part that is unseen
+# of samples beyond an end of a sensor: their share, and how far in the noise and in the range of what was measured
+BEYOND, FAR, WIDE = 0.02, 5.0, 0.1
 BLOCKS, REFITS = 5, 6  # left out in turn where no part of the data is unseen, and steps of each refit
 
 
@@ -88,6 +90,29 @@ def by_output(carrier: Carrier, one: Fitted, apart: np.ndarray) -> dict[str, flo
                 size.append(float(np.sqrt(np.nanmean(r**2))))
         found[output] = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300))) if noise else 0.0
     return found
+
+
+def beyond_end(carrier: Carrier, one: Fitted, addition: Extension, use: np.ndarray) -> float:
+    """The share of the samples of a sensor that lie beyond the end that an addition gives it: one that ends there
+    cannot have measured them. 0 for other additions, and where these are so few or so near that noise may do it.
+
+    The end is where what the model shows ends, for offsets may stand behind it.
+    """
+    if addition.kind not in ("sensor_high", "sensor_low"):
+        return 0.0
+    rows, sign = carrier.rows, 1.0 if addition.kind == "sensor_high" else -1.0
+    beyond, samples = 0, 0
+    for name in dict.fromkeys(rows.recording):
+        at = rows.part(name, addition.signal)
+        at = at[use[at]]
+        if len(at) <= FEWEST:
+            continue
+        measured, left = sign * rows.measured[at], sign * one.residuals[at] / rows.weight[at]
+        least = max(FAR * white_part(left), WIDE * float(np.ptp(measured)))
+        beyond += int(np.sum(measured > np.max(measured + left) + least))
+        samples += len(at)
+    share = beyond / max(samples, 1)
+    return share if share >= BEYOND else 0.0
 
 
 def needed(tried: int, freedom: int = 1) -> float:

@@ -40,10 +40,12 @@ DRAWN = 0.05  # of the mean square: what explains less is not drawn
 
 
 def asked_for(findings: Mapping[str, Any]) -> bool:
-    """Whether the residual of some output is above its noise or not white, also in recordings of few samples taken
-    together."""
+    """Whether the residual of some output is above its noise, not white, also in recordings of few samples taken
+    together, or follows a curve in the inputs."""
     tests = (*findings["residual_tests"], *findings.get("short_recordings", ()))
-    return any(not r["white"] for r in tests) or any(r["ratio"] >= AT_NOISE for r in noise_rows(findings))
+    return any(not r["white"] or r.get("curved") for r in tests) or any(
+        r["ratio"] >= AT_NOISE for r in noise_rows(findings)
+    )
 
 
 def with_diagnosis(

@@ -10,7 +10,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.sobol import Sobol
 from plantfit.trust.diagnosis.candidates import Changing
 from plantfit.trust.diagnosis.catalogue import Extension
-from plantfit.trust.diagnosis.judge import LEAST, evidence, needed, standard_error, times_noise, unseen
+from plantfit.trust.diagnosis.judge import LEAST, beyond_end, evidence, needed, standard_error, times_noise, unseen
 from plantfit.trust.diagnosis.plant.carrier import Carrier
 from plantfit.trust.diagnosis.plant.hypothesis import (
     SINGULAR,
@@ -40,7 +40,7 @@ SURE = 2.0  # standard errors that a value is off zero
 TRYING, FITTING = (0.65, 0.85)
 
 # why an addition that explains something is not found
-WhyNot = Literal["not fitted", "chance", "not judged", "unseen", "near zero", "no slope", "bends"]
+WhyNot = Literal["not fitted", "chance", "not judged", "unseen", "beyond", "near zero", "no slope", "bends"]
 
 
 @dataclass(frozen=True)
@@ -273,8 +273,9 @@ def why_not(t: Trial, carrier: Carrier, limit: float, use: np.ndarray, kept: np.
     """Why an addition is not found, whatever it explains; None where nothing is against it.
 
     "not fitted": its derivatives alone were looked at. "chance": its evidence is below the `limit`. "not judged": it
-    was not compared on unseen data. "unseen": these are worse with it. "near zero", "no slope": its size may be
-    nothing, or the samples tell none. "bends": it is a change with a signal, and explains too little for one.
+    was not compared on unseen data. "unseen": these are worse with it. "beyond": it is the end of a sensor, and the
+    record goes on beyond it. "near zero", "no slope": its size may be nothing, or the samples tell none. "bends": it is
+    a change with a signal, and explains too little for one.
     """
     if t.at is None:
         return "not fitted"
@@ -282,6 +283,8 @@ def why_not(t: Trial, carrier: Carrier, limit: float, use: np.ndarray, kept: np.
         return "chance" if t.evidence < limit else "not judged"
     if t.unseen <= 0:
         return "unseen"
+    if beyond_end(carrier, t.at, t.extension, use):
+        return "beyond"
     if not _apart_from_nothing(t, carrier, int(use.sum())):
         assert t.value is not None
         assert t.standard_error is not None

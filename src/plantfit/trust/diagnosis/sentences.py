@@ -13,7 +13,7 @@ from plantfit.problem.problem import Problem
 from plantfit.trust.diagnosis.candidates import Changing, of_packages
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
-from plantfit.trust.diagnosis.judge import by_output
+from plantfit.trust.diagnosis.judge import beyond_end, by_output
 from plantfit.trust.diagnosis.plant.cycles import DAY
 from plantfit.trust.diagnosis.plant.slow_drift import Rival
 from plantfit.trust.diagnosis.plant.unmeasured import SOME
@@ -397,6 +397,7 @@ _MORE: dict[WhyNot, tuple[str, str]] = {
     "chance": ("may be chance", "may be chance"),
     "not judged": ("was not tried on unseen data", "were not tried on unseen data"),
     "unseen": ("makes unseen data worse", "make unseen data worse"),
+    "beyond": ("is the end of a sensor that measured beyond it", "are ends of sensors that measured beyond them"),
     "near zero": ("may have the size 0", "may have the size 0"),
     "no slope": ("has a size that the samples do not tell", "have sizes that the samples do not tell"),
     "bends": ("is a change that explains too little", "are changes that explain too little"),
@@ -412,6 +413,11 @@ def _against(d: Diagnosis, one: Round, t: Trial, why: WhyNot) -> str:
             f", which may be chance: its evidence, twice the gain of log-likelihood, is {number(t.evidence)}, and the "
             f"best of {len(one.trials)} reaches {number(one.needed)} in 1 % of the records that lack nothing"
         )
+    if why == "beyond":
+        assert t.at is not None
+        use = d.carrier.rows.fit & ~d.apart
+        share = beyond_end(d.carrier, t.at, t.extension, use)
+        return f", and {percent(share)} of the samples lie beyond that end, which such a sensor does not show"
     if why == "near zero":
         return f", and that size is within {SURE:g} standard errors of 0"
     if why == "no slope":

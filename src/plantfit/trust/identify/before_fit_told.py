@@ -93,7 +93,8 @@ def _sentences(found: BeforeFit) -> Iterator[tuple[str, str]]:
             if found.silent
             else "These"
         )
-        yield "info", f"{given} records can tell all {d} parameters apart (rank of the sensitivities at {tried})."
+        what = f"all {d} parameters apart" if d > 1 else "the one free parameter"
+        yield "info", f"{given} records can tell {what} (rank of the sensitivities at {tried})."
     elif found.rank + len(found.unseen) < d:
         told = [*found.alone, *found.together]
         can = f"These records can determine {found.rank} of {d} at best"

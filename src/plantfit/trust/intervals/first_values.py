@@ -15,6 +15,7 @@ from plantfit.trust.intervals.covariance import Begins, Block
 
 # of the noise: an unstable plant makes radians of 1e-4 rad in a second, and differences are to stay on the tangent
 STEP = 1e-3
+START = "start_"  # of the parameter by which a state begins above its initial value
 LOOKED_AT = 3  # recordings that tell whether the model begins at measured values
 
 
@@ -86,7 +87,7 @@ def value_effects(problem: Problem, z: np.ndarray, blocks: Sequence[Block]) -> l
     keys = [(n, o) for n in problem.data["drive"] for o in problem.outputs if len(problem.data["index"][n][o])]
     rows_of = dict(zip(keys, (b.rows for b in blocks), strict=True))
     found = []
-    for output in outputs_begun_at(problem, z):
+    for output in _not_taken(problem, z):
         noise = {n: _noise(here, rows, problem, n, o) for (n, o), rows in rows_of.items() if o == output}
         above, below = (residuals(_moved(problem, output, noise, step), z) for step in (STEP, -STEP))
         for name in noise:
@@ -109,6 +110,21 @@ def is_scored(problem: Problem, effect: ValueEffect) -> bool:
 def outputs_begun_at(problem: Problem, z: np.ndarray) -> list[str]:
     """Outputs whose first measured value enters the states at the start, by the first recordings that have one."""
     return list(states_begun_at(problem, z))
+
+
+def _not_taken(problem: Problem, z: np.ndarray) -> list[str]:
+    """The same without those whose noise free parameters take up: where each such state begins a free amount `start_x`
+    above its value in every recording, as in pieces of a record, that is one unknown and not two."""
+    values = np.asarray(problem.space.physical(np.asarray(z, dtype=float)))
+    taken = {p.removeprefix(START) for p in start_parameters(problem, values) if _own(problem, p)}
+    return [o for o, states in states_begun_at(problem, z).items() if not taken.issuperset(states)]
+
+
+def _own(problem: Problem, name: str) -> bool:
+    """Whether a parameter is the free start of a state (an extension), with a value for every recording."""
+    parameter = problem.space.parameters[name]
+    free = parameter.value is None and parameter.tied is None
+    return name.startswith(START) and free and (parameter.per_recording or len(problem.experiments) == 1)
 
 
 def states_begun_at(problem: Problem, z: np.ndarray) -> dict[str, tuple[str, ...]]:

@@ -33,6 +33,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         lacking(findings),
         forgotten(findings),
         found_beside(findings),
+        any(r.get("curved") for r in findings.get("residual_tests", ())),
     )
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
@@ -90,6 +91,7 @@ def _determined(
     lacks: Sequence[str],
     forgets: Sequence[str] = (),
     found: str = "",
+    along: bool = False,
 ) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
@@ -116,8 +118,9 @@ def _determined(
     if found:
         text += f" {found}, and these are values without it: the plant's may be others, by more than ± tells."
     elif lacks and not denied and not forgets and not fails:
+        left = "follow the inputs" if along else "are not white"
         text += (
-            f" The residuals of {some(list(lacks))} are not white: if the "
+            f" The residuals of {some(list(lacks))} {left}: if the "
             "model lacks something, the plant's values may be others, "
         )
         text += "by more than ± tells."

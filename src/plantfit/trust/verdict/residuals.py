@@ -20,7 +20,7 @@ from plantfit.trust.verdict.outputs import (
     place,
     recordings_named,
 )
-from plantfit.trust.verdict.words import FEW, Sentence, number, say, some, span, with_unit
+from plantfit.trust.verdict.words import FEW, Sentence, number, percent, say, some, span, with_unit
 
 NOISE = 1.1  # times the sample-to-sample noise: a residual below that is hardly more
 ENOUGH = 10  # samples for each parameter, from which on a residual that is noise was not fitted away
@@ -86,17 +86,19 @@ def lacking(findings: Findings) -> list[str]:
         diagnosed(findings)["named"],
     )
     every = findings.get("residual_tests", ())
+    curves = [r["output"] for r in every if r.get("curved")]
     tests = [r for r in every if not r["white"] and not r.get("shared") and not r.get("stretch")]
     lack = [r["output"] for r in tests if named or (r["recording"], r["output"]) in above]
     found = [o for o in dict.fromkeys(lack) if not _few_by_chance([r for r in every if r["output"] == o])]
-    return list(dict.fromkeys([*found, *(r["output"] for r in _coloured_together(findings))]))
+    return list(dict.fromkeys([*found, *curves, *(r["output"] for r in _coloured_together(findings))]))
 
 
 def only_noise(findings: Findings) -> bool:
     """Whether all that is left of every fitted output is white and as large as its sample-to-sample noise, by tests
     that had enough samples: what explains the records better explains hardly more."""
     fitted = {(s["recording"], s["output"]) for s in findings.get("scores", ()) if s["part"] == "fit"}
-    white = {(r["recording"], r["output"]) for r in findings.get("residual_tests", ()) if r["white"]}
+    tests = [r for r in findings.get("residual_tests", ()) if r["white"] and not r.get("curved")]
+    white = {(r["recording"], r["output"]) for r in tests}
     low = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < NOISE}
     samples = sum(s["n"] for s in findings.get("scores", ()) if s["part"] == "fit")
     enough = samples >= ENOUGH * len(findings.get("parameters", ()))
@@ -191,8 +193,22 @@ def _constant(findings: Findings, row: Row) -> str:
     return f"a mean of {mean}{off}: what is left to explain is a constant, an offset of the sensor or of an input."
 
 
+def _along_inputs(where: str, found: Mapping[str, Any]) -> Sentence:
+    """That the residuals of rows in no order follow a curve in the inputs."""
+    names = some(found["inputs"], 9)
+    text = (
+        f"The residuals of {where} follow {names}: a polynomial of {'it' if len(found['inputs']) == 1 else 'them'} "
+        f"explains {percent(found['explained'])} of their squares (p = {found['p_value']:.2g}), though the order of "
+        "the rows shows no pattern. The curve of the model is not that of the plant, and something systematic is "
+        "missing."
+    )
+    return say("warning", text, explained=found["explained"], p_value=found["p_value"])
+
+
 def _residual(findings: Findings, row: Row) -> Sentence:
     where = place(findings, row)
+    if row["white"] and row.get("curved"):
+        return _along_inputs(where, row["curved"])
     if row["white"]:
         rest = "no dynamics are left to explain" if in_time(findings) else "no pattern is left in the order of the rows"
         if constant := _constant(findings, row):
@@ -261,7 +277,12 @@ def _residuals(findings: Findings, output: str, rows: Sequence[Row]) -> Iterator
             text += f" But in {recordings_named(constant)} a constant is left; {first['recording']} has "
             text += _constant(findings, first)
         good = not patterned or (beside and not small)
-        yield say("warning" if constant else "good" if good else "info", text, white=len(white))
+        along = [r for r in white if r.get("curved")]
+        text += f" But in {recordings_named(along)} they follow the inputs." if along else ""
+        odd = constant or along
+        yield say("warning" if odd else "good" if good else "info", text, white=len(white))
+        for r in sorted(along, key=lambda r: r["curved"]["p_value"])[:1]:
+            yield _along_inputs(f"{output} of {r['recording']}", r["curved"])
     if small:
         text = (
             f"The residuals of {output} are not white in {len(small)} of {len(rows)} recordings, but they are at most "
@@ -309,8 +330,8 @@ def _noise(findings: Findings, row: Row) -> Sentence:
         f"Sample-to-sample noise of {place(findings, row)} is about {with_unit(row['noise'], row['unit'])}; "
         f"the residual is {row['ratio']:.1f} times that"
     )
-    floor = row["ratio"] < FLOOR
     own: Row = next((r for r in findings.get("residual_tests", ()) if is_same(r, row)), {})
+    floor = row["ratio"] < FLOOR and not own.get("curved")
     above = (
         ", most of it in that stretch."
         if own.get("stretch")

@@ -93,6 +93,9 @@ def _of_file(
     own_out = list(outputs) or [n for n, r in roles.items() if r.kind == "output" and n not in own_in]
     left = [s for s in moving if s not in (*own_in, *own_out)]
     own_in, own_out, told = own_in or left[:1], own_out or left[-1:], ""
+    if doubted := [r for n, r in roles.items() if not r.sure and n in (*own_in, *own_out)]:
+        listed = ", ".join(f"{r.header!r} ({r.kind})" for r in doubted if r.name not in (*inputs, *outputs))
+        told = f"Not sure of {listed}: name inputs with --input and outputs with --output." if listed else ""
     names = {r.header: r.name for r in roles.values()}
     for of in [*own_in]:
         way = names.get(roles[of].direction) if of in roles else None
