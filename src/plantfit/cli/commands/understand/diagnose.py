@@ -14,11 +14,13 @@ from plantfit.cli.terminal.out import out, print_json, progress_line, said_line,
 from plantfit.errors import SpecError
 
 if TYPE_CHECKING:
+    from plantfit.problem.problem import Problem
     from plantfit.spec.study import Study
     from plantfit.trust.diagnosis import Change, Diagnosis
     from plantfit.trust.verdict.words import Sentence
 
 SHOWN = 12  # rows of the table of what was tried
+WORSE = 1.05  # times the RMSE of unseen data without what was found, from which on it does not hold there
 
 
 def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, json: bool) -> None:
@@ -49,11 +51,17 @@ def diagnose(path: str, place: str | None, only: Sequence[str], force: bool, jso
         out.print(f"    {line}", markup=False)
     for name, steps in written["clean"].items():
         out.print(f"    [recording.{name}]\n    clean = [{', '.join(map(inline, steps))}]", markup=False)
-    if "rmse" in written:
-        unseen = "" if written["unseen_rmse"] is None else f", {written['unseen_rmse']:.4g} on unseen data"
-        values = "".join(f"{', ' if k else '; '}{n} = {v:.4g}" for k, (n, v) in enumerate(written["values"].items()))
-        out.print(f"\nFitted with that: RMSE {written['rmse']:.4g}{unseen}{values}", markup=False)
-    out.print(f"Written: {written['file']}\nNext: plantfit run {shlex.quote(written['file'])}", markup=False)
+    unseen, without = written["unseen_rmse"], written["unseen_rmse_without"]
+    told = "" if unseen is None else f", {unseen:.4g} on unseen data"
+    values = "".join(f"{', ' if k else '; '}{n} = {v:.4g}" for k, (n, v) in enumerate(written["values"].items()))
+    out.print(f"\nFitted with that: RMSE {written['rmse']:.4g}{told}{values}", markup=False)
+    worse = unseen is not None and without is not None and unseen > WORSE * without
+    if worse:
+        text = f"Without it the unseen data are followed to {without:.4g}: it does not hold there, and may stand for"
+        out.print(f"[yellow]![/yellow] {text} something else.")
+    out.print(f"Written: {written['file']}", markup=False)
+    if not worse:
+        out.print(f"Next: plantfit run {shlex.quote(written['file'])}", markup=False)
 
 
 def added(path: str, names: Sequence[str], json: bool) -> str:
@@ -161,22 +169,36 @@ def _fitted(study: "Study", found: "Diagnosis") -> dict[str, Any]:
         chosen = choose_strengths(problem, z)
         problem, z = chosen.problem, chosen.z
     at = np.asarray(problem.space.physical(z))
+    rmse, given = _rmse(problem, at), found.carrier.given
+    without = _rmse(given, np.asarray(given.space.physical(np.asarray(found.carrier.z))))
+    old = set(found.carrier.given.space.names)
+    own = zip(problem.space.coordinates, at, strict=True)
+    new = {c.name: float(v) for c, v in own if c.name not in old and not c.index}  # of a curve in time there are many
+    return {
+        "rmse": rmse["fit"],
+        "unseen_rmse": rmse["validation"],
+        "unseen_rmse_without": without["validation"],
+        "values": new,
+    }
+
+
+def _rmse(problem: "Problem", values: Any) -> dict[str, float | None]:
+    """RMSE of fitted and unseen samples of all outputs at physical values (d,), of several in their scales; None where
+    there are none."""
+    import numpy as np
+
     squares: dict[str, list[np.ndarray]] = {"fit": [], "validation": []}
     one = len(problem.outputs) == 1
     for name, e in problem.experiments.items():
-        predicted = problem.predict(at, name)
+        predicted = problem.predict(values, name)
         for o in problem.outputs:
             error = (predicted[o] - e.recording[o]) / (1.0 if one else problem.scales[o])
             for part, own in squares.items():
                 own.append(error[e.mask(part) & np.isfinite(error)] ** 2)
-    rmse = {
+    return {
         part: float(np.sqrt(np.mean(np.concatenate(own)))) if sum(map(len, own)) else None
         for part, own in squares.items()
     }
-    old = set(found.carrier.given.space.names)
-    own = zip(problem.space.coordinates, at, strict=True)
-    new = {c.name: float(v) for c, v in own if c.name not in old and not c.index}  # of a curve in time there are many
-    return {"rmse": rmse["fit"], "unseen_rmse": rmse["validation"], "values": new}
 
 
 def _middle(problem: Any) -> Any:
