@@ -289,6 +289,21 @@ def test_a_clock_has_one_range_in_all_looks_at_it(delayed):
         assert look.sentence.count("clock_shift") == 1
 
 
+@pytest.mark.parametrize(
+    ("period", "told"),
+    [
+        (2e8, "a lasts 3.8e+03 years"),  # a day of milliseconds that are called hours
+        (1e-13, "Samples of a are 1e-13 s apart"),
+        (3.2e7, None),  # 600 years of tree rings
+        (1e-11, None),  # an oscilloscope
+    ],
+)
+def test_a_time_in_another_unit_is_told_where_nobody_records_so(period, told):
+    said = [k.sentence for k in looks(record(period), tau=(period, 50 * period)) if k.kind == "time scale"]
+    asked = ": is the unit of its time another one? Write it as time_unit under [recording.a]."
+    assert said == ([told + asked] if told else [])
+
+
 OSCILLATOR = "v' = mu*(1 - x^2)*v - w^2*x"
 
 

@@ -29,6 +29,8 @@ DENSE = 0.1  # of the steps of a clock that are as short or shorter where sample
 RESTING, MOVES = 10, 8.0  # samples before the first move of an input, and standard errors of the slope over them
 LIKE, TO_SD = 5.0, 1.4826  # standard deviations, of others' median, up to which a single sample is followed as they are
 SHARES = (0.31, 0.64)  # of the box: where a model is looked at for what holds whatever its parameters are
+YEAR = 31_557_600.0  # s
+LASTS, APART = 1000.0 * YEAR, 1e-12  # s, of a whole record, and from sample to sample: beyond them the unit is wrong
 STILL = 1e-3  # of a state: a model that moves less during the samples at rest is at rest itself
 
 
@@ -52,7 +54,7 @@ def problem_looks(problem: Problem, determined: Collection[str] = ()) -> list[Lo
             found += _same_in(problem, model, name)
             continue
         recording = Recording(e.recording.t, e.recording.signals, name, e.recording.log)
-        found += clock_looks(recording)
+        found += [*_scale(recording), *clock_looks(recording)]
         settles = any(_moves(recording[y]) for y in problem.outputs)
         for u in model.inputs:
             found += [
@@ -239,6 +241,20 @@ def _start(problem: Problem, model: Model, recording: Recording) -> Iterator[Loo
                 float(t[0]), float(t[-1]), f'initial = "{own}_start", with bounds under [parameters.{own}_start]',
                 {"moved": moved},
             )  # fmt: skip
+
+
+def _scale(recording: Recording) -> Iterator[Look]:
+    """A time that nobody records over, as of milliseconds in a column that is called hours."""
+    t = recording.t
+    if len(t) < RESTING:
+        return
+    length, period = float(t[-1] - t[0]), float(np.median(np.diff(t)))
+    if length <= LASTS and period >= APART:
+        return
+    lasts = f"{recording.name} lasts {length / YEAR:.3g} years"
+    told = lasts if length > LASTS else f"Samples of {recording.name} are {period:.3g} s apart"
+    text = f"{told}: is the unit of its time another one? Write it as time_unit under [recording.{recording.name}]."
+    yield Look("time scale", "warning", recording.name, None, text, float(t[0]), float(t[-1]))
 
 
 def _stays(problem: Problem, model: Model, recording: Recording) -> Iterator[Look]:
