@@ -21,7 +21,7 @@ from plantfit.control.tune.reduction import reduced
 from plantfit.control.tune.rules import RULES, rule_gains
 from plantfit.control.tune.searching.judged import judged_on
 from plantfit.control.tune.searching.search import Search
-from plantfit.control.tune.told import verdict
+from plantfit.control.tune.told import table, verdict
 from plantfit.control.tune.wishes import range_of
 from plantfit.errors import SearchError, SimulationError
 from plantfit.loop_of_study import _Asked
@@ -366,7 +366,6 @@ def test_plants_may_be_weighed_by_their_mean_or_the_worst_of_them():
 
 
 def test_shares_of_each_specification_stand_beside_that_of_all(design):
-    from plantfit.control.tune.told import table
 
     first, alone = table(design)[:2]
     assert list(first.meets) == ["stable", "overshoot 10 %", "Ms 1.6", "at the set point"]
@@ -375,6 +374,28 @@ def test_shares_of_each_specification_stand_beside_that_of_all(design):
         assert row.meets["Ms 1.6"] == pytest.approx(np.mean(design.judged.ms[i] <= 1.6))
         assert row.share <= min(row.meets.values()) + 1e-12
     assert alone.meets["Ms 1.6"] < first.meets["Ms 1.6"]
+
+
+@pytest.mark.further(1)
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_an_output_that_an_input_moves_at_once_gets_gains_below_its_inverse(sign):
+    """A cell of 5000 As/V behind 0.035 Ohm: the rules see an integrator, and with their gains no loop is stable."""
+    cell = equations(
+        "q' = u/C\nz = q + R*u", inputs={"u": "A"}, states={"q": "V"}, outputs={"z": "V"}, parameters=["C", "R"],
+        name="cell",
+    )  # fmt: skip
+    rng = np.random.default_rng(0)
+    own = {
+        "C": sign * 5000.0 * np.exp(0.05 * rng.normal(size=41)),
+        "R": sign * 0.035 * np.exp(0.1 * rng.normal(size=41)),
+    }
+    cells = OneLoop(cell, "z", "u", {}, own)
+    found = tuned_loop(cells, cells, Wishes(3.85, 0.07, 0.5, 2.0, -2.0, 4.0), budget=100, seed=1)
+    first, alone, *ruled = table(found)
+    assert first.meets["stable"] == alone.meets["stable"] == 1.0
+    assert first.share >= 0.95
+    assert 0.01 < sign * first.Kp * 0.035 < 1.0
+    assert all(row.meets["stable"] == 0.0 for row in ruled)
 
 
 def test_every_rule_lies_within_the_bounds_of_the_search():

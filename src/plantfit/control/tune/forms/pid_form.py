@@ -19,15 +19,33 @@ from plantfit.space import Parameter, Space
 
 import jax.numpy as jnp
 
+# K times what an output follows an input at once: the least that is searched, and where the search begins
+AT_ONCE, BEGUN = 0.02, 0.3
 
-def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa], tracking_time: float | None) -> Form:
-    """A PID (a PI where the wishes say so), in K, Ti, Td, set-point weight and filter; the rules are its starts."""
+
+def pid_form(
+    small: Reduced,
+    sign: int,
+    wishes: Wishes,
+    rules: Mapping[str, Isa],
+    tracking_time: float | None,
+    at_once: float = 0.0,
+) -> Form:
+    """A PID (a PI where the wishes say so), in K, Ti, Td, set-point weight and filter; the rules are its starts.
+
+    Of a plant whose output follows its input at once by the gain `at_once`, in the unit of the output per that of the
+    input, the rules know nothing: a loop is stable only where K times that is below 1.
+    """
     derivative = wishes.controller != "pi"
     simc = rule_gains("SIMC", small, derivative)
     assert simc is not None
     slow, dead, size = slowest(small), small.first_order[2], abs(simc.K)
     # where a plant swings, SIMC of its slow part may be far from what keeps it stable, and the other rules are not
     low = min(size / 50, *(abs(isa.K) / 5 for isa in rules.values() if isa.K))
+    own = list(rules.values())
+    if at_once:
+        low = min(low, AT_ONCE / at_once)
+        own.append(Isa(BEGUN / at_once, wishes.period, 0.0, 0.0))
     ranges = {
         "K": Parameter((low, size * 30), scale="log"),
         "Ti": Parameter((0.2 * dead, 30.0 * (slow + dead)), scale="log"),
@@ -43,7 +61,7 @@ def pid_form(small: Reduced, sign: int, wishes: Wishes, rules: Mapping[str, Isa]
     loop = slewed(pid_of_limits(wishes.period, wishes.anti_windup), change(wishes))
     follow = checked(Settings(wishes.period, wishes.lower, wishes.upper, wishes.anti_windup, tracking_time)).follow
     limits = Limits(wishes.lower, wishes.upper, follow)
-    starts = np.stack([np.clip(space.cube(_coordinates(isa, space.names)), 0.0, 1.0) for isa in rules.values()])
+    starts = np.stack([np.clip(space.cube(_coordinates(isa, space.names)), 0.0, 1.0) for isa in own])
     name, build, response = (
         "PID" if derivative else "PI",
         gains_built(tuple(space.names), tuple(space.log)),
