@@ -24,6 +24,7 @@ from plantfit.control.tune.searching.search import Search
 from plantfit.control.tune.told import table, verdict
 from plantfit.control.tune.wishes import range_of
 from plantfit.errors import SearchError, SimulationError
+from plantfit.findings.results.tuned_controller import PidLoop
 from plantfit.loop_of_study import _Asked
 from plantfit.models.text.equations import equations
 from plantfit.recording import from_arrays
@@ -394,6 +395,7 @@ def test_an_output_that_an_input_moves_at_once_gets_gains_below_its_inverse(sign
     first, alone, *ruled = table(found)
     assert first.meets["stable"] == alone.meets["stable"] == 1.0
     assert first.share >= 0.95
+    assert isinstance(first, PidLoop)
     assert 0.01 < sign * first.Kp * 0.035 < 1.0
     assert all(row.meets["stable"] == 0.0 for row in ruled)
 
