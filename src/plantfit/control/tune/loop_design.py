@@ -175,7 +175,7 @@ def _forms(plants: "_Plants", wishes: Wishes) -> tuple[dict[str, Isa], list[Form
     if integrators(plants.rest) > 1:
         return {}, ahead
     rules = {n: isa for n in RULES if (isa := rule_gains(n, small, wishes.controller != "pi")) is not None}
-    at_once = float(np.max(np.abs(plants.rest.D)))
+    at_once = float(np.max(np.abs(plants.rest.D), initial=0.0, where=np.isfinite(plants.rest.D)))
     return rules, [*ahead, pid_form(small, plants.sign, wishes, rules, plants.tracking, at_once)]
 
 

@@ -43,7 +43,7 @@ def pid_form(
     # where a plant swings, SIMC of its slow part may be far from what keeps it stable, and the other rules are not
     low = min(size / 50, *(abs(isa.K) / 5 for isa in rules.values() if isa.K))
     own = list(rules.values())
-    if at_once:
+    if at_once * size > BEGUN:
         low = min(low, AT_ONCE / at_once)
         own.append(Isa(BEGUN / at_once, wishes.period, 0.0, 0.0))
     ranges = {
