@@ -2,8 +2,7 @@
 that lacks them.
 
     python -m benchmarks.diagnosis [--seeds 1] [--clean 5] [--first-seed 0] [--plants first,second,motor,tanks]
-    [--faults dead_time,coulomb]
-        [--pairs 1] [--size 0.3] [--run] [--json FILE]
+    [--faults dead_time,coulomb] [--pairs 1] [--size 0.3] [--run] [--samples 5e5] [--json FILE]
 
 Cases that FILE holds from an earlier call are not run again, so that a long run may be stopped.
 
@@ -13,8 +12,9 @@ pairs no record of a linear plant can tell apart is written down in `TWINS`, and
 as well. Of two faults at once (`--pairs` seeds of each) both have to be named, in any of the rounds. "To the noise":
 the RMSE of the fitted samples with all that was named is at most 1.1 times the noise that was added; with `--run` that
 of the study file that is written, fitted anew. A cause that is called very likely and was not planted is counted apart:
-it is worse than a miss. On clean records nothing may be named, outliers neither; `coloured` ones have noise of an AR(1)
-with a memory of ten samples. `--size` makes the faults of a kind that has a size smaller.
+it is worse than a miss. With `--samples` a diagnosis may simulate so many samples, as that of a `run` may, and
+additions that are then not tried are counted. On clean records nothing may be named, outliers neither; `coloured` ones
+have noise of an AR(1) with a memory of ten samples. `--size` makes the faults of a kind that has a size smaller.
 """
 
 import argparse
@@ -322,7 +322,8 @@ class Named:
 
     `first`: the first round names the fault, of two one of them; `among`: it is among the three, or named later; `all`:
     every planted one is named in some round. `wrong`: what was called very likely and was not planted. `left`: RMSE
-    with what was named, in units of the noise that was added. `seconds` of processor time of the diagnosis.
+    with what was named, in units of the noise that was added. `seconds` of processor time of the diagnosis. `untried`
+    additions of the first round.
     """
 
     plant: str
@@ -338,6 +339,7 @@ class Named:
     wrong: tuple[str, ...]
     left: float
     seconds: float
+    untried: int = 0
 
     @property
     def clean(self) -> bool:
@@ -345,18 +347,20 @@ class Named:
 
 
 def judged(
-    plant: Plant, fault: str, noise: float, seed: int, share: float = 1.0, run: bool = False, budget: int = 1500
-) -> Named:
-    """One case: simulated, fitted, diagnosed; with `run` the study file that is proposed is fitted, too."""
+    plant: Plant, fault: str, noise: float, seed: int, share: float = 1.0, run: bool = False, budget: int = 1500,
+    samples: float = np.inf,
+) -> Named:  # fmt: skip
+    """One case: simulated, fitted, diagnosed by simulations of so many samples at most; with `run` the study file that
+    is proposed is fitted, too."""
     from plantfit.fitting import fit
-    from plantfit.trust.diagnosis import diagnose, diagnosis_record
+    from plantfit.trust.diagnosis import Meter, diagnose, diagnosis_record
 
     made = simulate(plant, fault, noise, seed, share)
     with tempfile.TemporaryDirectory() as folder:
         study, problem = _problem(plant, made, Path(folder))
         answer = fit(problem, budget=budget)
         began = time.process_time()
-        d = diagnose(answer.problem, answer.best.x)
+        d = diagnose(answer.problem, answer.best.x, meter=Meter(samples / len(made.t)))
         seconds = time.process_time() - began
         left = (
             _run(study, d, Path(folder), budget) if run and (d.found or d.outliers.named) else _fitted(d)
@@ -393,6 +397,7 @@ def judged(
         tuple(wrong),
         float(left),
         seconds,
+        len(d.rounds[0].untried),
     )
 
 
@@ -486,6 +491,7 @@ def main() -> None:
     parser.add_argument("--faults", default="")
     parser.add_argument("--size", type=float, default=1.0)
     parser.add_argument("--run", action="store_true")
+    parser.add_argument("--samples", type=float, default=np.inf)
     parser.add_argument("--json", default="")
     given = parser.parse_args()
     kept = {(o.plant, o.fault, o.noise, o.seed): o for o in _read(given.json)}
@@ -496,7 +502,7 @@ def main() -> None:
     ):
         which = (plant.name, fault, noise, seed)
         if which not in kept:
-            kept[which] = judged(plant, fault, noise, seed, given.size, given.run)
+            kept[which] = judged(plant, fault, noise, seed, given.size, given.run, samples=given.samples)
             if given.json:
                 Path(given.json).write_text(json.dumps([asdict(o) for o in kept.values()], indent=1), encoding="utf-8")
         results[fault].append(kept[which])
@@ -557,7 +563,9 @@ def summary(results: dict[str, list[Named]]) -> None:
             if own[0].clean
             else f"first {shares[0]}, among three {shares[1]}, all {shares[2]}"
         )
-        print(f"{head}; {told}; to the noise {near:.1%}; a false very likely in {wrong}")
+        untried = sum(o.untried for o in own)
+        more = f"; {untried} additions not tried" if untried else ""
+        print(f"{head}; {told}; to the noise {near:.1%}; a false very likely in {wrong}{more}")
 
 
 if __name__ == "__main__":

@@ -186,3 +186,33 @@ def test_everything_vendored_is_in_the_notice_with_its_licence():
     for name in ("CITATION.cff", "SECURITY.md", "NOTICE", "LICENSE"):
         assert name in (ROOT / "MANIFEST.in").read_text("utf-8")
     assert f"version: {PROJECT['version']}" in (ROOT / "CITATION.cff").read_text("utf-8")
+
+
+def test_nothing_but_slow_tests_is_left_out_before_a_landing():
+    """The everyday tests are a choice of those that `.ci/run` runs."""
+    assert "make test ALL=1" in (ROOT / ".ci" / "run").read_text("utf-8")
+
+
+def test_of_further_cases_the_first_are_everyday_ones(tmp_path):
+    (tmp_path / "conftest.py").write_text((ROOT / "tests" / "conftest.py").read_text("utf-8"))
+    (tmp_path / "test_some.py").write_text(
+        """
+import pytest
+@pytest.mark.further(2)
+@pytest.mark.parametrize("case", [pytest.param(0, marks=pytest.mark.slow), 1, 2, 3, 4])
+def test_cases(case): pass
+@pytest.mark.thorough
+def test_dear(): pass
+def test_plain(): pass
+"""
+    )
+
+    def run(kinds):
+        words = [sys.executable, "-m", "pytest", "-v", "-p", "no:cacheprovider", "-m", kinds, str(tmp_path)]
+        told = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+        return re.findall(r"::(test_\S+) PASSED", told)
+
+    everyday = ["test_cases[1]", "test_cases[2]", "test_plain"]
+    assert run("not slow and not thorough") == everyday
+    assert run("thorough") == ["test_cases[3]", "test_cases[4]", "test_dear"]
+    assert run("slow") == ["test_cases[0]"]

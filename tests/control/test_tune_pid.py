@@ -400,6 +400,17 @@ def test_an_output_that_an_input_moves_at_once_gets_gains_below_its_inverse(sign
     assert all(row.meets["stable"] == 0.0 for row in ruled)
 
 
+def test_what_an_input_moves_at_once_changes_no_search_where_the_rules_would_not_feel_it():
+    plants = {"K": np.array([2.0]), "tau": np.array([10.0]), "L": np.array([2.0]), "c": np.ones(1)}
+    small = reduced(OneLoop(LAG, "z", "u", {}, plants).at_rest(5.0, (0.0, 1.0)))
+    rules = {n: isa for n in RULES if (isa := rule_gains(n, small, True)) is not None}
+    usual, little, much = (pid_form(small, 1, WISHES, rules, None, d) for d in (0.0, 0.1, 3.0))
+    assert np.array_equal(usual.starts, little.starts)
+    assert np.array_equal(usual.space.lower, little.space.lower)
+    assert len(much.starts) == len(rules) + 1
+    assert 3.0 * much.space.lower[much.space.names.index("K")] < 0.05
+
+
 def test_every_rule_lies_within_the_bounds_of_the_search():
     """Of a plant that is slow and hardly late SIMC has 500 times the gain of lambda tuning."""
     plants = {"K": np.array([2.0]), "tau": np.array([1000.0]), "L": np.array([0.5]), "c": np.ones(1)}
