@@ -1,9 +1,13 @@
 """Pieces of the steam demo: BDF and its finite differences, runs summed over openings, the study file, sections of
 the page."""
 
+import os
+import sys
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
@@ -173,21 +177,61 @@ def test_descent_ends_with_its_budget():
     assert each.best.evaluations == sum(d.evaluations for d in alone)
 
 
+@pytest.fixture
+def found_here(monkeypatch):
+    """A process of its own finds this file."""
+    paths = [str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(paths))
+
+
+def differences(points, progress) -> np.ndarray:
+    """Finite differences as a process of its own makes them, and what it tells of them."""
+    progress("half way")
+    steps, low, high = smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0)
+    return bdf.descents(steps, low, high, np.full(62, 0.3), points, 0).slopes
+
+
+@pytest.mark.usefixtures("found_here")
 def test_the_process_of_its_own_gives_the_same():
-    with Beside(
-        bdf.descents, smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), np.full(62, 0.3), 64, 0
-    ) as made:
+    with Beside(differences, 64) as made:
         found = made.result()
-    np.testing.assert_array_equal(
-        found.slopes,
-        bdf.Cost(smooth_cost(1).steps, np.full(31, -1.0), np.full(31, 2.0), bdf.Solver(), 100).differences(
-            np.full(62, 0.3)
-        ),
-    )
+    np.testing.assert_array_equal(found, differences(64, lambda _: None))
 
 
+def slow(seconds, progress):
+    progress("half way")
+    time.sleep(seconds)
+    return seconds
+
+
+@pytest.mark.usefixtures("found_here")
+def test_what_a_process_of_its_own_tells_is_passed_on():
+    told: list[str] = []
+    with Beside(slow, 1.2) as made:
+        assert made.result(told.append) == 1.2
+    assert set(told) == {"half way"}
+
+
+@pytest.mark.usefixtures("found_here")
+def test_a_process_of_its_own_ends_with_its_context():
+    with Beside(slow, 600.0) as made:
+        process = made._process
+    assert process.wait(10) is not None
+
+
+@pytest.mark.usefixtures("found_here")
 def test_a_process_that_fails_says_why():
-    with Beside(bdf.descents, 1) as made, pytest.raises(SimulationError, match=r"descents failed .*TypeError"):
+    with Beside(differences, "many") as made, pytest.raises(SimulationError, match=r"differences failed .*TypeError"):
+        made.result()
+
+
+def print_and_end(status, progress):
+    sys.exit(status)
+
+
+@pytest.mark.usefixtures("found_here")
+def test_a_process_that_ends_before_its_answer_says_so():
+    with Beside(print_and_end, 3) as made, pytest.raises(SimulationError, match=r"print_and_end failed .*no word"):
         made.result()
 
 

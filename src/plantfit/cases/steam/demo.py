@@ -1,6 +1,6 @@
 """The steam chamber on a virtual rig: dead time, 310 parameters, five methods, and what exact derivatives change."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,12 +8,13 @@ import numpy as np
 
 from plantfit.cases.shared.beside import Beside
 from plantfit.cases.shared.files import unpack
-from plantfit.cases.shared.fitting import fit_file
 from plantfit.cases.shared.record import figure, record
 from plantfit.cases.shared.stages import stages, within
-from plantfit.cases.steam.adaptive_bdf import descents
+from plantfit.cases.steam.adaptive_bdf import OWN, Descents, descents
+from plantfit.cases.steam.apart import Asked, apart
 from plantfit.cases.steam.dynamic_runs import (
     BOX,
+    FINITE,
     METHODS,
     PAPERS,
     POLISHED,
@@ -39,37 +40,26 @@ from plantfit.cases.steam.sections.dynamic_section import (
     truth_of,
 )
 from plantfit.cases.steam.sections.screening_section import not_screened, screening_section
-from plantfit.cases.steam.sections.static_section import WANTED, static_section
-from plantfit.cases.steam.sections.uncertainty_section import (
-    constant_uncertainty,
-    table_uncertainty,
-    uncertainty_section,
-    zero_left_in,
-)
-from plantfit.cases.steam.static_task import DelayStudy, delay_study, early_dead_times, joint, two_step, two_step_by
+from plantfit.cases.steam.sections.static_section import static_section
 from plantfit.fitting import Answer
 from plantfit.optimize import minimise
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.rig.run import RigRun
-from plantfit.rig.steam_chamber import OPENINGS, SteamChamberRig, smooth_truth
+from plantfit.rig.steam_chamber import SteamChamberRig, smooth_truth
 from plantfit.study.objective import objective_of
 from plantfit.trust import has_salib
 
 SEED = 1
 RUNS, BUDGET = (5, 10), 10_000  # small, full; evaluations of a run, the paper's
-STATIC_RUNS, STATIC_BUDGET = (1, 10), (600, 3000)  # of each method of the static task, for each step of each opening
-FINITE_BUDGET = (1600, 10_000)  # evaluations of L-BFGS-B through BDF
 ALONE = (1000, 10_000)  # evaluations of a search of one opening, in the full demo
-DRAWS = (0, 200)  # refits of the parameters' uncertainty; 0: linear
-QUIET = 0.001, 16  # noise (bar) and bits of a sensor that tells dead times
-DELAY_SEEDS = range(1, 21)
-VISITED = ("k[2]", "k[5]", "k[7]", "A1[2]", "A1[5]", "A2[2]", "A2[5]", "Td")  # entries whose uncertainty is shown
-PARTS = ("dead times and uncertainty", "screening", "tables", "closed loop")
+PARTS = ("answers", "screening", "tables", "closed loop")
 SMALL = ("CMA-ES", "DISH", "HMS", "SHADE", "L-BFGS-B, exact")  # methods of the small demo
 NOMINAL = "L-BFGS-B, exact"  # for control: at the noise floor, and as smooth as the static solution it begins at
 RESTARTED = "least squares, exact, random starts"
 EXACT = "exact derivatives"
+FINITE_BUDGET = (1600, 10_000)  # evaluations of L-BFGS-B through BDF
+SLOPED = ("lbfgsb", "least_squares")  # methods that take them
 
 
 def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full: bool = False) -> dict[str, Any]:
@@ -82,22 +72,28 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     recordings = {n: r.recording for n, r in runs.items()}
     problem = dynamic_problem(recordings, weighted=True)
     chosen = [m for m in METHODS if full or m.label in SMALL]
-    begins = stages(("static task", *(m.label for m in chosen), *PARTS[: None if full else 2]), progress)
+    exact = [m for m in chosen if m.name in SLOPED]
+    searched = [m for m in chosen if m.name not in SLOPED]
+    begins = stages(
+        ("static task", *(m.label for m in searched), FINITE, EXACT, *PARTS[: None if full else 2]), progress
+    )
     begins("static task")
     static, static_cost = static_point(problem, recordings)
     own = order_of(problem)
-    lower, upper = problem.space.lower[own][:31], problem.space.upper[own][:31]
-    bdf = steps_of(recordings), lower, upper, static[own], FINITE_BUDGET[full], ALONE[0] if full else 0
-    with Beside(descents, *bdf) as differences, Beside(constants_sections, runs, full) as constants:
+    asked = Asked(runs, file, static, exact, RUNS[full], BUDGET, SEED, full)
+    with Beside(apart, asked) as beside:
         found = []
-        for m in chosen:
+        for m in searched:
             begins(m.label)
             found.append(method_runs(problem, m, static, RUNS[full], BUDGET, SEED, within(m.label, progress)))
         alone = _opening_by_opening(problem, recordings, static, progress) if full else {}
-        answer = fit_file(file, progress)
-        finite = differences.result()
-        begins("dead times and uncertainty")
-        constant_sections, delays = constants.result()
+        begins(FINITE)
+        finite = finite_differences(problem, recordings, static, full)
+        begins(EXACT)
+        others = beside.result(progress)
+    begins("answers")
+    answer, constants = others.answer, others.constants
+    found = sorted([*found, *others.methods], key=lambda r: [m.label for m in METHODS].index(r.label))
     if not full:
         found.append(MethodRuns(RESTARTED, RANDOM, tuple(answer.runs)))
     together, each = finite_runs(problem, finite, SEED)
@@ -105,13 +101,21 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     if each is not None:
         alone[ALONE[0]].append(each)
     slopes = Slopes(
-        tuple(problem.space.names[i] for i in own), problem.value_and_gradient(static)[1][own], finite.slopes
+        tuple(problem.space.names[i] for i in own),
+        problem.value_and_gradient(static)[1][own],
+        finite.slopes,
     )
     best = {m.label: m.best.x for m in found if m.start != RANDOM}
     shown = {"static solution": static, **{n: best[n] for n in ("CMA-ES", "DISH", "HMS")}, EXACT: answer.best.x}
     floor = noise_floor(rig, len(runs))
     sections = [
-        *constant_sections,
+        static_section(
+            list(constants.tasks),
+            constants.early,
+            {n: r.truth["parameters"] for n, r in runs.items()},
+            constants.study,
+        ),
+        constants.uncertainty,
         dynamic_section(found, problem, static, floor, slopes, BUDGET, not full),
         answers_section(finely(problem), shown, truth_of(runs), _intervals(answer)),
         *([readings_section(found, alone, floor)] if full else []),
@@ -120,7 +124,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     return record(
         "steam",
         "Steam chamber on a virtual rig",
-        [*_figures(found, floor, static_cost, runs, answer), *delays],
+        [*_figures(found, floor, static_cost, runs, answer), *constants.figures()],
         [
             "Nothing here was measured on a machine: the rig's tables are made up, of the size that the paper's "
             "results suggest.",
@@ -136,36 +140,6 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         "310 parameters from ten steps of a valve: metaheuristics, finite differences and exact derivatives",
         found=_found(found, floor, static_cost, slopes, runs, answer),
     )
-
-
-def constants_sections(runs: Mapping[str, RigRun], full: bool) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """The static task and the uncertainty of what is measured and found; and figures of the dead times."""
-    recordings = {n: r.recording for n, r in runs.items()}
-    tasks = [joint(recordings), two_step(recordings)]
-    tasks += [two_step_by(recordings, m, STATIC_RUNS[full], STATIC_BUDGET[full]) for m in ("cmaes", "lbfgsb")]
-    study = [delay_study(0.05, 12, u, DELAY_SEEDS) for u in (10.0, 40.0, 100.0) if full]
-    study += [delay_study(*QUIET, u, DELAY_SEEDS) for u in OPENINGS if full]
-    truth = {n: r.truth["parameters"] for n, r in runs.items()}
-    shown = recordings["opening40"]
-    found = table_uncertainty(shown, tasks[1].constants["opening40"], DRAWS[full], SEED)
-    constants = constant_uncertainty(shown, DRAWS[full], SEED)
-    sections = [
-        static_section(tasks, early_dead_times(recordings), truth, study),
-        uncertainty_section("40", found, VISITED, zero_left_in(shown), constants),
-    ]
-    return sections, _delay_figures(study)
-
-
-def _delay_figures(study: Sequence[DelayStudy]) -> list[dict[str, Any]]:
-    """How well the quiet sensor tells dead times of openings that can tell them."""
-    told = [s for s in study if (s.noise, s.bits) == QUIET and s.half_width <= WANTED]
-    if not told:
-        return []
-    name = f"dead time from the first 2 s, {QUIET[0]:g} bar noise: openings that tell it to {WANTED:g} s"
-    return [
-        figure(name, float(len(told)), f"of {len(OPENINGS)}"),
-        figure("of these, largest rms error over 20 records", max(s.rms for s in told), "s", WANTED, "asked for"),
-    ]
 
 
 def _meaning_sections(
@@ -190,6 +164,16 @@ def _meaning_sections(
         others = {n: z for n, z in best.items() if n != NOMINAL} | {EXACT: answer.best.x}
         sections.append(closed_loop_section(problem, others, best[NOMINAL], NOMINAL, smooth_truth, seed=SEED))
     return sections
+
+
+def finite_differences(
+    problem: Problem, recordings: Mapping[str, Recording], static: np.ndarray, full: bool
+) -> Descents:
+    """L-BFGS-B through BDF from the static solution (d,), on all openings at once, and on each alone in the full
+    demo."""
+    own = order_of(problem)
+    lower, upper = problem.space.lower[own][:OWN], problem.space.upper[own][:OWN]
+    return descents(steps_of(recordings), lower, upper, static[own], FINITE_BUDGET[full], ALONE[0] if full else 0)
 
 
 def noise_floor(rig: SteamChamberRig, openings: int) -> float:
