@@ -15,8 +15,8 @@ def test_the_list_says_what_each_shows_and_how_long_it_takes(capsys, monkeypatch
     for name, (sentence, _) in demos().items():
         assert sentence in lines[name]
         assert " about " in lines[name]
-    assert "about 20 s" in lines["heater"]
-    assert "about 2 min" in lines["steam"]
+    assert "about 5 s" in lines["heater"]
+    assert "about 1 min" in lines["steam"]
     assert "one core of an x86-64 server" in said.out
     told = json.loads(call(capsys, monkeypatch, "demo", "--list", "--json").out)
     assert told["tanks"] == {"sentence": demos()["tanks"][0], "seconds": seconds("tanks")}
