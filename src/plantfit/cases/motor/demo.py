@@ -10,20 +10,22 @@ import numpy as np
 from plantfit.cases.motor.bench import PUBLISHED, TRUTH, bench
 from plantfit.cases.motor.constants_section import Targets, constants_section, inside_of, targets
 from plantfit.cases.motor.identifiability_section import identifiability_section
-from plantfit.cases.motor.methods import FULL, GA, SMALL, Methods, guarded, searched
+from plantfit.cases.motor.methods import GA, SLOPED, Methods, guarded, labels, methods_of, searches, sloped
 from plantfit.cases.motor.methods_section import methods_section, spread
 from plantfit.cases.motor.record_sections import bench_section, surrogate_section
 from plantfit.cases.motor.surrogate import Surrogate, surrogate, two_errors_record
 from plantfit.cases.motor.tracking_section import tracking_section
+from plantfit.cases.shared.beside import Beside
 from plantfit.cases.shared.files import unpack
 from plantfit.cases.shared.fitting import fit_file
 from plantfit.cases.shared.record import figure, record
-from plantfit.cases.shared.stages import stages
+from plantfit.cases.shared.stages import stages, within
 from plantfit.fitting import Answer
 from plantfit.recording import to_csv
 from plantfit.spec import load
 
 RUNS, RECORDS = (10, 50), (6, 40)  # small, full: runs of each method; records of the surrogate's comparison
+DERIVATIVES = "searches by derivatives"
 TITLE = "DC motor on a microcontroller (virtual bench)"
 SUBTITLE = (
     "A surrogate, two error signals and a genetic algorithm without "
@@ -36,16 +38,21 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     folder, made = unpack("motor", folder), bench()
     to_csv(made.recording, folder / "motor.csv")
     made.run.save(folder / "board")
-    begins = stages(("surrogate", *GA, *(FULL if full else SMALL), "records"), progress)
+    here = [n for n in labels(full) if n not in SLOPED]
+    begins = stages(("surrogate", "speed", "current", *here, "records", DERIVATIVES), progress)
     begins("surrogate")
     denoised = surrogate(made)
+    file = folder / "two_errors.toml"
     to_csv(two_errors_record(made.recording, denoised.speed), folder / "two_errors.csv")
-    files = [folder / "speed.toml", folder / "current.toml"]
-    speed, current = (fit_file(f, progress) for f in files)
-    study = load(folder / "two_errors.toml")
-    methods, guard = searched(study, RUNS[full], full, begins), guarded(study)
-    begins("records")
-    both = targets([made, *(bench(seed) for seed in range(2, RECORDS[full] + 1))], denoised.order)
+    files, study = [folder / "speed.toml", folder / "current.toml"], load(file)
+    with Beside(sloped, file, RUNS[full]) as beside:
+        speed, current = (fit_file(f, within(f.stem, progress)) for f in files)
+        results, guard = searches(study, here, RUNS[full], begins), guarded(study)
+        begins("records")
+        both = targets([made, *(bench(seed) for seed in range(2, RECORDS[full] + 1))], denoised.order)
+        begins(DERIVATIVES)
+        results |= dict(zip(SLOPED, beside.result(progress), strict=True))
+    methods = methods_of(study, {n: results[n] for n in labels(full)})
     sections = [
         bench_section(made),
         surrogate_section(denoised, made),

@@ -1,17 +1,21 @@
 """The paper's objective searched by its binary genetic algorithm and by other methods, every run with the same
 budget."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.cases.motor.bench import TRUTH
+from plantfit.cases.shared.stages import stages
 from plantfit.findings.results.methods_compared import ProblemComparison
 from plantfit.optimize import RunResult, minimise
 from plantfit.problem import Problem
 from plantfit.problem.measure.experiment import Experiment
+from plantfit.spec import load
 from plantfit.spec.study import Study
 from plantfit.stages import prepare
 from plantfit.study.comparing.problem_runs import ProblemRuns
@@ -23,6 +27,7 @@ from plantfit.study.store.records import RunRecord
 GA = {"GA, 0.4 by fractions": {"rates": "fractions"}, "GA, 0.4 by individual": {"rates": "individual"}}
 SMALL = ("auto", "least_squares", "pso")
 FULL = ("auto", "least_squares", "cmaes", "lshade", "de", "pso", "cga", "salp_swarm", "sobol")
+SLOPED = ("auto", "least_squares")  # by derivatives
 RK4_STEPS, GUARDED = 10, 30 * 69  # substeps of 10 ms, a fixed step like that of a block diagram; evaluations
 
 
@@ -48,18 +53,34 @@ class Methods:
         return {"Kt": found["Kb"]} | found
 
 
-def searched(study: Study, runs: int, full: bool, begins: Callable[[str], None] | None = None) -> Methods:
-    """`runs` of every method on a two_errors.toml study."""
-    prepared, plan = prepare(study.problem), study.plan
-    problem, objective = prepared.problem, prepared.objective
-    given = dict(plan.settings["binary_ga"])
-    jobs = {label: ("binary_ga", given | more) for label, more in GA.items()}
-    jobs |= {m: (m, dict(plan.settings.get(m, {}))) for m in (FULL if full else SMALL)}
+def labels(full: bool) -> tuple[str, ...]:
+    """What is compared, in the page's order."""
+    return (*GA, *(FULL if full else SMALL))
+
+
+def searches(
+    study: Study, chosen: Sequence[str], runs: int, begins: Callable[[str], None] | None = None
+) -> dict[str, list[RunResult]]:
+    """`runs` of the `chosen` labels on a two_errors.toml study."""
+    objective, plan = prepare(study.problem).objective, study.plan
     results = {}
-    for label, (method, settings) in jobs.items():
+    for label in chosen:
         if begins is not None:
             begins(label)
+        method = "binary_ga" if label in GA else label
+        settings = dict(plan.settings.get(method, {})) | GA.get(label, {})
         results[label] = minimise(objective, method, runs=runs, budget=plan.budget, seed=plan.seed, settings=settings)
+    return results
+
+
+def sloped(file: Path, runs: int, progress: Callable[[Any], None] | None = None) -> list[list[RunResult]]:
+    """The searches by derivatives, for a process of its own beside the others; runs in the order of `SLOPED`."""
+    return list(searches(load(file), SLOPED, runs, stages(SLOPED, progress)).values())
+
+
+def methods_of(study: Study, results: Mapping[str, list[RunResult]]) -> Methods:
+    """The comparison of what the searches of a study found."""
+    problem, plan = prepare(study.problem).problem, study.plan
     runs_of = tuple(_as_record(label, r, problem) for label, own in results.items() for r in own)
     budgets = dict.fromkeys(results, float(plan.budget))
     record = compared([ProblemRuns(study.name, runs_of, problem.space.names, budgets)], seed=plan.seed).problems[0]

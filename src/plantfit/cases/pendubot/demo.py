@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from plantfit.cases.pendubot.better_study import better_study
+from plantfit.cases.pendubot.better_study import better_study, next_experiment
 from plantfit.cases.pendubot.paper_study import PaperStudy, paper_study
 from plantfit.cases.pendubot.torque import torque_record, write_record
+from plantfit.cases.shared.beside import Beside
 from plantfit.cases.shared.files import unpack
 from plantfit.cases.shared.fitting import fit_file
 from plantfit.cases.shared.record import figure, record
@@ -23,9 +24,11 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     folder = unpack("pendubot", folder)
     file, made = folder / "torque.toml", torque_record()
     write_record(made, folder)
-    study = paper_study(file, made, *(WHOLE if full else SMALL), progress)
-    answer = fit_file(file, progress, "least_squares")
-    better, also = better_study(progress, full)
+    with Beside(better_study, full) as beside:
+        study = paper_study(file, made, *(WHOLE if full else SMALL), progress)
+        answer = fit_file(file, progress, "least_squares")
+        following = next_experiment(full)
+        better = beside.result(progress)
     return record(
         "pendubot",
         TITLE,
@@ -35,8 +38,8 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         [file],
         subtitle="The paper's three metaheuristics, each run many times, against the optimum that least squares finds "
         "at once.",
-        sections=[*study.sections[:-1], *better, study.sections[-1]],
-        found=[*_found(study, made.run.truth["parameters"]), *also],
+        sections=[*study.sections[:-1], *better.sections, following, study.sections[-1]],
+        found=[*_found(study, made.run.truth["parameters"]), *better.found],
     )
 
 
