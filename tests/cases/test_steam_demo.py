@@ -304,7 +304,7 @@ def test_what_was_found_is_made_of_the_runs():
     methods = [MethodRuns(n, STATIC, (result([c], [10]),)) for n, c in ends.items()]
     true = {n: r.truth["parameters"]["Td"] for n, r in runs.items()}
     rows = [
-        {"parameter": "Td", "recording": n, "value": v + 0.02, "low": v - 0.1 * k, "high": v + 0.1 * k}
+        {"parameter": "Td", "recording": n, "value": v + 0.02, "low": v - 0.1 * k, "high": v + 0.1 * k, "open": None}
         for k, (n, v) in enumerate(true.items())
     ]
     told = what_was_found(
@@ -316,6 +316,13 @@ def test_what_was_found_is_made_of_the_runs():
     assert "ends at 1.02 times the floor" in told[2]
     assert "in 1 of 1 runs" in told[3]
     assert "at most 0.02 s off" in told[4]
+    assert told[4].endswith("hold the truth.")
+    rows[0]["open"] = "both"
+    again = what_was_found(
+        methods, floor, 0.1, slopes, runs, cast(Answer, SimpleNamespace(findings={"parameters": rows}))
+    )
+    assert again[:4] == told[:4]
+    assert again[4].endswith("but 1 of them are all that was searched: those records do not tell their dead times.")
 
 
 def test_sections_become_a_page():

@@ -173,3 +173,41 @@ def test_targets_and_references_are_converted_or_refused(capsys, monkeypatch, tm
     found = rows(said)
     for name, true in (("M", 80.0), ("Fv", 150.0), ("Fc", 30.0)):
         assert found[name]["instrumental_variables"]["value"] == pytest.approx(true, rel=0.05)
+
+
+PLAIN = """\
+name = "arm"
+[recording.run]
+file = "arm.csv"
+clean = [{ step = "differentiate", signal = "q", name = "v", method = "central" }]
+[model]
+equations = "tau = B*v + c"
+inputs = { v = "rad/s" }
+outputs = { tau = "N*m" }
+[parameters.B]
+bounds = [0.0, 1.0]
+unit = "N*m*s/rad"
+[parameters.c]
+bounds = [-1.0, 1.0]
+unit = "N*m"
+"""
+
+
+@pytest.mark.parametrize("derived", [True, False])
+def test_the_verdict_says_which_columns_are_derivatives(capsys, monkeypatch, tmp_path, derived):
+    monkeypatch.chdir(tmp_path)
+    t = np.arange(400) * 0.01
+    noise = np.random.default_rng(3).normal(0.0, 3e-3, (2, len(t)))
+    angle, rate = np.sin(2.0 * t) + noise[0], 2.0 * np.cos(2.0 * t)
+    rows = np.c_[t, angle, rate, 0.2 * rate + 0.1 + noise[1]]
+    np.savetxt("arm.csv", rows, delimiter=",", header="t [s],q [rad],w [rad/s],tau [N*m]", comments="")
+    measured = 'signals = { v = "w [rad/s]", tau = "tau [N*m]" }\n#'
+    (tmp_path / "arm.toml").write_text(PLAIN if derived else PLAIN.replace("clean", measured), "utf-8")
+    found = json.loads(call(capsys, monkeypatch, "run", "arm.toml", "--json", "--no-diagnose").out)
+    said = [
+        v["sentence"] for v in found["verdict"] if v["sentence"].startswith("The columns of this regression hold v.")
+    ]
+    assert len(said) == derived
+    assert found["differentiated"] == ["v"] * derived
+    value = next(p["value"] for p in found["parameters"] if p["name"] == "B")
+    assert (abs(value - 0.2) > 1e-3) == derived  # the errors of v, 0.2 rad/s, take 2 % of B

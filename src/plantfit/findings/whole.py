@@ -47,6 +47,8 @@ class Findings(Record):
     """None where none was made."""
     parameters: list[Parameter] = []
     """Free ones in the order of the search, then fixed ones; tables entry by entry."""
+    differentiated: list[str] = []
+    """Signals in the columns of a regression by least squares that are derivatives, with errors of their own."""
     uncertainty: Uncertainty | None = None
     """None where no errors were stated."""
     standard_errors: StandardErrors | None = None

@@ -41,7 +41,7 @@ import jax.numpy as jnp
 LEAST_SQUARES, GENERALISED = "least squares", "generalised least squares"
 _OF_DATA = ("data", "arguments", "unsmoothed", "gradient_charge", "_description")  # made when first asked for
 _OF_THIS = ("study_file", "weighted", "not_weighted")  # of the problem as it is, and of no changed copy
-_NOT_COMPILED = ("name", *_OF_THIS)
+_NOT_COMPILED = ("name", "differentiated", *_OF_THIS)
 _PREPARED = ("parts",)  # made by `_prepare`
 
 
@@ -85,11 +85,13 @@ class Problem:
     (`shared_errors`) are weighed and nothing else. `weighted` is such an answer of a final problem, None where there is
     none, and `not_weighted` says why, where it was asked for.
 
-    `study_file` is the file that a problem was read from, None for one that was written in Python and for every changed
-    copy. A problem can be pickled if its model can. Raises RecordingError, UnitError, SpaceError, ModelError and
-    SimulationError for what contradicts itself.
+    `differentiated` are signals of a regression by least squares that a study file makes by differentiation, or that
+    look like it: their errors stand in its columns. `study_file` is the file that a problem was read from, None for one
+    that was written in Python and for every changed copy. A problem can be pickled if its model can. Raises
+    RecordingError, UnitError, SpaceError, ModelError and SimulationError for what contradicts itself.
     """
 
+    differentiated: tuple[str, ...] = ()
     study_file: StudyFile | None = None
     weighted: Weighted | None = None
     not_weighted: str = ""

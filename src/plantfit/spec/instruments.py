@@ -1,5 +1,6 @@
 """Regressions that need instruments and have none: their columns are derivatives of measured signals."""
 
+from collections.abc import Sequence
 from typing import Any
 
 from plantfit import units
@@ -16,23 +17,28 @@ HOW = (
 )
 
 
-def missing_instruments(table: SpecTable, model: Any) -> dict[str, str] | None:
-    """What to say of a regression by least squares whose columns are derivatives of measured signals; None where all
-    is well."""
+def differentiated(table: SpecTable, model: Any) -> tuple[tuple[str, ...], bool]:
+    """Signals whose errors stand in the columns of a regression by least squares, and whether the study file makes them
+    by differentiation (else they are accelerations of a file, which a sensor may measure)."""
     if not isinstance(model, LinearModel) and not (isinstance(model, Model) and not model.states):
-        return None
+        return (), False
     if table.regression is not None and table.regression.method == "instrumental variables":
-        return None
+        return (), False
     reads = _signals_read(model)
-    made = [n for n in reads if n in _derived(table)]
-    fast = [n for n in reads if n not in made and _is_acceleration(reads[n])]
-    if not made and not fast:
+    made = tuple(n for n in reads if n in _derived(table))
+    return made or tuple(n for n in reads if _is_acceleration(reads[n])), bool(made)
+
+
+def missing_instruments(names: Sequence[str], made: bool) -> dict[str, str] | None:
+    """What to say of a regression whose columns are derivatives of measured signals (`differentiated`); None where all
+    is well."""
+    if not names:
         return None
-    names = ", ".join(made or fast)
+    listed = ", ".join(names)
     if made:
-        told = f"The columns of this regression are made of {names}, derivatives of measured signals"
+        told = f"The columns of this regression are made of {listed}, derivatives of measured signals"
     else:
-        told = f"The columns of this regression hold {names}, which is made of derivatives unless a sensor measures it"
+        told = f"The columns of this regression hold {listed}, which is made of derivatives unless a sensor measures it"
     return {
         "level": "warning",
         "sentence": f"{told}, so the columns have errors of measurement; least squares then differs from the truth by "

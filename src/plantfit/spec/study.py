@@ -19,7 +19,7 @@ from plantfit.problem import Experiment, Problem
 from plantfit.problem.problem import StudyFile
 from plantfit.space import Parameter
 from plantfit.spec.error_place import errors_at
-from plantfit.spec.instruments import missing_instruments
+from plantfit.spec.instruments import differentiated, missing_instruments
 from plantfit.spec.limits import check_problem
 from plantfit.spec.recordings import check_units_in_names, counted_signals, experiments_of
 from plantfit.spec.tables import AlikeTable, ParameterTable, RecordingTable, SpecTable
@@ -68,7 +68,7 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
     if isinstance(model, Model):
         with errors_at(path.name):
             experiments = {n: _with_counts(e, tables[n], model) for n, e in experiments.items()}
-    regression, biased = None, missing_instruments(table, model)
+    (noisy, made), regression = differentiated(table, model), None
     if table.regression is not None:
         # filters and instruments need rooms of scipy that are slow to import
         from plantfit.spec.regression import prepared
@@ -95,7 +95,8 @@ def study_of(table: SpecTable, text: str, path: Path, files: Mapping[str, Path])
         check_problem(problem, table)
     plan, errors = _plan(table, problem, path), errors_of(table, problem, path)
     solved = table.regression is not None
-    problem.study_file = StudyFile(text, path, errors, table.propagation.draws, solved)
+    problem.study_file, problem.differentiated = StudyFile(text, path, errors, table.propagation.draws, solved), noisy
+    biased = missing_instruments(noisy, made)
     return Study(table.name, text, path, problem, plan, table, errors, table.propagation.draws, regression, biased)
 
 

@@ -122,6 +122,7 @@ def assess(
         ],
         diagnosis=None,
         parameters=[Parameter(**row) for row in rows],
+        differentiated=list(problem.differentiated),
         uncertainty=uncertainty,
         standard_errors=StandardErrors(
             kind="robust" if local.robust else "classical", in_time=problem.in_time, not_weighted=problem.not_weighted

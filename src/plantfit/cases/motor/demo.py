@@ -9,7 +9,7 @@ import numpy as np
 
 from plantfit.cases.motor.bench import PUBLISHED, TRUTH, bench
 from plantfit.cases.motor.constants_section import Targets, constants_section, inside_of, targets
-from plantfit.cases.motor.identifiability_section import identifiability_section
+from plantfit.cases.motor.identifiability_section import identifiability_section, known
 from plantfit.cases.motor.methods import GA, SLOPED, Methods, guarded, labels, methods_of, searches, sloped
 from plantfit.cases.motor.methods_section import methods_section, spread
 from plantfit.cases.motor.record_sections import bench_section, surrogate_section
@@ -83,9 +83,9 @@ def _found(denoised: Surrogate, methods: Methods, both: Targets, current: Answer
         f"The binary genetic algorithm's runs end with Rm from {low:.2g} to {high:.2g} ohm (truth {TRUTH['Rm']:.4g}) "
         f"at a median J of {np.median(ends[label]):.1e}; `auto` reaches {lowest:.1e} with the same budget in "
         f"{int(np.sum(ends['auto'] <= 1.01 * lowest))} of {len(ends['auto'])} runs, and no constants either.",
-        f"Speed and voltage determine four combinations of the six constants. With a current sensor {inside} of the "
-        f"{total} constants that "
-        f"are determined lie inside their 95 % intervals: Rm = {rm['value']:.4g} ohm ({rm['low']:.4g} to "
+        f"Speed and voltage determine four combinations of the six constants; this record tells "
+        f"{known(both.raw)} of them from zero. With a current sensor {inside} of the {total} constants that are "
+        f"determined lie inside their 95 % intervals: Rm = {rm['value']:.4g} ohm ({rm['low']:.4g} to "
         f"{rm['high']:.4g}).",
         "A pendubot driven by the identified motor follows its path to "
         f"{strays['identified']:.2f} degrees rms, with the true constants to {strays['true']:.2f}.",
@@ -132,9 +132,7 @@ def _sentences(methods: Methods) -> list[str]:
     label = next(iter(GA))
     low, high = spread(methods, label, "Rm")
     return [
-        "Speed and voltage determine four combinations of the motor's constants, one of which, the friction's, is "
-        "smaller than its "
-        "interval here: of six constants (Kt = Kb) two directions stay flat, of seven three.",
+        "Of six constants (Kt = Kb) two directions stay flat, of seven three.",
         f"Runs of the genetic algorithm end with Rm anywhere from {low:.2g} to {high:.2g} ohm (truth "
         f"{TRUTH['Rm']:.4g}); what J prefers "
         "along the flat directions is the bias of its second error, towards a small Kb. The paper prints "

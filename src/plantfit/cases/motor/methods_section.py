@@ -60,7 +60,7 @@ def methods_section(found: Methods, guard: RunResult) -> dict[str, Any]:
         "tables": [
             {"caption": "J after the same budget", "columns": COLUMNS, "rows": rows},
             {"caption": "Where the best runs end", "columns": ["run", "J", "rms e1 [rad/s]", "rms e2 [V]", *names],
-             "rows": constants},
+             "rows": constants, "note": "Constants in ohm, H, V s/rad, kg m², N m s/rad and N m."},
         ],
         "figures": [
             {"figure": _over_time(found), "label": f"The first {SHOWN:g} s: speed of the surrogate and of the model, "

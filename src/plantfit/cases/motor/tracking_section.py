@@ -42,7 +42,7 @@ def tracking_section(identified: Mapping[str, float], truth: Mapping[str, float]
             f"every {1000 * rig.period:g} ms, which becomes the voltage V = (Rm/Kt) tau + Kb w by the constants "
             "that it takes for true. The motor has the true ones, with its winding, rotor and friction.",
             f"In the loop: encoders of {rig.counts} counts, an {rig.bits}-bit "
-            f"bridge of +-{rig.limit:.4g} V, speeds by a Kalman filter.",
+            f"bridge of ±{rig.limit:.4g} V, speeds by a Kalman filter.",
             _compared(runs),
             f"At rest the voltage plays by {_play(rig, runs['identified']):.2f} V rms, "
             "because a step of an encoder is a jump of the speeds that the filter "

@@ -7,8 +7,8 @@ from typing import Any
 Run = Callable[..., dict[str, Any]]
 
 _SENTENCES = {
-    "pendubot": "A pendubot on a virtual rig: PSO, genetic algorithm and salp swarm a thousand times, and the optimum "
-    "that was missed.",
+    "pendubot": "A pendubot on a virtual rig: PSO, genetic algorithm and salp swarm beside the optimum, what the "
+    "torque determines, and controllers.",
     "gearmotor": "A real geared DC motor: a first model, what it lacks, physics that predicts its static curve, and a "
     "controller.",
     "tanks": "Two tanks in series with overflow: an upper level that nobody measured, and the unseen last quarter "

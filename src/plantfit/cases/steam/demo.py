@@ -36,6 +36,7 @@ from plantfit.cases.steam.sections.dynamic_section import (
     Slopes,
     answers_section,
     dynamic_section,
+    empty_intervals,
     readings_section,
     truth_of,
 )
@@ -117,7 +118,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         ),
         constants.uncertainty,
         dynamic_section(found, problem, static, floor, slopes, BUDGET, not full),
-        answers_section(finely(problem), shown, truth_of(runs), _intervals(answer)),
+        answers_section(finely(problem), shown, truth_of(runs), _intervals(answer), _untold(answer)),
         *([readings_section(found, alone, floor)] if full else []),
         *_meaning_sections(finely(problem, POLISHED), best, answer, runs, full, begins),
     ]
@@ -202,6 +203,11 @@ def _opening_by_opening(
     }
 
 
+def _untold(answer: Answer) -> int:
+    """Dead times whose 95 % interval is all that was searched."""
+    return sum(p["parameter"] == "Td" and p["open"] == "both" for p in answer.findings["parameters"])
+
+
 def _intervals(answer: Answer) -> dict[str, tuple[float, float]]:
     """95 % intervals of the dead times by recording; NaN where one was held at a bound."""
     rows = [p for p in answer.findings["parameters"] if p["parameter"] == "Td"]
@@ -235,8 +241,8 @@ def _found(
         f"dead times. With exact derivatives the same method ends at {times[NOMINAL]:.3g} times the floor.",
         "Least squares with exact derivatives from random points "
         f"reaches the floor in {hits} of {len(random.costs)} runs.",
-        f"Its dead times are at most {worst:.2g} s off, and {held} "
-        f"of {len(true)} of their 95 % intervals hold the truth.",
+        f"Its dead times are at most {worst:.2g} s off, and {held} of {len(true)} of their 95 % intervals hold the "
+        f"truth{empty_intervals(_untold(answer))}.",
     ]
 
 

@@ -44,7 +44,7 @@ def sine_square(
     square = np.where(np.mod((local + 0.5 / rate) * frequency, 1.0) < 0.5, amplitude, -amplitude)
     values = np.choose(part, [sine, -sine, square])
     sentence = (
-        f"Blocks of {block:g} s: sine above and below zero beyond +-{dead_zone:g}, square wave, at {frequency:g} Hz."
+        f"Blocks of {block:g} s: sine above and below zero beyond ±{dead_zone:g}, square wave, at {frequency:g} Hz."
     )
     return waveform(values, rate, signal, unit, "sine_square", sentence)
 

@@ -63,6 +63,7 @@ def axis(title: str = "", **more: Any) -> dict[str, Any]:
         "tickfont": SMALL,
         "ticks": "",
         "automargin": True,
+        "exponentformat": "power",  # plotly's own is a letter: 23n beside kg*m^2
     }
     return base | more
 

@@ -92,6 +92,7 @@ class Openings:
             "caption": "Standard errors with an extra measurement",
             "columns": ["Extra measurement", "Opened", *self.names],
             "rows": body,
+            "note": "Opened: flat directions that the measurement opens. Errors are in the parameters' own units.",
         }
 
 

@@ -12,7 +12,7 @@ from plantfit.trust.heterogeneity.sentences import answer_sentences
 from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
 from plantfit.trust.verdict.fit import fit_sentences
-from plantfit.trust.verdict.misreadings import hold_sentences, misreading_sentences
+from plantfit.trust.verdict.misreadings import derivative_sentences, hold_sentences, misreading_sentences
 from plantfit.trust.verdict.outputs import at_rest, forgotten
 from plantfit.trust.verdict.parameters import parameter_sentences
 from plantfit.trust.verdict.residuals import noise_sentences, only_noise, residual_sentences
@@ -38,6 +38,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
         *_agreement(findings, best),
         *answer_sentences(findings),
         *parameter_sentences(findings),
+        *derivative_sentences(findings),
         *misreading_sentences(findings),
         *hold_sentences(findings),
         *uncertainty_sentences(findings),

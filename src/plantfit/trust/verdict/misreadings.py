@@ -1,5 +1,5 @@
-"""What the verdict says about inputs: of the steps or noise with which they were read, and of how they go on between
-samples."""
+"""What the verdict says about inputs: of derivatives in the columns of a regression, of the steps or noise with which
+they were read, and of how they go on between samples."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -9,6 +9,20 @@ from plantfit.trust.looks.misreadings import as_commanded, as_exact
 from plantfit.trust.verdict.words import Sentence, interval, number, say, some, with_unit
 
 SHOWN = 0.2  # share of the residuals' mean square from which on they are said to show the steps
+
+
+def derivative_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
+    """One sentence where columns of a regression are derivatives of measured signals: their errors draw least squares
+    away from the truth, which residuals do not show."""
+    names = findings.get("differentiated")
+    if not names:
+        return
+    text = (
+        f"The columns of this regression hold {some(names)}. Where these are derivatives of measured signals, their "
+        "errors stand in the columns: least squares may be off by more than ± tells, and the residuals do not show it. "
+        'Fit it by instrumental variables: [regression] method = "instrumental variables" (docs/regression.md).'
+    )
+    yield say("warning", text, signals=len(names))
 
 
 def misreading_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:

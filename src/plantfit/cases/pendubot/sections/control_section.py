@@ -37,7 +37,7 @@ WAYS = {
     "PID": "one for each angle, integral on theta1; the plant's poles mirrored to the left and 10 % faster, and -0.5/s",
     "Takagi-Sugeno": "regulators at theta1 = 60, 90 and 120 degrees with link 2 upright, blended by theta1",
     "LQR": "weights 1/rad^2 on both angles and 0.1/V^2",
-    "MPC": "the same weights, 40 moves of 10 ms within +-24 V",
+    "MPC": "the same weights, 40 moves of 10 ms within ±24 V",
 }
 
 
@@ -111,7 +111,7 @@ def control_section(
         "sentences": [
             "Four controllers, designed on the identified plant, hold the upright on "
             f"{'that plant' if truth is None else 'the virtual rig, which has the true parameters'}, with encoders of "
-            f"{COUNTS} counts, one voltage every {1000 * PERIOD:g} ms and an amplifier of +-{LIMIT:g} V in the loop.",
+            f"{COUNTS} counts, one voltage every {1000 * PERIOD:g} ms and an amplifier of ±{LIMIT:g} V in the loop.",
             f"Each catches both links in line and at rest that lean at least {least:.1f} degrees to either side.",
             f"From {np.degrees(start):.0f} degrees link 1 swings out to {out:.0f} "
             "degrees on its way under link 2, where a linear design fits less and less.",

@@ -232,14 +232,22 @@ def readings_section(
     }  # fmt: skip
 
 
+def empty_intervals(untold: int) -> str:
+    """What to add where intervals hold the truth because they hold all that was searched."""
+    if not untold:
+        return ""
+    return f", but {untold} of them are all that was searched: those records do not tell their dead times"
+
+
 def answers_section(
     problem: Problem,
     answers: Mapping[str, np.ndarray],
     truth: Mapping[str, np.ndarray],
     intervals: Mapping[str, tuple[float, float]],
+    untold: int,
 ) -> Section:
     """Figures 5 to 8 from the best answers (310,) by name, the exact one last; `truth`: k, A1, A2 (opening, node)
-    and Td (opening,)."""
+    and Td (opening,). `untold` intervals of dead times are all that was searched."""
     tables = {label: tables_of(problem, z) for label, z in answers.items()} | {"truth of the rig": truth}
     settled = np.array([float(np.nanmax(e.recording["y"])) for e in problem.experiments.values()])
     last = list(answers)[-1]
@@ -249,7 +257,8 @@ def answers_section(
     worst = float(np.max(np.abs(delays[last] - truth["Td"])))
     told = [
         f"Dead times of {last}: at most {significant(worst, 2)} s from the truth; {inside} of {given} 95 % "
-        f"intervals hold it{'' if given == len(intervals) else f', {len(intervals) - given} ended at a bound'}. "
+        f"intervals hold it{'' if given == len(intervals) else f', {len(intervals) - given} ended at a bound'}"
+        f"{empty_intervals(untold)}. "
         "Those of the static solution lean against their lower bound, because four constants cannot bend as "
         "the record does and the delay pays for it.",
         "Above the dotted line (the highest pressure of a record) nothing was measured: what stands there "

@@ -53,9 +53,6 @@ def run(
         )
     if solved:
         return _solve(solved, place, json)
-    for study in read:
-        if study.biased:
-            warn(f"{study.name}: {study.biased['sentence']}")
     from plantfit.study import Store  # sqlalchemy, after the study files were understood
 
     places = report_places([study.name for study in read], place)

@@ -45,7 +45,7 @@ def _distribution(method: str, values: np.ndarray, colour: tuple[str, str, str],
         "y": style.numbers(values, 8),
         "fillcolor": colour[1],
         "line": {"color": colour[0], "width": 1.5},
-        "marker": {"color": colour[0], "size": 3.5, "opacity": 0.55},
+        "marker": {"color": colour[0], "size": 6, "opacity": 0.7},
         "jitter": 0.5,
         "hoverinfo": "y",
     }
