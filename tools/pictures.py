@@ -12,9 +12,11 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent / "src"))
 
 from plantfit.models.extensions import KINDS
+from plantfit.models.extensions.parts import SHAPES
 from plantfit.recording.looks import Look, clock_looks, feedback_look, signal_looks
 from plantfit.recording.record import Recording, Signal
 from plantfit.trust.diagnosis.candidates import CANDIDATES, Before, Behind
+from plantfit.trust.diagnosis.plant.timeless.static import CANDIDATES as PARTS
 
 WIDTH, HEIGHT, LEFT, TOP, BOTTOM = 640, 170, 44, 10, 22
 PERIOD, SAMPLES, GAIN, LAG, FINE = 0.05, 240, 2.0, 0.5, 20
@@ -57,6 +59,7 @@ def pictures() -> dict[str, tuple[str, str, str]]:
         said = KINDS[kind].sentence.format(signal)
         said = said if said.startswith(f"{signal} ") else said[0].upper() + said[1:]
         found[kind] = name, f"{said}.", svg([("without", T, plant(u)), ("with", T, y)])
+    found |= characteristics()
     for name, recording, look in looks():
         signal = look.signal
         if signal is None:
@@ -64,6 +67,21 @@ def pictures() -> dict[str, tuple[str, str, str]]:
         else:
             lines, place = [("with", recording.t, recording[signal])], (look.begin, look.end)
         found[name] = look.kind, look.sentence, svg(lines, place, look.times)
+    return found
+
+
+def characteristics() -> dict[str, tuple[str, str, str]]:
+    """By name of a part that a static model may lack: its heading, what it says, and a curve over u with and without it."""
+    found = {}
+    for kind, row in PARTS.items():
+        u = np.linspace(0.2, 3.0, 100) if kind in ("power", "square", "proportional", "product") else np.linspace(-3.0, 3.0, 201)
+        pair, y = "y with u and v" if kind == "product" else "y with u", 1.0 + 0.8 * u
+        part = {"power": y * (np.abs(u) ** 0.3 - 1.0), "product": 0.25 * u * 2.0}.get(kind)  # v is 2
+        if part is None:
+            part = (0.8 if kind == "sign" else 0.15) * np.asarray(SHAPES[kind][0](u))
+        said = KINDS[kind].sentence.format(pair)
+        heading = row.name.format(y="y", u="u", v="v")
+        found[kind] = heading, f"{said[0].upper()}{said[1:]}.", svg([("without", u, y), ("with", u, y + part)], unit="of u")
     return found
 
 
@@ -129,8 +147,8 @@ def _loop(rng: np.random.Generator, t: np.ndarray) -> tuple[Recording, Look]:
     return recording, look
 
 
-def svg(lines: list[Line], place: tuple[float, float] | None = None, times: tuple[float, ...] = ()) -> str:
-    """Lines over time with their range, a place that is shaded and samples that are marked; colours fit light and dark pages."""
+def svg(lines: list[Line], place: tuple[float, float] | None = None, times: tuple[float, ...] = (), unit: str = "s") -> str:
+    """Lines over time (or what else has the `unit`) with their range, a place that is shaded and samples that are marked; colours fit light and dark pages."""
     t, y = (np.concatenate([line[k] for line in lines]) for k in (1, 2))
     low, high = float(np.nanmin(y)), float(np.nanmax(y))
     low, high = (low - 1.0, high + 1.0) if low == high else (low - 0.05 * (high - low), high + 0.05 * (high - low))
@@ -153,7 +171,7 @@ def svg(lines: list[Line], place: tuple[float, float] | None = None, times: tupl
     for value in (low, high):
         height = float(at(t.min(), value).split(",")[1]) + 4
         made.append(f'<text x="{LEFT - 4}" y="{height:.0f}" text-anchor="end">{value:.2g}</text>')
-    made.append(f'<text x="{WIDTH - 10}" y="{HEIGHT - 6}" text-anchor="end">{np.ptp(t):.3g} s</text></svg>')
+    made.append(f'<text x="{WIDTH - 10}" y="{HEIGHT - 6}" text-anchor="end">{np.ptp(t):.3g} {unit}</text></svg>')
     return "".join(made)
 
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
     import polars as pl
 
-    from plantfit.trust.diagnosis.plant.regression import Regression
+    from plantfit.trust.diagnosis.plant.timeless.regression import Regression
 
 MOST_SHOWN = 20  # parameters in a repr, which has to fit on a screen
 
@@ -167,12 +167,12 @@ class Answer:
         """Look for what is missing in the model (docs/diagnosis.md), and give section "diagnosis" of the findings.
 
         Findings, verdict and report say it from then on. It is made where the residual is above its noise or not white,
-        and takes at most twice the evaluations of the search; None where there is nothing to look for, and for models
-        that are neither simulated over time nor a regression. With `whole` everything is tried, whatever the residual
+        and takes at most twice the evaluations of the search; None where there is nothing to look for, and for
+        recordings over time beside others at rest. With `whole` everything is tried, whatever the residual
         is. Of a regression that was filtered before the fit `regression` is what it was before
         (`plantfit.spec.before_filter`). `progress` is told what is being tried; the diagnosis ends where `stop` says
-        True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for a model that is
-        neither simulated over time nor a regression.
+        True, and the findings then say that it was stopped. Raises ModelError only with `whole`, for
+        recordings over time beside others at rest.
         """
         from plantfit.first_look import linear_beside
         from plantfit.trust.diagnosis import with_diagnosis

@@ -8,13 +8,15 @@ from plantfit.models.extensions import KINDS
 from plantfit.testing import check_candidate
 from plantfit.trust.diagnosis.candidates import CANDIDATES, Before, Behind, Changing, Inside, candidates
 from plantfit.trust.diagnosis.catalogue import Extension
+from plantfit.trust.diagnosis.plant.timeless.static import CANDIDATES as STATIC
 
 PLACES = {"inputs": Before, "states": Inside, "changes": Changing, "outputs": Behind}
 
 
 def test_every_extension_of_a_model_is_a_candidate_at_its_place():
-    # a curve in time is tried by itself
-    assert set(CANDIDATES) == {name for name, kind in KINDS.items() if not kind.over}
+    # a curve in time is tried by itself, a part of a static model in a table of its own
+    assert set(CANDIDATES) == {name for name, kind in KINDS.items() if not kind.over and name not in STATIC}
+    assert set(STATIC) == {name for name, kind in KINDS.items() if kind.to in ("parts", "products")}
     for kind, candidate in CANDIDATES.items():
         assert isinstance(candidate, PLACES[KINDS[kind].to]), kind
 

@@ -19,6 +19,7 @@ from plantfit.findings import Cross
 from plantfit.fitting import fit
 from plantfit.models import equations
 from plantfit.problem import Problem
+from plantfit.problem.measure.experiment import Experiment
 from plantfit.recording.record import Recording, Signal
 from plantfit.report import render_html
 from plantfit.report.sections.sentences import independence
@@ -107,9 +108,15 @@ def test_nothing_is_looked_for_where_the_residual_is_noise_or_the_model_has_no_t
     model = equations("y = a*u", inputs=["u"], outputs=["y"], parameters={"a": {"bounds": (0, 20)}})
     answer = fit(Problem(model, steady), budget=200)
     assert asked_for(answer.findings)
-    assert answer.diagnose() is None
-    with pytest.raises(ModelError, match="simulated over time"):
-        answer.diagnose(whole=True)
+    told = answer.diagnose()
+    assert told is not None
+    assert told["rounds"][0]["tried"][0]["name"] in ("change of a with u", "part of y by the square of u")
+    x = equations("x' = a*u - x", states=["x"], inputs=["u"], outputs=["x"], parameters={"a": {"bounds": (0, 20)}})
+    record = Recording(k, {"u": Signal(0.1 * k), "x": Signal(0.01 * k**2)}, "a")
+    mixed = fit(Problem(x, {"a": Experiment(record), "b": Experiment(record, steady=True)}), budget=200)
+    assert mixed.diagnose() is None
+    with pytest.raises(ModelError, match="all over time or all at rest"):
+        mixed.diagnose(whole=True)
 
 
 def test_no_other_sentence_guesses_at_causes_once_one_is_named():

@@ -5,7 +5,7 @@ from plantfit.errors import SpecError
 from plantfit.models.library.regression import LinearModel
 from plantfit.spec.recordings import experiment_of
 from plantfit.spec.study import Study, model_of
-from plantfit.trust.diagnosis.plant.regression import Regression
+from plantfit.trust.diagnosis.plant.timeless.regression import Regression
 
 
 def before_filter(study: Study) -> Regression | None:

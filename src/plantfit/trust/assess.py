@@ -235,7 +235,8 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                     if against
                     else one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
                 )
-            driven = {} if problem.in_time or p_value <= WHITE else {i: record[i][mask][rows] for i in inputs}
+            ordered = problem.in_time and not experiment.steady
+            driven = {} if ordered or p_value <= WHITE else {i: record[i][mask][rows] for i in inputs}
             cross = {}
             for i in inputs:
                 u = record[i][mask][rows]

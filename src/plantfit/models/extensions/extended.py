@@ -12,6 +12,11 @@ from plantfit.models.remade import remade
 from plantfit.models.text.suggest import suggest
 from plantfit.models.text.table_text import read_nodes
 
+_MEANT = {
+    "numbers": "parameters that can change",
+    "parts": "pairs of an output and an input",
+    "products": "outputs with two inputs",
+}
 FEWEST = 3  # values of a pattern that repeats
 
 
@@ -58,7 +63,7 @@ def with_extensions(model: Model, given: Mapping[str, Mapping[str, tuple[float, 
 
 def _unknown(model: Model, made: Kind, signal: str, known: tuple[str, ...]) -> str:
     if made.to != "changes":
-        which = "parameters that can change" if made.to == "numbers" else made.to
+        which = _MEANT.get(made.to, made.to)
         return f"which is not one of its {which} {list(known)}."
     subjects, drivers = ({k.split(WITH)[side]: None for k in known} for side in (0, 1))
     example = known[0] if known else "K with u"

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from typing import Literal, NamedTuple
 
-from plantfit.models.extensions import changes, inputs, outputs, states, steps
+from plantfit.models.extensions import changes, inputs, outputs, parts, states, steps
 from plantfit.models.model import Model
 
 
@@ -11,13 +11,14 @@ class Kind(NamedTuple):
     """An addition: what it is made to (a field of `Model`), how, and its sentence with the signal as {}.
 
     `make(model, signal, bounds, name)` gives the model with the addition, whose parameter has that name and these
-    bounds (low, high). Of "changes" the signal is a pair, as in "K with u". `beside` are parameters that come with it,
+    bounds (low, high). Of "changes" and "parts" the signal is a pair, as in "K with u", of
+    "products" as in "y with u and v". `beside` are parameters that come with it,
     as in "creep" for creep_SIGNAL. One `over` "time" is a table, whose nodes (n,) s are given to `make` behind the
     name; one over a "period" gets its length (s) and how many values it has, one over a "moment" the bounds of that
     (low, high) s, which is the parameter KIND_SIGNAL_at.
     """
 
-    to: Literal["inputs", "outputs", "states", "changes", "numbers"]
+    to: Literal["inputs", "outputs", "states", "changes", "numbers", "parts", "products"]
     make: Callable[..., Model]
     sentence: str
     beside: tuple[str, ...] = ()
@@ -25,9 +26,17 @@ class Kind(NamedTuple):
 
     def signals(self, model: Model) -> tuple[str, ...]:
         """What it can be made to in a model."""
-        if self.to == "numbers":
-            return steps.numbers_of(model)
-        return changes.changes_of(model) if self.to == "changes" else tuple(getattr(model, self.to))
+        if self.to in _PAIRS:
+            return _PAIRS[self.to](model)
+        return tuple(getattr(model, self.to))
+
+
+_PAIRS: dict[str, Callable[[Model], tuple[str, ...]]] = {
+    "numbers": steps.numbers_of,
+    "changes": changes.changes_of,
+    "parts": parts.parts_of,
+    "products": parts.products_of,
+}
 
 
 KINDS: dict[str, Kind] = {
@@ -48,6 +57,14 @@ KINDS: dict[str, Kind] = {
     "saturation": Kind("inputs", inputs.saturation, "{} does nothing more beyond a size"),
     "backlash": Kind("inputs", inputs.backlash, "{} acts through play"),
     "input_offset": Kind("inputs", inputs.offset, "the sensor of {}, by which the plant is driven, has an offset"),
+    "power": Kind("parts", parts.power, "a power of an input is a factor of an output: {}", (changes.REFERENCE,)),
+    "proportional": Kind("parts", parts.part("proportional"), "an output has a part in proportion to an input: {}"),
+    "square": Kind("parts", parts.part("square"), "an output has a part by the square of an input: {}"),
+    "signed_square": Kind(
+        "parts", parts.part("signed_square"), "an output has a part by the square of an input, with its sign: {}"
+    ),
+    "sign": Kind("parts", parts.part("sign"), "an output has a part by the sign of an input: {}"),
+    "product": Kind("products", parts.part("product"), "an output has a part by the product of two inputs: {}"),
     "sensor_lag": Kind("outputs", outputs.sensor_lag, "the sensor of {} is a lag of first order"),
     "offset": Kind("outputs", outputs.offset, "the sensor of {} has an offset"),
     "drift": Kind("outputs", outputs.drift, "the sensor of {} drifts"),

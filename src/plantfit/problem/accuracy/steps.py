@@ -68,7 +68,7 @@ def choose_substeps(problem: Problem, points: int = 16) -> Problem:
     of the dead time put a jump on a sample (at three of four points), and anywhere if there are jumps at many samples.
     Nothing is done when the user has chosen.
     """
-    if problem.substeps_chosen or not problem.predictor.has_steps:
+    if problem.substeps_chosen or not steps_taken(problem):
         return problem
     z = Sobol(problem.space.dimension, np.random.default_rng(0)).random(points)
     problem = (
@@ -238,6 +238,11 @@ def _even_or_meshed(problem: Problem, z: np.ndarray) -> Problem:
     return mesh_at(problem, z, spreads, MESH, MESH_PART)
 
 
+def steps_taken(problem: Problem) -> bool:
+    """Whether any recording is simulated over time: not where the model has no states, or all rows are at rest."""
+    return problem.predictor.has_steps and any(isinstance(d, Drive) for d in problem.data["drive"].values())
+
+
 def _dense(problem: Problem) -> bool:
     """Whether samples are many: steps as long as their distance are then hardly so long that halving them changes
     nothing."""
@@ -251,7 +256,7 @@ def refined_at(problem: Problem, z: np.ndarray) -> Problem:
     Equal steps are halved until it is under 5 % in each recording, too: what many recordings hide in their mean is an
     error of one.
     """
-    if problem.substeps_chosen or not problem.predictor.has_steps:
+    if problem.substeps_chosen or not steps_taken(problem):
         return problem
     meshed = can_mesh(problem)
     if not meshed or (_dense(problem) and not problem.mesh):
@@ -310,7 +315,7 @@ def steps_and_error(problem: Problem, z: np.ndarray) -> tuple[Problem, float | N
 
 
 def _made_for(problem: Problem, z: np.ndarray) -> tuple[Problem, float | None]:
-    own, z = problem.predictor.stepping() if problem.predictor.has_steps else None, np.asarray(z, dtype=float)
+    own, z = problem.predictor.stepping() if steps_taken(problem) else None, np.asarray(z, dtype=float)
     if problem.substeps_chosen or own is None:
         return problem, None
     if own.stepper == ADAPTIVE:
@@ -353,7 +358,7 @@ def finer_at(problem: Problem, z: np.ndarray, share: float) -> Problem | None:
 
     `share` is what an independent solver asked for; how exact the steps are by their own account does not count here.
     """
-    if problem.substeps_chosen or not problem.predictor.has_steps:
+    if problem.substeps_chosen or not steps_taken(problem):
         return None
     rms = float(np.sqrt(np.mean(residuals(problem, z) ** 2)))
     if can_mesh(problem):

@@ -104,9 +104,9 @@ def _of_inputs(problem: Problem, model: Model) -> Iterator[Extension]:
     for u, unit in model.inputs.items():
         values = np.concatenate([e.recording[u] for e in problem.experiments.values()])
         if np.ptp(values) > 0:
-            seen = _seen(problem, unit, values, any(d.input == u for d in model.delays))
+            seen = seen_of(problem, unit, values, any(d.input == u for d in model.delays))
             for kind, candidate in candidates(Before).items():
-                yield from _made(kind, candidate, u, candidate.tried(seen))
+                yield from made_of(kind, candidate, u, candidate.tried(seen))
 
 
 def _of_states(problem: Problem, model: Model) -> Iterator[Extension]:
@@ -114,24 +114,26 @@ def _of_states(problem: Problem, model: Model) -> Iterator[Extension]:
         candidate = candidates(Inside)[kind]
         for s in states:
             unit = drivers_of(model)[s.split(WITH)[1]] if isinstance(candidate, Changing) else model.states[s]
-            yield from _made(kind, candidate, s, Tried(candidate.unit(unit), candidate.low, np.inf, candidate.shares))
+            yield from made_of(kind, candidate, s, Tried(candidate.unit(unit), candidate.low, np.inf, candidate.shares))
 
 
 def _of_outputs(problem: Problem, model: Model, rows: Rows) -> Iterator[Extension]:
     for y, unit in model.outputs.items():
-        seen = _seen(problem, unit, rows.measured[(rows.output == y) & (rows.fit | rows.unseen)] * problem.scales[y])
+        seen = seen_of(problem, unit, rows.measured[(rows.output == y) & (rows.fit | rows.unseen)] * problem.scales[y])
         for kind, candidate in candidates(Behind).items():
-            yield from _made(kind, candidate, y, candidate.tried(seen))
+            yield from made_of(kind, candidate, y, candidate.tried(seen))
 
 
-def _seen(problem: Problem, unit: str | None, values: np.ndarray, late: bool = False) -> Seen:
+def seen_of(problem: Problem, unit: str | None, values: np.ndarray, late: bool = False) -> Seen:
+    """What the recordings show of a signal."""
     length = min(float(np.ptp(e.recording.t)) for e in problem.experiments.values())
     period = float(np.median(np.concatenate([np.diff(e.recording.t) for e in problem.experiments.values()])))
     times = tuple(float(v) for v in period * np.array([1.0, 3.0, 9.0, 27.0]) if v < 0.2 * length)
     return Seen(unit, values, length, period, times, late)
 
 
-def _made(kind: str, candidate: Candidate, signal: str, tried: Tried | None) -> Iterator[Extension]:
+def made_of(kind: str, candidate: Candidate, signal: str, tried: Tried | None) -> Iterator[Extension]:
+    """The addition of a kind to a signal, none where it is not tried."""
     if tried is not None:
         low, high = float(tried.low), float(tried.high)
         yield Extension(

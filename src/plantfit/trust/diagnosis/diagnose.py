@@ -18,9 +18,10 @@ from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.plant.carrier import Carrier, rows_of
 from plantfit.trust.diagnosis.plant.curves import driftable
 from plantfit.trust.diagnosis.plant.cycles import Place, places_of
-from plantfit.trust.diagnosis.plant.regression import Regression, carrier_of_regression
 from plantfit.trust.diagnosis.plant.stepping.moments import StepPlace, looked_at, step_places
-from plantfit.trust.diagnosis.plant.terms import extensions_of, terms_of
+from plantfit.trust.diagnosis.plant.timeless.regression import Regression, carrier_of_regression
+from plantfit.trust.diagnosis.plant.timeless.static import carrier_of_static, extensions_of_static, static
+from plantfit.trust.diagnosis.plant.timeless.terms import extensions_of, terms_of
 from plantfit.trust.diagnosis.plant.unmeasured import curves_for, repeats, steps_of, with_unmeasured
 
 ROUNDS = 3  # additions that may be named one after the other
@@ -41,7 +42,7 @@ def diagnose(
     At most `rounds` additions are named, each beside those before it. With `only`, as in "dead time of u", this one
     alone is tried; of several each beside those before it. `progress` is told what is being tried. A `meter` limits the
     work: what takes least is tried first. Of a regression whose columns were filtered `regression` is what it was
-    before. Raises ModelError for a model that is neither simulated over time nor a regression, and for an addition that
+    before. Raises ModelError for a model with recordings over time and others at rest, and for an addition that
     the catalogue does not have; Stopped where the meter is asked to stop.
     """
     demand_treatable(problem)
@@ -52,10 +53,12 @@ def diagnose(
     extensions = additions(problem, regression)
     wanted = None if only is None else chosen(problem, extensions, [only] if isinstance(only, str) else only, z)
     say("preparing")
-    if regression is None:
-        carrier = Carrier.of(problem, z, inside_kinds(problem), meter)
-    else:
+    if regression is not None:
         carrier = carrier_of_regression(problem, z, regression, terms_of(regression), meter)
+    elif static(problem):
+        carrier = carrier_of_static(problem, z, meter)
+    else:
+        carrier = Carrier.of(problem, z, inside_kinds(problem), meter)
     course = Course.begun(carrier, say)
     if wanted is not None:
         made = course.diagnosis([one for e in wanted[0] for one in course.alone(e)])
@@ -63,11 +66,13 @@ def diagnose(
         steps = looked_at(carrier, course.base, course.use) if asked else []
         made = curves_for(course, wanted[1], made)
         return replace(made, places=tuple(wanted[2]), stepped=tuple(p for p in steps if p.name in asked))
-    cycle = repeats(course)
+    cycle = None if static(problem) else repeats(course)
     course.one_by_one(extensions, rounds)
     if rounds > 1 and course.two_at_once(extensions):
         course.one_by_one(extensions, rounds - 2)
     made = course.diagnosis(course.made)
+    if static(problem):
+        return replace(made, whole=made.whole and course.whole)
     step = steps_of(course, made)
     return with_unmeasured(course, replace(made, whole=made.whole and course.whole), cycle, step)
 
@@ -75,24 +80,27 @@ def diagnose(
 def additions(problem: Problem, regression: Regression | None = None) -> list[Extension]:
     """What is tried on a problem, in the order in which equals are named; of a regression the columns that it may
     lack."""
+    if static(problem):
+        return extensions_of_static(problem)
     if not isinstance(problem.model, LinearModel):
         return catalogue(problem, rows_of(problem))
     return extensions_of((regression or Regression.of(problem)).in_units())
 
 
 def treatable(problem: Problem) -> bool:
-    """Whether a problem is one of models that are simulated over time."""
+    """Whether a problem is one of models that are simulated over time, or of static ones."""
     moving = not any(e.steady for e in problem.experiments.values())
-    return isinstance(problem.model, Model) and problem.predictor.has_steps and moving
+    return isinstance(problem.model, Model) and (static(problem) or (problem.predictor.has_steps and moving))
 
 
 def demand_treatable(problem: Problem) -> None:
-    """Raises ModelError for a problem that is neither `treatable` nor a regression."""
+    """Raises ModelError for a problem that is neither `treatable` nor a regression, as some of its recordings are at
+    rest, and others not."""
     if not treatable(problem) and not isinstance(problem.model, LinearModel):
         name = problem.model.name
         raise ModelError(
-            "Diagnosis is for models that are simulated over time and for "
-            f"regressions, and {name!r} is neither; look at its residuals."
+            f"Diagnosis is for recordings that are all over time or all at rest, and those of {name!r} are mixed; "
+            "diagnose them in two study files."
         )
 
 

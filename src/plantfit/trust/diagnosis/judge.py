@@ -19,6 +19,7 @@ from plantfit.problem.measure.sample_noise import white_part
 from plantfit.trust.diagnosis.catalogue import Extension
 from plantfit.trust.diagnosis.plant.carrier import Carrier, Rows
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, columns, fitted
+from plantfit.trust.validate.residuals.curved import curved
 
 CHANCE = 0.01  # that anything is named where nothing is missing
 LEAST = 0.01  # of the mean square: less is not worth a change of the model
@@ -57,7 +58,10 @@ def evidence(base: Fitted, extended: Fitted, rows: Rows, use: np.ndarray) -> flo
     if after <= 0:
         return np.inf if before > 0 else 0.0
     share = independent_share(extended.residuals, rows, use) * louder(base, extended, use)
-    return float(np.sum(use)) / share * np.log(before / after)
+    count = float(np.sum(use))
+    if rows.fitted:  # of few rows nearly the statistic of F (Bartlett, Proc. R. Soc. A 160 (1937) 268)
+        count = max(count - rows.fitted - len(extended.additions) + 0.5, 0.0)
+    return count / share * np.log(before / after)
 
 
 def louder(base: Fitted, extended: Fitted, use: np.ndarray) -> float:
@@ -86,10 +90,17 @@ def by_output(carrier: Carrier, one: Fitted, apart: np.ndarray) -> dict[str, flo
             at = at[rows.fit[at]]
             if len(at) > FEWEST:
                 r = np.where(apart[at], np.nan, one.residuals[at])[:: carrier.thin]
-                noise.append(white_part(r))
+                noise.append(_noise_of_rows(carrier, name, at, r, one) if carrier.unordered else white_part(r))
                 size.append(float(np.sqrt(np.nanmean(r**2))))
         found[output] = float(np.nanmax(np.array(size) / np.maximum(noise, 1e-300))) if noise else 0.0
     return found
+
+
+def _noise_of_rows(carrier: Carrier, name: str, at: np.ndarray, r: np.ndarray, one: Fitted) -> float:
+    """Of residuals (n,) in no order: what a polynomial of the inputs leaves, where it explains more than chance."""
+    own, rows = carrier.inputs[name], carrier.rows.sample[at]
+    found = curved(r, {u: v[rows] for u, v in own.items()}, carrier.own + len(one.additions))
+    return white_part(r) if found is None else min(white_part(r), found.noise)
 
 
 def beyond_end(carrier: Carrier, one: Fitted, addition: Extension, use: np.ndarray) -> float:
@@ -139,7 +150,7 @@ def unseen(
     if validated(carrier.rows, kept):
         return Unseen(base.cost(later) / later.sum(), extended.cost(later) / later.sum(), False)
     sums = np.zeros(2)
-    for block in _blocks(carrier.rows, use):
+    for block in _blocks(carrier.rows, use, carrier.unordered):
         rest = use & ~block
         for k, (c, one) in enumerate(((carrier, base), (own or carrier, extended))):
             again = fitted(c, one.additions, one.x, one.theta, rest, REFITS, held=held if k else ())
@@ -147,12 +158,17 @@ def unseen(
     return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
 
 
-def _blocks(rows: Rows, use: np.ndarray) -> list[np.ndarray]:
-    """Fifths of every recording's fitted samples, one after the other."""
+def _blocks(rows: Rows, use: np.ndarray, unordered: bool = False) -> list[np.ndarray]:
+    """Fifths of every recording's fitted samples, one after the other; of rows in no order drawn at random, for
+    those of a table that is sorted by an input would be asked beyond what was fitted."""
     names = list(dict.fromkeys(rows.recording[use]))
-    found = [np.zeros(len(use), dtype=bool) for _ in range(BLOCKS)]
+    found, draw = [np.zeros(len(use), dtype=bool) for _ in range(BLOCKS)], np.random.default_rng(0)
     for name in names:
         samples = np.unique(rows.sample[use & (rows.recording == name)])
+        if unordered:
+            for block, part in zip(found, np.array_split(draw.permutation(samples), BLOCKS), strict=True):
+                block |= use & (rows.recording == name) & np.isin(rows.sample, part)
+            continue
         for block, part in zip(found, np.array_split(samples, BLOCKS), strict=True):
             if len(part):
                 block |= use & (rows.recording == name) & (rows.sample >= part[0]) & (rows.sample <= part[-1])
@@ -160,9 +176,12 @@ def _blocks(rows: Rows, use: np.ndarray) -> list[np.ndarray]:
 
 
 def standard_error(carrier: Carrier, one: Fitted, addition: Extension, use: np.ndarray) -> float:
-    """Of the parameter of an addition, in its unit, from the linearised fit; correlation of the residuals raises it."""
+    """Of the parameter of an addition, in its unit, from the linearised fit; correlation of the residuals raises it.
+    Infinite where a derivative is."""
     free = columns(carrier, one.additions)
     a = one.jacobian[np.ix_(use, free)]
+    if not np.all(np.isfinite(a)):  # as of a root at 0, to which an offset may take an input
+        return np.inf
     norms = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
     variance = one.cost(use) / max(1, int(use.sum()) - len(free)) * independent_share(one.residuals, carrier.rows, use)
     inverse = np.linalg.pinv((a / norms).T @ (a / norms), rcond=1e-12)

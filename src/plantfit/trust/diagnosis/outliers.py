@@ -74,6 +74,8 @@ def apart_of(residuals: np.ndarray, carrier: Carrier) -> tuple[np.ndarray, np.nd
     """
     far, rows = outlying(residuals, carrier.rows), carrier.rows
     behind = np.zeros(len(far), dtype=bool)
+    if carrier.unordered:
+        return far, behind
     for name in dict.fromkeys(rows.recording[far]):
         own = rows.recording == name
         near, fading = (own & _after_steps(carrier, name, k)[rows.sample] for k in (BEHIND, WINDOW))

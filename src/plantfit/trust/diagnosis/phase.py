@@ -18,7 +18,7 @@ from plantfit.problem.problem import Problem
 from plantfit.recording.clean.outliers import inline
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
-from plantfit.trust.diagnosis.plant.regression import Regression
+from plantfit.trust.diagnosis.plant.timeless.regression import Regression
 from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood, with_linear
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.finish.other_columns import Change, OtherColumns, other_columns, shares
@@ -65,7 +65,7 @@ def with_diagnosis(
     work is about twice the evaluations that `runs` spent, or those that simulate two million samples if that is more,
     and none for problems of over 60 coordinates or 100000 residuals; with `whole` all is tried, whatever the findings
     say. `stop` ends it, and the findings then say so. `linear` as in `with_linear`, `regression` as in `diagnose`.
-    Raises ModelError only with `whole`, for a model that is neither simulated over time nor a regression.
+    Raises ModelError only with `whole`, for recordings over time beside others at rest.
     """
     if not whole and not (asked_for(findings) and (isinstance(problem.model, LinearModel) or treatable(problem))):
         return findings

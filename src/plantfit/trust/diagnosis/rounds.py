@@ -33,6 +33,7 @@ MOST, NEAR = (0.5, 3.0)
 ALIKE = 8.0  # evidence for one of two additions below which the record does not tell them apart
 PART = 0.02  # of what the better one explains: the same
 SAME = 0.5  # cosine of what two additions take from the residual, below which they explain different parts of it
+SAME_CURVE = 1e-3  # of what an addition does: one that does the same is the same curve
 NEAR_BOUND, ELSEWHERE = 0.02, 3  # of the cube; other points that a fit begins from where one stood there
 STEEP = 1e-3  # of the least standard error that a straight line gives
 SURE = 2.0  # standard errors that a value is off zero
@@ -256,7 +257,26 @@ def found_of(
             continue
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
-    return tuple(sorted(_consistent(carrier, alike), key=lambda t: extensions.index(t.extension)))
+    alike = _consistent(carrier, alike)
+    if carrier.rows.fitted:
+        alike = _in_plain_words(base, alike, use)
+    return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
+
+
+def _in_plain_words(base: Fitted, alike: Sequence[Trial], use: np.ndarray) -> list[Trial]:
+    """Additions to a static model that explain alike, without changes of a parameter that are one of the others in
+    other words: a line whose slope changes with its input has a part by the square of it."""
+
+    def same(t: Trial, other: Trial) -> bool:
+        assert t.at is not None
+        assert other.at is not None
+        apart = (t.at.residuals - other.at.residuals)[use]
+        return float(np.linalg.norm(apart)) <= SAME_CURVE * float(
+            np.linalg.norm((base.residuals - other.at.residuals)[use])
+        )
+
+    plain = [t for t in alike if not changing([t.extension])]
+    return [t for t in alike if t in plain or not any(same(t, other) for other in plain)]
 
 
 def _consistent(carrier: Carrier, alike: Sequence[Trial]) -> list[Trial]:

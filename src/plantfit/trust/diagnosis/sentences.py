@@ -16,6 +16,7 @@ from plantfit.trust.diagnosis.diagnose import STRONG, Diagnosis
 from plantfit.trust.diagnosis.judge import beyond_end, by_output
 from plantfit.trust.diagnosis.plant.cycles import DAY
 from plantfit.trust.diagnosis.plant.slow_drift import Rival
+from plantfit.trust.diagnosis.plant.timeless.static import static
 from plantfit.trust.diagnosis.plant.unmeasured import SOME
 from plantfit.trust.diagnosis.plant.unmeasured_told import (
     MORE,
@@ -50,7 +51,8 @@ Linear = Callable[[Problem, str, Series, tuple[float, float], float, str], str]
 def with_linear(diagnosis: Diagnosis, linear: Linear | None) -> Diagnosis:
     """The diagnosis with what `linear` says of a linear model without physics, on outputs of which much is left
     (`first_look.linear_beside`)."""
-    simulated = isinstance(diagnosis.carrier.given.model, Model)
+    given = diagnosis.carrier.given
+    simulated = isinstance(given.model, Model) and not static(given)
     if linear is None or not simulated or diagnosis.repeating or diagnosis.stepping:
         return diagnosis
     return replace(diagnosis, linear=tuple(_linear(diagnosis, linear)))

@@ -39,7 +39,7 @@ Inputs = Mapping[str, Mapping[str, np.ndarray]]  # recording -> input -> values 
 @dataclass(frozen=True)
 class Rows:
     """One row for each sample of each output of each recording: where it stands, what was measured (scaled) and how
-    it is used."""
+    it is used. So many parameters were `fitted` to rows that may be few, 0 where that hardly counts."""
 
     recording: np.ndarray
     output: np.ndarray
@@ -48,6 +48,7 @@ class Rows:
     fit: np.ndarray
     unseen: np.ndarray
     weight: np.ndarray
+    fitted: int = 0
 
     def part(self, recording: str, output: str) -> np.ndarray:
         """Places of the rows of an output of a recording, in time."""
@@ -60,7 +61,8 @@ class Carrier:
     the problem's, in the unit cube, the rest effects inside the plant, in their units. `inside` maps (kind, state)
     to the places of its coordinates, `speeds` to that of a speed that is fitted beside it, with the spread of the
     state; `values` are what else comes with effects. `core` is the same without what changes with a signal, of which
-    there are many: most of the work is done there. Of `thin` samples, filtered before the fit, one tells of noise."""
+    there are many: most of the work is done there. Of `thin` samples, filtered before the fit, one tells of noise.
+    Rows that are `unordered` tell nothing by their neighbours."""
 
     problem: Problem
     given: Problem
@@ -75,6 +77,7 @@ class Carrier:
     sharp: int = 1
     core: "Carrier | None" = None
     thin: int = 1
+    unordered: bool = False
 
     @classmethod
     def of(
@@ -140,12 +143,12 @@ class Carrier:
                         )
         changes |= {name: Parameter(value=value) for name, value in fixed.items()}
         inputs = {n: {u: _jittered(e.recording[u]) for u in model.inputs} for n, e in problem.experiments.items()}
-        filled = {n: _filled(e.recording, inputs[n], model.outputs) for n, e in problem.experiments.items()}
+        whole = {n: filled(e.recording, inputs[n], model.outputs) for n, e in problem.experiments.items()}
         simulator = problem.predictor.stepping()
 
         def build() -> Problem:
             experiments = {
-                n: replace(e, recording=filled[n], fit=(-np.inf, np.inf), validate=None, skip=0.0)
+                n: replace(e, recording=whole[n], fit=(-np.inf, np.inf), validate=None, skip=0.0)
                 for n, e in problem.experiments.items()
             }
             return Problem(
@@ -160,7 +163,7 @@ class Carrier:
             made = made.with_mesh({n: m for n, m in problem.mesh.items() if n in made.experiments})
         else:
             key = "carrier", sharp, simulator.stepper, simulator.substeps, str(bounds), str(fixed), str(speeds)
-            made = problem.once(key, build).with_recordings(filled).with_scales(problem.scales)
+            made = problem.once(key, build).with_recordings(whole).with_scales(problem.scales)
             if made.start_corrections != problem.start_corrections:  # those of another problem that compiled it
                 made = made.with_starts(problem.start_corrections)
         order = [made.space.names.index(n) for n in problem.space.names]
@@ -277,8 +280,8 @@ class Carrier:
         return made
 
 
-def rows_of(problem: Problem) -> Rows:
-    """Rows in the order in which the problem writes residuals of whole records."""
+def rows_of(problem: Problem, fitted: int = 0) -> Rows:
+    """Rows in the order in which the problem writes residuals of whole records; `fitted` as in `Rows`."""
     found: dict[str, list[np.ndarray]] = {
         k: [] for k in ("recording", "output", "sample", "measured", "fit", "unseen", "weight")
     }
@@ -295,10 +298,10 @@ def rows_of(problem: Problem) -> Rows:
             found["weight"].append(
                 np.full(len(y), 1.0 if problem.weights is None else np.sqrt(problem.weights.get(n, 1.0)))
             )
-    return Rows(**{k: np.concatenate(v) for k, v in found.items()})
+    return Rows(*(np.concatenate(v) for v in found.values()), fitted=fitted)
 
 
-def _filled(recording: Recording, inputs: Mapping[str, np.ndarray], outputs: Mapping[str, object]) -> Recording:
+def filled(recording: Recording, inputs: Mapping[str, np.ndarray], outputs: Mapping[str, object]) -> Recording:
     """Missing samples of outputs as straight lines, so that every sample has a row, and inputs that jump at each
     sample."""
     signals = dict(recording.signals)

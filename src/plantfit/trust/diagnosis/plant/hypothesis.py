@@ -160,7 +160,8 @@ def whole(carrier: Carrier, additions: Sequence[Extension], point: np.ndarray) -
         size = -size if point[n + k] + size > a.high else size
         moved = point.copy()
         moved[n + k] += size
-        jacobian[:, n + k] = (residuals_at(carrier, additions, moved[:n], moved[n:]) - r) / size
+        with np.errstate(invalid="ignore"):  # of a plant that explodes
+            jacobian[:, n + k] = (residuals_at(carrier, additions, moved[:n], moved[n:]) - r) / size
     return r, jacobian
 
 

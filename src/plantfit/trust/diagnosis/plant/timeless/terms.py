@@ -13,7 +13,7 @@ from plantfit.trust.diagnosis import ranges
 from plantfit.trust.diagnosis.candidates import Changing, Inside
 from plantfit.trust.diagnosis.catalogue import MOST_PAIRS, Extension
 from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
-from plantfit.trust.diagnosis.plant.regression import Regression
+from plantfit.trust.diagnosis.plant.timeless.regression import Regression
 
 SHARES = {  # of the rms of a speed, or of the range of a position: scales from which a column is tried
     "coulomb": (0.0002, 0.002, 0.02),
