@@ -55,6 +55,16 @@ class Curved(Record):
     """What is left beside it, in the unit of the output."""
 
 
+class Sizes(Record):
+    """Residuals of rows that are not in time, whose size changes with the simulated output."""
+
+    low: float
+    """Their rms in the third of the rows where the simulated output is smallest, in its unit."""
+    high: float
+    """The same where it is largest."""
+    p_value: float
+
+
 class ShortRecordings(Record):
     """Test of the residuals of one output in recordings that are too short for tests of their own, taken together."""
 
@@ -88,6 +98,8 @@ class ResidualTest(Record):
     stretch: Stretch | None = None
     turned: Turned | None = None
     curved: Curved | None = None
+    sizes: Sizes | None = None
+    """Where standard errors take all residuals as of one size."""
 
 
 class CorrelatedNoise(Record):

@@ -52,6 +52,7 @@ from plantfit.trust.validate.residuals.residual_tests import (
     short_recordings,
     whiteness,
 )
+from plantfit.trust.validate.residuals.sizes import sizes
 from plantfit.trust.validate.residuals.turned import turned, turned_records
 from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.unseen_starts import with_started
@@ -101,7 +102,7 @@ def assess(
     rows, heterogeneity = heterogeneity_findings(problem, z, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
-    tests = _with_turned(problem, predictions, list(_residual_tests(problem, predictions)))
+    tests = _with_turned(problem, predictions, list(_residual_tests(problem, predictions, not local.robust)))
     scores = with_spare(problem, z, local, list(_scores(problem, predictions)))
     short = list(_short_recordings(problem, predictions, tests))
     scores = with_started(problem, local.values, scores, [*tests, *short])
@@ -211,7 +212,10 @@ def _scores(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]
                 )
 
 
-def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]]) -> Iterator[ResidualTest]:
+def _residual_tests(
+    problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]], one_size: bool = False
+) -> Iterator[ResidualTest]:
+    """With `one_size` standard errors take the residuals of an output as of one size."""
     inputs = getattr(problem.model, "inputs", {})
     count, several = problem.space.dimension, len(problem.experiments) * len(problem.outputs)
     for name, experiment in problem.experiments.items():
@@ -237,6 +241,8 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 )
             ordered = problem.in_time and not experiment.steady
             driven = {} if ordered or p_value <= WHITE else {i: record[i][mask][rows] for i in inputs}
+            follows = curved(residual, driven, count, several) if driven else None
+            at_rest = one_size and driven and follows is None
             cross = {}
             for i in inputs:
                 u = record[i][mask][rows]
@@ -261,7 +267,8 @@ def _residual_tests(problem: Problem, predictions: Mapping[str, Mapping[str, np.
                 cross=cross,
                 stretch=stretch,
                 turned=against,
-                curved=curved(residual, driven, count, several) if driven else None,
+                curved=follows,
+                sizes=sizes(residual, predictions[name][output][mask][rows], several) if at_rest else None,
             )
 
 

@@ -15,7 +15,7 @@ from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.misreadings import derivative_sentences, hold_sentences, misreading_sentences
 from plantfit.trust.verdict.outputs import at_rest, forgotten
 from plantfit.trust.verdict.parameters import parameter_sentences
-from plantfit.trust.verdict.residuals import noise_sentences, only_noise, residual_sentences
+from plantfit.trust.verdict.residuals import noise_sentences, only_noise, residual_sentences, size_sentences
 from plantfit.trust.verdict.searches import forgetting_sentences, search_sentences
 from plantfit.trust.verdict.stated_errors import uncertainty_sentences
 from plantfit.trust.verdict.unseen import unseen_sentences
@@ -44,6 +44,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
         *uncertainty_sentences(findings),
         *_combinations(findings),
         *residual_sentences(findings),
+        *size_sentences(findings),
         *noise_sentences(findings),
         *weight_sentences(findings),
         *_refused(findings, best),

@@ -34,6 +34,7 @@ def parameter_sentences(findings: Mapping[str, Any]) -> Iterator[Sentence]:
         forgotten(findings),
         found_beside(findings),
         any(r.get("curved") for r in findings.get("residual_tests", ())),
+        list(dict.fromkeys(r["output"] for r in findings.get("residual_tests", ()) if r.get("sizes"))),
     )
     if not (findings.get("determined") or {}).get("sound", True):
         fitted = sum(s.get("n", 0) for s in findings.get("scores", ()) if s["part"] == "fit")
@@ -92,6 +93,7 @@ def _determined(
     forgets: Sequence[str] = (),
     found: str = "",
     along: bool = False,
+    sized: Sequence[str] = (),
 ) -> Iterator[Sentence]:
     good, total = [p for p in free if p["status"] == "determined"], len(free)
     if not good:
@@ -105,6 +107,8 @@ def _determined(
     text = f"The data determine {len(good)} of {total} parameters" + (f"{what}: {listed}." if listed else ".")
     if denied:
         text += f" The intervals take residuals as independent, and those of {denied} are not."
+    if sized:
+        text += f" The intervals take residuals as of one size, and those of {some(list(sized))} are not."
     if forgets:
         text += (
             f" The simulation does not follow {some(list(forgets))}: "
@@ -125,7 +129,11 @@ def _determined(
         )
         text += "by more than ± tells."
     yield say(
-        "warning" if denied or fails or forgets or found else "good" if len(good) == total and not lacks else "info",
+        "warning"
+        if denied or sized or fails or forgets or found
+        else "good"
+        if len(good) == total and not lacks
+        else "info",
         text,
         determined=len(good),
     )

@@ -66,6 +66,21 @@ def _short(findings: Findings, row: Row) -> Sentence:
     return say("warning", text, correlation=row["correlation"])
 
 
+def size_sentences(findings: Findings) -> Iterator[Sentence]:
+    """Outputs of a model at rest whose residuals are of several sizes, where standard errors take them as of one."""
+    rows = [r for r in findings.get("residual_tests", ()) if r.get("sizes")]
+    for output in dict.fromkeys(r["output"] for r in rows):
+        row = min((r for r in rows if r["output"] == output), key=lambda r: r["sizes"]["p_value"])
+        found, unit = row["sizes"], next((s.get("unit") for s in findings.get("scores", ()) if is_same(s, row)), None)
+        text = (
+            f"The residuals of {place(findings, row)} are not of one size: {with_unit(found['low'], unit)} rms in the "
+            f"third of the rows where the model is lowest, {with_unit(found['high'], unit)} where it is highest (p = "
+            f"{found['p_value']:.2g}). ± takes them as of one size and may be too small, above all where few rows "
+            'decide: write standard_errors = "robust", which allows for sizes that differ.'
+        )
+        yield say("warning", text, p_value=found["p_value"])
+
+
 def noise_sentences(findings: Findings) -> Iterator[Sentence]:
     """How far the fit is from the noise floor; where something missing was named, jumps of the residual pass for
     noise, and the diagnosis says what is left."""
