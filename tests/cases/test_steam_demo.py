@@ -317,7 +317,7 @@ def test_what_was_found_is_made_of_the_runs():
     assert "in 1 of 1 runs" in told[3]
     assert "at most 0.02 s off" in told[4]
     assert told[4].endswith("hold the truth.")
-    rows[0] = {**rows[0], "open": "both"}
+    rows = [{**rows[0], "open": "both"}, *rows[1:]]
     again = what_was_found(
         methods, floor, 0.1, slopes, runs, cast(Answer, SimpleNamespace(findings={"parameters": rows}))
     )

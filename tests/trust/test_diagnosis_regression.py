@@ -1,6 +1,8 @@
 """What a regression lacks is found by its columns: friction of which the truth is known, and nothing where nothing
 is missing."""
 
+import tomllib
+
 import numpy as np
 import pytest
 from axis_records import MASS, VISCOUS, record, study
@@ -12,7 +14,8 @@ from plantfit.models.library.regression import LinearModel
 from plantfit.models.model import Declared
 from plantfit.report import render_html
 from plantfit.spec import before_filter, load, with_additions
-from plantfit.trust.diagnosis import change_of, changed, diagnose, diagnosis_record
+from plantfit.trust.diagnosis import asked_changes, change_of, changed, diagnose, diagnosis_record
+from plantfit.trust.diagnosis.treatment import addition_lines
 
 
 def axis():
@@ -130,3 +133,30 @@ def test_a_run_tries_what_is_missing_where_much_is_left(tmp_path):
     quiet = fit(white.problem)
     assert quiet.diagnose() is None
     assert "was not tried" not in quiet.verdict
+
+
+@pytest.mark.parametrize("derived", [True, False])
+def test_a_small_addition_beside_differentiated_columns_may_stand_for_their_errors(tmp_path, derived):
+    """Friction of 8 mN beside noise of 20 mN: a tenth of what is left."""
+    made = study(tmp_path, 5, lambda q, v: 0.5 + 0.008 * np.sign(v), False)
+    assert made.problem.differentiated == ("acceleration",)
+    answer = fit(made.problem)
+    answer.problem.differentiated = made.problem.differentiated if derived else ()
+    d = diagnose(answer.problem, answer.best.x, regression=before_filter(made))
+    said = next(s["sentence"] for s in diagnosis_record(d)["verdict"] if "explains" in s["sentence"])
+    assert ("for the errors of acceleration in the columns" in said) == derived
+    assert ("possibly missing" in said) == derived
+
+
+def test_two_scales_of_one_pair_are_two_parameters(tmp_path):
+    """The lines to write are TOML, and each parameter has its own start."""
+    made = study(tmp_path, 5, lambda q, v: 0.5 + 1.5 * np.sign(v), False)
+    answer = fit(made.problem)
+    names = [f"dry friction on force with velocity over {s}" for s in ("0.01", "0.0001")]
+    d = diagnose(answer.problem, answer.best.x, regression=before_filter(made), only=names)
+    asked = asked_changes(d)
+    assert [c.parameter for c in asked] == ["coulomb_force_with_velocity", "coulomb_force_with_velocity_2"]
+    (tmp_path / "new.toml").write_text(with_additions(made.text, made.path, asked))
+    space = load(tmp_path / "new.toml").problem.space
+    assert [space.parameters[c.parameter].start for c in asked] == pytest.approx([c.start for c in asked])
+    tomllib.loads("\n".join(addition_lines(asked)))

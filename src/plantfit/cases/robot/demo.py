@@ -119,7 +119,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
         f"The paper's genetic algorithm (elite GA) ends at a fitness of {elite.cost:.3g} with {spent} closed "
         f"loops, the best of {len(ga)} runs; {winner} is at or below that in {reached(short[winner], elite.cost)} "
         f"of {RUNS} runs with {FEW}, at best at {min(r.cost for r in short[winner]):.3g}.",
-        f"Replayed on the true motor, the best gains found so go from {best.cost:.3g} to "
+        f"Replayed on the true motor, the fitness of the best gains goes from {best.cost:.3g} to "
         f"{_on(truth, best.x * UPPER):.3g}, those of "
         f"the elite GA from {elite.cost:.3g} to {_on(truth, elite.x * UPPER):.3g}.",
         "Along 8 m of path odometry strays at most by: "

@@ -19,7 +19,7 @@ from plantfit.recording.clean.outliers import inline
 from plantfit.trust.diagnosis.diagnose import Diagnosis, diagnose, treatable
 from plantfit.trust.diagnosis.meter import Meter, Stopped
 from plantfit.trust.diagnosis.plant.timeless.regression import Regression
-from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood, with_linear
+from plantfit.trust.diagnosis.sentences import Linear, diagnosis_record, likelihood, of_columns, with_linear
 from plantfit.trust.diagnosis.treatment import changed
 from plantfit.trust.finish.other_columns import Change, OtherColumns, other_columns, shares
 from plantfit.trust.finish.other_starts import OtherStarts, other_starts
@@ -270,7 +270,7 @@ def _next(found: Diagnosis, findings: Mapping[str, Any]) -> str:
     """The command that fits the model with what was found, or, where that is hardly sure and recordings disagree, the
     one that fits each alone; "" without a study file."""
     file, changes = study_file(findings), changed(found)
-    if not file or not changes:
+    if not file or not changes or all(of_columns(found, one) for one in found.rounds if one.found):
         return ""
     if disagree(findings) and all(likelihood(found, one) in ("possibly", None) for one in found.rounds):
         return f"plantfit compare-records {shlex.quote(file)}"

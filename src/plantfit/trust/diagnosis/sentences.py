@@ -38,6 +38,7 @@ from plantfit.units import difference_of
 SMALL = 0.05  # of the mean square, from which on it is told why an addition is not named
 FAILS = 2.0  # times the RMSE of fitted samples with what was found, from which on it does not hold on unseen ones
 TELLS, LEAST_POWER = 0.25, 0.2  # of an exponent: its standard error at most, and its size at least
+OF_COLUMNS = 0.2  # of what is left: errors of columns that are derivatives may leave less than that
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
 HOLDS = 0.9  # of what is left, from which on smooth dry friction explains so much that one which sticks may be all
 
@@ -200,9 +201,14 @@ def likelihood(d: Diagnosis, one: Round) -> Literal["very likely", "likely", "po
     much = _stands_for_more(d) or _beside_exponent(d, one) or _undriven(d, one)
     if d.beside is not None and len(d.beside) < len(d.end.additions):
         return "possibly"  # a disturbance or a drift does without it
-    if d.rival is not None or d.surpassed:
+    if d.rival is not None or d.surpassed or of_columns(d, one):
         return "possibly"
     return "very likely" if sure and one.whole and not much else "likely" if one.whole else "possibly"
+
+
+def of_columns(d: Diagnosis, one: Round) -> bool:
+    """Whether the errors of a regression's columns, made by differentiation, may leave as much as was found."""
+    return bool(d.carrier.given.differentiated) and max((t.explained for t in one.found), default=1.0) < OF_COLUMNS
 
 
 def _instead(d: Diagnosis) -> str:
@@ -225,7 +231,7 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
     elif one.untried:
         text += f": it may be missing, or stand for {_untried(d, one)}."
     elif len(one.found) == 1:
-        text += f": {likely} missing{', or it stands for something that is not among the additions' if much else ''}."
+        text += f": {likely} missing{_or_else(d, one, 'it stands')}."
     else:
         rest = one.found[1:]
         if len(rest) == 1:
@@ -233,9 +239,9 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         else:
             named = [f"{t.extension.article} {t.extension.name}".strip() for t in rest]
             others = f"{', '.join(named[:-1])} and {named[-1]} explain"
-        or_else = ", or they stand for something that is not among the additions" if much else ""
         text += (
-            f", and {others} it as well: one of them is {likely} missing{or_else}, and this record cannot tell which."
+            f", and {others} it as well: one of them is {likely} missing{_or_else(d, one, 'they stand')}, and this "
+            "record cannot tell which."
         )
     if not instead and much and any(t.extension.kind in ("dead_zone", "input_offset") for t in one.found):
         text += " A rate that is curved in a state, as the outflow of a tank in its level, looks like that."
@@ -249,6 +255,14 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         text += " Another part of the plant that lags looks the same, as a second mass that takes up heat."
     figures = {"explained": best.explained, "rmse": best.rmse[0], "rmse_with": best.rmse[1], "evidence": best.evidence}
     return say("warning", text, **figures)
+
+
+def _or_else(d: Diagnosis, one: Round, stands: str) -> str:
+    """What else may leave what was found; "" where nothing is known of."""
+    if of_columns(d, one):
+        return f", or {stands} for the errors of {some(list(d.carrier.given.differentiated))} in the columns"
+    much = _stands_for_more(d) or _beside_exponent(d, one) or _undriven(d, one)
+    return f", or {stands} for something that is not among the additions" if much else ""
 
 
 def _holding_friction(d: Diagnosis, one: Round) -> str:

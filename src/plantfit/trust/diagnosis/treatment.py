@@ -1,13 +1,14 @@
 """The lines of a study file that add what was found."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from plantfit.models.extensions import KINDS, parameter_name
 from plantfit.models.extensions.steps import moment_of
+from plantfit.models.extensions.terms import OVER
 from plantfit.recording.clean.outliers import step_without
 from plantfit.trust.diagnosis.candidates import Inside
 from plantfit.trust.diagnosis.diagnose import Diagnosis
@@ -53,15 +54,24 @@ def changed(diagnosis: Diagnosis) -> list[Change]:
     in their place."""
     beside = diagnosis.beside
     trials = [t for t in diagnosis.found if beside is None or t.extension in beside]
-    return [*(change_of(diagnosis, t) for t in trials), *_of_time(diagnosis)]
+    return _named_apart([*(change_of(diagnosis, t) for t in trials), *_of_time(diagnosis)])
 
 
 def asked_changes(diagnosis: Diagnosis) -> list[Change]:
     """Those that were asked for, whatever they explain."""
-    return [
-        *(change_of(diagnosis, r.trials[0]) for r in diagnosis.rounds if r.trials),
-        *_of_time(diagnosis),
-    ]
+    return _named_apart([*(change_of(diagnosis, r.trials[0]) for r in diagnosis.rounds if r.trials),
+                         *_of_time(diagnosis)])  # fmt: skip
+
+
+def _named_apart(changes: Sequence[Change]) -> list[Change]:
+    """Of two columns with one pair over two scales the later parameter ends in _2, as the model calls it
+    (`term_names`)."""
+    named: dict[str, int] = {}
+    apart = []
+    for c in changes:
+        k = named[c.parameter] = named.get(c.parameter, 0) + 1
+        apart.append(c if k == 1 or OVER not in c.signal else replace(c, parameter=f"{c.parameter}_{k}"))
+    return apart
 
 
 def clean_steps(diagnosis: Diagnosis) -> dict[str, list[dict[str, Any]]]:

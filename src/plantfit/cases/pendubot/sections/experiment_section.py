@@ -88,7 +88,7 @@ def _run(rig: PendubotRig, family: UprightMoves) -> dict[str, Any]:
 def _sentences(told: Gain, evaluations: float, moves: int, method: str, rig: PendubotRig) -> list[str]:
     return [
         f"{evaluations:.0f} closed loops of {moves} moves between upright poses in the same {rig.duration:g} s were "
-        f"tried by {method}.",
+        f"tried by {method}. D-optimal is the one that makes the ellipsoid of all errors together smallest.",
         f"Beside the paper's trajectory on the same rig: {told.sentence}",
         "Errors are those that white noise of the recorded voltage alone would give; noise in the angles adds to both.",
     ]

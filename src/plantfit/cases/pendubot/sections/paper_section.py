@@ -180,8 +180,9 @@ def _rmse_table(runs: Sequence[MethodRuns]) -> dict[str, Any]:
             "paper: std",
         ],
         "rows": rows,
-        "note": f"Runs: {some([f'{r.label} {len(r.rmse)}' for r in runs])}. 95 % interval: mean ± 1.96 SEM, as in the "
-        "paper. The records differ, so that the levels cannot be compared; ours was made to be near the paper's.",
+        "note": f"Runs: {some([f'{r.label} {len(r.rmse)}' for r in runs])}. 95 % interval: mean ± 1.96 SEM (standard "
+        "error of the mean), as in the paper. The records differ, so that the levels cannot be compared; ours was made "
+        "to be near the paper's.",
     }
 
 

@@ -108,13 +108,14 @@ def uncertainty_section(
     return {
         "title": "Uncertainty of the pressure and of the parameters (GUM)",
         "sentences": [
-            f"Expanded uncertainty of a reading, k = 2: {budget.expanded():.4f} bar, the paper's "
+            "After the Guide to the Expression of Uncertainty in Measurement (GUM), whose terms the paper uses: "
+            f"expanded uncertainty of a reading, c = 2: {budget.expanded():.4f} bar, the paper's "
             f"{PAPER_TOTAL}. The paper's table prints 1351 for 0.1351, and its text writes the expanded "
             f"{budget.expanded():.4f} bar as the standard uncertainty, which is {budget.combined:.4f} bar.",
-            "No part is of type A: each pressure was read once, every 0.1 s, and "
+            "No part is of type A, from repeated readings: each pressure was read once, every 0.1 s, and "
             "nothing was repeated whose mean could be taken (as in the paper).",
             f"The two rectangles add up to a trapezoid: ±{half:.3f} "
-            "bar holds 95 % of it, so that k = 2 is on the safe side.",
+            "bar holds 95 % of it, so that c = 2 is on the safe side.",
             "These errors are the same in all samples of a set-up: no averaging lowers them, and residuals do not show "
             "them. After the "
             "zero has been set before the step, they are errors of the gain.",
@@ -241,7 +242,7 @@ def _budget_table(budget: Budget) -> dict[str, Any]:
             "limit",
             "divisor",
             "standard",
-            "expanded, k = 2",
+            "expanded, c = 2",
             "share",
             "paper: standard",
             "paper: expanded",
