@@ -8,6 +8,7 @@ import pytest
 import plantfit.recording as rec
 from plantfit.errors import RecordingError, UnitError
 from plantfit.recording.readers.columns import split_header
+from plantfit.recording.readers.files import similar_file
 
 T, U, W = [0.0, 0.01, 0.02], [0.0, 1.5, -2.25], [10.0, 20.5, 30.0]
 
@@ -151,6 +152,23 @@ def test_missing_file_suggests_a_neighbour(tmp_path):
     write(tmp_path, "t,u\n0,1\n", "gearmotor.csv")
     with pytest.raises(RecordingError, match=r"did you mean 'gearmotor.csv'"):
         rec.read(tmp_path / "gearmoter.csv")
+
+
+@pytest.mark.parametrize(
+    ("wanted", "there", "near"),
+    [
+        ("nofile.csv", ["unsorted.csv", "valve.csv", "notes.csv", "profile_of_heater.csv"], None),
+        ("b.csv", ["a.csv", "c.csv"], None),
+        ("pump.csv", ["tank.csv", "lamp.csv"], None),
+        ("heatr.csv", ["heater.csv", "motor.csv"], "heater.csv"),
+        ("record1.csv", ["record_1.csv", "unsorted.csv"], "record_1.csv"),
+        ("Motor.CSV", ["motor.txt", "motor.csv"], "motor.csv"),
+        ("data.csv", ["data.xlsx", "date_of_birth.csv"], "data.xlsx"),
+        ("run_2.csv", ["run_2.csv.gz", "other.csv"], "run_2.csv.gz"),
+    ],
+)
+def test_only_similar_names_are_suggested(wanted, there, near):
+    assert similar_file(wanted, there) == near
 
 
 def test_not_text(tmp_path):

@@ -99,9 +99,14 @@ def test_every_reason_has_its_words(one, why, told):
     assert told in said
     assert (said == "") is (why is None)
     assert ("exact to rounding" in said) is False
+    none = _fails(d, Round((), (trial(at=None), trial(0.5, unseen=None)), (), 12.0), "Beside that, none")
+    assert none.startswith("Beside that, no addition was tried in full. An effect of ")
     alone = _fails(d, Round((), (one,), (), 12.0), "None")
     assert alone.startswith("The one addition that was tried does not hold. An effect of ") is (why is not None)
     several = _fails(d, Round((), (one, trial(0.5, unseen=-1.0), trial(0.4, 9.0, None)), (), 12.0), "Beside that, none")
     if why is not None:
-        assert several.startswith("Beside that, none of the 3 additions to the model that were tried holds. ")
+        counted = {"not fitted": "2 additions to the model that were tried holds. ",
+                   "not judged": "2 additions to the model that were tried in full holds. "}  # fmt: skip
+        most = "3 additions to the model that were tried holds. "
+        assert several.startswith(f"Beside that, none of the {counted.get(why, most)}")
         assert several.endswith("Of 2 others that explain 5 % or more 1 makes unseen data worse and 1 may be chance.")

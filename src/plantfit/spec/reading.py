@@ -1,7 +1,6 @@
 """A study file is read here: its keys and values are checked before anything large is imported, so that a slip is
 told at once."""
 
-import difflib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,13 +27,12 @@ def read_text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
-        near = (
-            difflib.get_close_matches(path.name, [p.name for p in path.parent.glob("*.toml")], 1)
-            if path.parent.is_dir()
-            else []
-        )
+        from plantfit.recording.readers.files import similar_file
+
+        names = [p.name for p in path.parent.glob("*.toml")] if path.parent.is_dir() else []
+        near = similar_file(path.name, names)
         raise SpecError(
-            f"There is no study file {str(path)!r}.{f' Did you mean {near[0]!r}?' if near else ''} Make one with "
+            f"There is no study file {str(path)!r}.{f' Did you mean {near!r}?' if near else ''} Make one with "
             "`plantfit init RECORDING.csv`."
         ) from None
     except IsADirectoryError:

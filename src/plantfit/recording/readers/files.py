@@ -1,11 +1,14 @@
 """Finding a file, and its bytes as text."""
 
+import difflib
 import gzip
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from plantfit.errors import RecordingError
-from plantfit.recording.readers.columns import close_match
+
+SIMILAR = 0.75  # of all letters of two names, that they share in their order: two letters of eight may differ
 
 
 def existing(path: str | os.PathLike[str]) -> Path:
@@ -25,8 +28,26 @@ def existing(path: str | os.PathLike[str]) -> Path:
         raise RecordingError(f"{str(file)!r} is a folder; name a file in it.")
     if not file.parent.is_dir():
         raise RecordingError(f"File {str(file)!r} does not exist, nor does its folder; check the path.")
-    hint = close_match(file.name, sorted(entry.name for entry in file.parent.iterdir() if entry.is_file()))
+    near = similar_file(file.name, (entry.name for entry in file.parent.iterdir() if entry.is_file()))
+    hint = f" (did you mean {near!r}?)" if near else ""
     raise RecordingError(f"File {str(file)!r} does not exist{hint}; check the path.")
+
+
+def similar_file(name: str, names: Iterable[str]) -> str | None:
+    """Of the names of files the most similar one to a name that is none of them: by what stands before the ending, as
+    the ending alone makes no two names similar; None where none is."""
+    by_stem: dict[str, str] = {}
+    for other in sorted(names):
+        stem = _stem(other)
+        if stem not in by_stem or Path(other).suffix.casefold() == Path(name).suffix.casefold():
+            by_stem[stem] = other  # of equals the one with the ending that was asked for
+    close = difflib.get_close_matches(_stem(name), by_stem, n=1, cutoff=SIMILAR)
+    return by_stem[close[0]] if close else None
+
+
+def _stem(name: str) -> str:
+    stem = name.removesuffix(".gz")
+    return stem.rpartition(".")[0].casefold() or stem.casefold()
 
 
 def read_bytes(file: Path) -> bytes:

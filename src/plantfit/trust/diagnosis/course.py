@@ -16,6 +16,7 @@ from plantfit.trust.diagnosis.plant.cycles import Place, Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted, carrier_places, changing, fitted, speed_places, without
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival
+from plantfit.trust.diagnosis.plant.slow_mode import SlowMode
 from plantfit.trust.diagnosis.plant.starts import begun_anew
 from plantfit.trust.diagnosis.plant.stepping.moments import StepPlace
 from plantfit.trust.diagnosis.plant.stepping.steps import Stepping
@@ -56,7 +57,8 @@ class Diagnosis:
     what the model or what was found leaves is one, `drifting` that beside slow drifts; `curves` are for the study
     file, of what wanders or drifts or of what was asked for. `rival` is a slow drift that does as well as all that
     was found. `repeating` is the fit beside a pattern that repeats every day, `places` are where one is to be
-    written. `stepping` is the fit with a step at a moment, `stepped` are those to be written."""
+    written. `stepping` is the fit with a step at a moment, `stepped` are those to be written. `mode` is a
+    lag of an input to an output that leaves the noise, where what was found does not."""
 
     carrier: Carrier
     base: Fitted
@@ -77,6 +79,7 @@ class Diagnosis:
     places: tuple[Place, ...] = ()
     stepping: Stepping | None = None
     stepped: tuple[StepPlace, ...] = ()
+    mode: SlowMode | None = None
 
     @property
     def surpassed(self) -> bool:
@@ -85,9 +88,9 @@ class Diagnosis:
 
     @property
     def beside(self) -> tuple[Extension, ...] | None:
-        """What of all that was found is needed beside a disturbance, a drift, a pattern that repeats or a step; None
-        where there is none."""
-        told = self.disturbed or self.drifting or self.repeating or self.stepping
+        """What of all that was found is needed beside a disturbance, a drift, a pattern that repeats, a step or a slow
+        mode; None where there is none."""
+        told = self.disturbed or self.drifting or self.repeating or self.stepping or self.mode
         return None if told is None else told.additions
 
     @property

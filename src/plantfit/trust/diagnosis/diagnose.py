@@ -22,7 +22,7 @@ from plantfit.trust.diagnosis.plant.stepping.moments import StepPlace, looked_at
 from plantfit.trust.diagnosis.plant.timeless.regression import Regression, carrier_of_regression
 from plantfit.trust.diagnosis.plant.timeless.static import carrier_of_static, extensions_of_static, static
 from plantfit.trust.diagnosis.plant.timeless.terms import extensions_of, terms_of
-from plantfit.trust.diagnosis.plant.unmeasured import curves_for, repeats, steps_of, with_unmeasured
+from plantfit.trust.diagnosis.plant.unmeasured import curves_for, mode_of, repeats, steps_of, with_unmeasured
 
 ROUNDS = 3  # additions that may be named one after the other
 STRONG = 3.0  # times the evidence that is needed: "very likely"
@@ -66,7 +66,7 @@ def diagnose(
         steps = looked_at(carrier, course.base, course.use) if asked else []
         made = curves_for(course, wanted[1], made)
         return replace(made, places=tuple(wanted[2]), stepped=tuple(p for p in steps if p.name in asked))
-    cycle = None if static(problem) else repeats(course)
+    cycle, mode = (None, None) if static(problem) else (repeats(course), mode_of(course))
     course.one_by_one(extensions, rounds)
     if rounds > 1 and course.two_at_once(extensions):
         course.one_by_one(extensions, rounds - 2)
@@ -74,7 +74,7 @@ def diagnose(
     if static(problem):
         return replace(made, whole=made.whole and course.whole)
     step = steps_of(course, made)
-    return with_unmeasured(course, replace(made, whole=made.whole and course.whole), cycle, step)
+    return with_unmeasured(course, replace(made, whole=made.whole and course.whole), cycle, step, mode)
 
 
 def additions(problem: Problem, regression: Regression | None = None) -> list[Extension]:

@@ -150,7 +150,7 @@ def unseen(
     if validated(carrier.rows, kept):
         return Unseen(base.cost(later) / later.sum(), extended.cost(later) / later.sum(), False)
     sums = np.zeros(2)
-    for block in _blocks(carrier.rows, use, carrier.unordered):
+    for block in blocks_of(carrier.rows, use, carrier.unordered):
         rest = use & ~block
         for k, (c, one) in enumerate(((carrier, base), (own or carrier, extended))):
             again = fitted(c, one.additions, one.x, one.theta, rest, REFITS, held=held if k else ())
@@ -158,7 +158,7 @@ def unseen(
     return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
 
 
-def _blocks(rows: Rows, use: np.ndarray, unordered: bool = False) -> list[np.ndarray]:
+def blocks_of(rows: Rows, use: np.ndarray, unordered: bool = False) -> list[np.ndarray]:
     """Fifths of every recording's fitted samples, one after the other; of rows in no order drawn at random, for
     those of a table that is sorted by an input would be asked beyond what was fitted."""
     names = list(dict.fromkeys(rows.recording[use]))

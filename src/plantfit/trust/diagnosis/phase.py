@@ -297,7 +297,7 @@ def _cut(found: Diagnosis, command: str) -> Iterator[Sentence]:
 def _data_first(found: Diagnosis, findings: Mapping[str, Any]) -> Iterator[Sentence]:
     """That what a diagnosis finds beside a sensor that seems stuck, or is read seldom, beside a wrong hold, or beside a
     parameter on a bound of the search, may stand for that; nothing where it finds none."""
-    if not (found.found or found.disturbed or found.drifting or found.repeating or found.stepping):
+    if not (found.found or found.disturbed or found.drifting or found.repeating or found.stepping or found.mode):
         return
     seldom = some(
         list(dict.fromkeys(k["signal"] for k in findings.get("data", ()) if k["kind"] in ("held", "filled"))) or [""]
@@ -353,6 +353,9 @@ def _after(found: Diagnosis) -> dict[str, Any]:
         return {"with": [found.repeating.places[0].name], "residuals": list(_series(found, found.repeating.left))}
     if found.stepping is not None:
         return {"with": [found.stepped[0].name], "residuals": list(_series(found, found.stepping.left))}
+    if found.mode is not None:
+        name = f"slow mode of {found.mode.output} that {found.mode.input} drives"
+        return {"with": [name], "residuals": list(_series(found, found.mode.residuals))}
     trials = found.rounds[0].trials
     best = found.found[-1] if found.found else trials[0] if trials and trials[0].explained >= DRAWN else None
     if best is None or best.at is None:

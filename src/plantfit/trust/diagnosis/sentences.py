@@ -25,6 +25,7 @@ from plantfit.trust.diagnosis.plant.unmeasured_told import (
     output_unit,
     repeating_record,
     repeats,
+    slow_mode,
     stepping_record,
     steps,
     wandering_record,
@@ -54,7 +55,7 @@ def with_linear(diagnosis: Diagnosis, linear: Linear | None) -> Diagnosis:
     (`first_look.linear_beside`)."""
     given = diagnosis.carrier.given
     simulated = isinstance(given.model, Model) and not static(given)
-    if linear is None or not simulated or diagnosis.repeating or diagnosis.stepping:
+    if linear is None or not simulated or diagnosis.repeating or diagnosis.stepping or diagnosis.mode:
         return diagnosis
     return replace(diagnosis, linear=tuple(_linear(diagnosis, linear)))
 
@@ -136,6 +137,8 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
         yield repeats(d, d.repeating)
     if d.stepping is not None:
         yield steps(d, d.stepping)
+    if d.mode is not None:
+        yield slow_mode(d, d.mode)
     for k, one in enumerate(r for r in d.rounds if r.found):
         yield _found(d, one, k)
     if d.rival is not None:
@@ -160,10 +163,10 @@ def _sentences(d: Diagnosis, alone: bool) -> Iterator[Sentence]:
             f"{better[0].lower()}{better[1:]} fits better"
         )
         yield say("info", f"{text} in its place.")
-    if not d.found and d.rounds:
+    if not d.found and d.rounds and d.mode is None:
         yield _nothing(d, alone)
     last = d.rounds[-1] if d.rounds else None
-    if d.found and last and not last.found and last.trials:
+    if d.found and last and not last.found and last.trials and d.mode is None:
         text = _fails(d, last, "Beside that, none")
         text = text or f"Beside that, nothing that was tried explains more than {percent(_best(last))}."
         yield say("info", text, explained=_best(last))
@@ -213,7 +216,8 @@ def of_columns(d: Diagnosis, one: Round) -> bool:
 
 def _instead(d: Diagnosis) -> str:
     """What is told in place of additions to the model; "" where nothing is."""
-    return "pattern" if d.repeating is not None else "step" if d.stepping is not None else ""
+    told = {"pattern": d.repeating, "step": d.stepping, "slow mode": d.mode}
+    return next((name for name, one in told.items() if one is not None), "")
 
 
 def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
@@ -390,20 +394,29 @@ def _fails(d: Diagnosis, one: Round, none: str) -> str:
     if not failed:
         return ""
     best, why = failed[0]
-    tried = f"of the {len(one.trials)} additions to the model that were tried holds"
+    # those that were fitted, and compared on unseen data where they explain enough for that
+    undecided = sum(why == "not judged" for _, why in found)
+    count = sum(t.at is not None for t in one.trials) - undecided
+    full = "in full " if undecided else ""
+    tried = f"of the {count} additions to the model that were tried {full}holds"
     if len(one.trials) == 1:
         none, tried = "The one addition", "that was tried does not hold"
+    elif count == 1:
+        none, tried = "The one addition", f"that was tried {full}does not hold"
+    elif count == 0:
+        none, tried = none.removesuffix("none").removesuffix("None") + "no addition", "was tried in full"
+        none = none[0].upper() + none[1:]
     shown = _shown(replace(best, standard_error=None) if why == "no slope" else best)
     text = f"{none} {tried}. {shown} explains {percent(best.explained)} of what is left"
     text = f"{text}{_against(d, one, best, why)}."
     others = [why for _, why in failed[1:]]
     if not others:
         return text
-    count = {why: others.count(why) for why in dict.fromkeys(others)}
-    if len(count) == 1:
+    counts = {why: others.count(why) for why in dict.fromkeys(others)}
+    if len(counts) == 1:
         which, them = ("The one other", "s") if len(others) == 1 else (f"The {len(others)} others", "")
         return f"{text} {which} that explain{them} {percent(SMALL)} or more {_MORE[others[0]][len(others) > 1]}."
-    told = [f"{n} {_MORE[why][n > 1]}" for why, n in count.items()]
+    told = [f"{n} {_MORE[why][n > 1]}" for why, n in counts.items()]
     return f"{text} Of {len(others)} others that explain {percent(SMALL)} or more {some(told)}."
 
 

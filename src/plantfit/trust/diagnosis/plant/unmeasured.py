@@ -13,6 +13,8 @@ from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating, shows, w
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival, drifting, evidence_beside_a_drift, rival
+from plantfit.trust.diagnosis.plant.slow_mode import SlowMode, better, slow_mode
+from plantfit.trust.diagnosis.plant.slow_mode import work as mode_work
 from plantfit.trust.diagnosis.plant.stepping import steps
 from plantfit.trust.diagnosis.rounds import ALIKE
 
@@ -46,6 +48,18 @@ def repeats(course: Course) -> Repeating | None:
     return repeating(carrier, base, course.use, course.kept)
 
 
+def mode_of(course: Course) -> SlowMode | None:
+    """A slow mode that an input drives, in what the model as it is leaves, where that is more than noise; the course is
+    not whole where the work that may be done does not suffice for it."""
+    carrier, base = course.carrier, course.base
+    if times_noise(carrier, base, course.apart) <= SOME or not carrier.given.predictor.has_steps:
+        return None
+    if not carrier.meter.holds(mode_work(carrier)):
+        course.whole = False
+        return None
+    return slow_mode(carrier, base, course.use, course.kept)
+
+
 def steps_of(course: Course, found: Diagnosis) -> steps.Stepping | None:
     """A step at a moment in what the model as it is leaves, where that is more than noise and not what one addition
     alone explains to the noise; the course is not whole where the work that may be done does not suffice for it."""
@@ -65,10 +79,17 @@ def steps_of(course: Course, found: Diagnosis) -> steps.Stepping | None:
 
 
 def with_unmeasured(
-    course: Course, found: Diagnosis, cycle: Repeating | None = None, step: steps.Stepping | None = None
+    course: Course,
+    found: Diagnosis,
+    cycle: Repeating | None = None,
+    step: steps.Stepping | None = None,
+    mode: SlowMode | None = None,
 ) -> Diagnosis:
     """The diagnosis with what nobody measured, where that is what the model, or what was found, leaves; `cycle` is a
-    pattern that may be it, `step` one at a moment."""
+    pattern that may be it, `step` one at a moment. What a lag of an input explains, a slow `mode`, is
+    none of these."""
+    if mode is not None and _told(course, found, mode, cycle, step):
+        return replace(found, mode=mode)
     if step is not None and _prefers(course, found, step, cycle):
         return replace(found, stepping=step, stepped=(step.steps[0].place,))
     left = float(np.sum(cycle.left[course.use] ** 2)) if cycle is not None else np.inf
@@ -93,6 +114,18 @@ def with_unmeasured(
         if hidden is not None:
             return hidden
     return found
+
+
+def _told(
+    course: Course, found: Diagnosis, mode: SlowMode, cycle: Repeating | None, step: steps.Stepping | None
+) -> bool:
+    """Whether a slow mode is told: all that was found leaves more than noise and more than it does, and so does a
+    pattern or a step."""
+    carrier, use = course.carrier, course.use
+    if times_noise(carrier, found.end, course.apart) <= SOME or not better(mode, carrier, found.end, use):
+        return False
+    others = [float(np.sum(one.left[use] ** 2)) for one in (cycle, step) if one is not None]
+    return float(np.sum(mode.residuals[use] ** 2)) < BETTER * min(others, default=np.inf)
 
 
 def _prefers(course: Course, found: Diagnosis, step: steps.Stepping, cycle: Repeating | None) -> bool:
@@ -182,4 +215,4 @@ def _hidden(course: Course, found: Diagnosis, kind: Kind) -> Diagnosis | None:
     return _said(course, replace(found, rounds=rounds), told)
 
 
-__all__ = ["SOME", "curves_for", "repeats", "steps_of", "with_unmeasured"]
+__all__ = ["SOME", "curves_for", "mode_of", "repeats", "steps_of", "with_unmeasured"]

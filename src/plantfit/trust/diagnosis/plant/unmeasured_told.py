@@ -11,6 +11,7 @@ from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
 from plantfit.trust.diagnosis.plant.cycles import Repeating
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting
+from plantfit.trust.diagnosis.plant.slow_mode import SlowMode
 from plantfit.trust.diagnosis.plant.stepping.steps import StepAt, Stepping
 from plantfit.trust.verdict.words import Sentence, estimate, interval, number, percent, plain_unit, say, some, with_unit
 from plantfit.units import difference_of
@@ -115,6 +116,31 @@ def steps(d: Diagnosis, found: Stepping) -> Sentence:
     return say("warning", text + _allowed_for(d, found), explained=found.explains)
 
 
+def slow_mode(d: Diagnosis, found: SlowMode) -> Sentence:
+    """A lag of an input to an output that the model lacks, what it may be, and the equation that adds it."""
+    model, y, u = d.carrier.given.model, found.output, found.input
+    unit = plain_unit(difference_of(model.outputs[y]))
+    of = plain_unit(difference_of(model.inputs[u]))  # pyrefly: ignore[missing-attribute]  (no regression has modes)
+    per = (
+        None if unit is None or of is None else f"{unit or '1'}/{of}" if of.isidentifier() else f"{unit or '1'}/({of})"
+    )
+    gain, time = (
+        estimate({"name": "x", "value": v, "standard_error": e, "unit": w}).removeprefix("x = ")
+        for (v, e), w in ((found.gain, per), (found.time, "s"))
+    )
+    scaled = "scaled " if len(d.carrier.given.outputs) > 1 else ""
+    later = "blocks left out" if found.unseen.blocks else "unseen data"
+    text = (
+        f"A slow mode of {y} that {u} drives is missing: a lag with a time constant of {time} and a gain of {gain} "
+        f"explains {percent(found.explains)} of what is left ({scaled}RMSE {number(found.rmse[0])} to "
+        f"{with_unit(found.rmse[1], output_unit(d))}; {later} {number(found.unseen.base)} to "
+        f"{number(found.unseen.extended)}). No drift is needed for it. A part of the plant that stores and gives back "
+        f"is missing, as a second RC pair of a cell or a second mass that takes up heat. Write a state for it: "
+        f"s' = (g*{u} - s)/T, and add s to {y}; begin at g = {number(found.gain[0])} and T = {number(found.time[0])} s."
+    )
+    return say("warning", text + _allowed_for(d, found), explained=found.explains)
+
+
 def _step(s: StepAt) -> str:
     """What changes, when, and by how much."""
     at = f"t = {interval(*s.within, 's')}" if s.within[1] > s.within[0] else f"t = {number(s.at, 5)} s"
@@ -196,7 +222,7 @@ def stepping_record(d: Diagnosis) -> dict[str, Any] | None:
     ).plain()  # fmt: skip
 
 
-def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating | Stepping) -> str:
+def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating | Stepping | SlowMode) -> str:
     """The parameters beside it, those that are known then."""
     own = [r for r in _values_beside(d, found) if r["name"] in d.carrier.given.space.names]
     known = [r for r in own if r["standard_error"] is not None and r["standard_error"] <= abs(r["value"])]
@@ -207,7 +233,7 @@ def _allowed_for(d: Diagnosis, found: Disturbed | Drifting | Repeating | Steppin
     return f" With that allowed for {', '.join(each[:-1])}{' and ' if len(each) > 1 else ''}{each[-1]}."
 
 
-def _values_beside(d: Diagnosis, found: Disturbed | Drifting | Repeating | Stepping) -> list[dict[str, Any]]:
+def _values_beside(d: Diagnosis, found: Disturbed | Drifting | Repeating | Stepping | SlowMode) -> list[dict[str, Any]]:
     units = dict(zip(d.carrier.given.space.names, (c.unit for c in d.carrier.given.space.coordinates), strict=True))
     units |= {a.parameter: a.unit for a in found.additions}
     return [{"name": n, "value": v, "standard_error": e, "unit": units.get(n)} for n, (v, e) in found.values.items()]
