@@ -270,7 +270,9 @@ def _next(found: Diagnosis, findings: Mapping[str, Any]) -> str:
     """The command that fits the model with what was found, or, where that is hardly sure and recordings disagree, the
     one that fits each alone; "" without a study file."""
     file, changes = study_file(findings), changed(found)
-    if not file or not changes or all(of_columns(found, one) for one in found.rounds if one.found):
+    if not file or not changes:
+        return ""
+    if findings.get("differentiated") and all(of_columns(found, one) for one in found.rounds if one.found):
         return ""
     if disagree(findings) and all(likelihood(found, one) in ("possibly", None) for one in found.rounds):
         return f"plantfit compare-records {shlex.quote(file)}"
