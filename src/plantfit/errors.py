@@ -44,6 +44,10 @@ class ClockError(RecordingError):
         self.treatment = treatment
 
 
+class NoTimeError(RecordingError):
+    """No column is one of time, and no period is given."""
+
+
 class UnitError(PlantfitError):
     """A unit does not exist or does not fit."""
 

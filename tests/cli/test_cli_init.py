@@ -57,6 +57,25 @@ def test_what_is_said_names_each_column_and_the_next_command(tmp_path, capsys, m
     )
 
 
+@pytest.mark.parametrize(
+    ("header", "told"),
+    [
+        ("t [s],u [V],T [degC]", "T answers to u."),
+        ("t [s],Coil voltage [V],speed [rpm]", "speed answers to Coil_voltage."),
+        ("t [s],x [m],i [A]", "i answers to 'x' (u in the study file)."),
+        ("t [s],u [V],2nd level [mm]", "'2nd level' (c2nd_level in the study file) answers to u."),
+    ],
+)
+def test_what_answers_to_what_is_told_by_the_names_of_the_columns(tmp_path, capsys, monkeypatch, header, told):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(1)
+    u = prbs(rng, 400, 20, -1, 1)
+    columns = [0.1 * np.arange(400), u, lag(u, 2.0, 10.0) + rng.normal(0, 0.01, 400)]
+    np.savetxt(tmp_path / "a.csv", np.column_stack(columns), delimiter=",", header=header, comments="", fmt="%.9g")
+    said = " ".join(call(capsys, monkeypatch, "init", "a.csv", "--yes").out.split())
+    assert told in said
+
+
 def test_an_output_that_nothing_moves_is_said_to_be_one(tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(1)

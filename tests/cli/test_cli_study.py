@@ -145,6 +145,25 @@ def test_a_static_curve_counts_in_the_same_fit(folder, capsys, monkeypatch):
     assert {s["recording"] for s in json.loads(said.out)["scores"]} == {"bench", "curve"}
 
 
+@pytest.mark.parametrize("order", ["drawn", "sorted"])
+def test_rows_at_rest_need_no_times(tmp_path, order):
+    """Numbers from 0 stand for them; a record over time without them is refused."""
+    u = np.random.default_rng(2).uniform(-5.0, 5.0, 30)
+    u = np.sort(u) if order == "sorted" else u
+    np.savetxt(tmp_path / "curve.csv", np.column_stack([u, 0.8 * u]), delimiter=",", header="u,w", comments="")
+    text = (
+        'name = "curve"\n[model]\nequations = "x\' = (K*u - x)/2\\nw = x"\ninputs = ["u"]\noutputs = ["w"]\n'
+        'states = ["x"]\n[parameters]\nK = { bounds = [0.1, 5] }\n[recording.r]\nfile = "curve.csv"\n'
+    )
+    (tmp_path / "rest.toml").write_text(text + "steady = true\n")
+    record = pf.load(tmp_path / "rest.toml").problem.experiments["r"].recording
+    np.testing.assert_array_equal(record.t, np.arange(30.0))
+    np.testing.assert_allclose(record["u"], u)
+    (tmp_path / "moving.toml").write_text(text)
+    with pytest.raises(pf.PlantfitError, match="no column looks like time"):
+        pf.load(tmp_path / "moving.toml")
+
+
 @pytest.mark.thorough
 def test_init_writes_a_study_that_runs(folder, capsys, monkeypatch):
     said = call(capsys, monkeypatch, "init", "heater.csv", "--out", "new.toml")

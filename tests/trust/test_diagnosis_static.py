@@ -215,3 +215,19 @@ def test_a_part_of_what_there_is_not_is_refused(kind, pair):
     with pytest.raises(ModelError, match=r"one of its (pairs of an output and an input|outputs with two inputs)"):
         with_extensions(model, {kind: {pair: (-1, 1)}})
     assert kind in KINDS
+
+
+@pytest.mark.parametrize(("offset", "noise", "unit", "told"), [
+    (-273.15, 0.05, "K", True), (273.15, 0.05, "K", True), (-271.0, 0.05, "K", False), (-270.0, 40.0, "K", False),
+    (273.15, 0.05, "m", False),
+])  # fmt: skip
+def test_an_offset_by_which_two_units_lie_apart_is_told_as_that(offset, noise, unit, told):
+    """Only of temperatures, and only where the offset is known closely."""
+    rng = np.random.default_rng(1)
+    inlet, power = rng.uniform(280, 360, ROWS), rng.uniform(0, 5, ROWS)
+    outlet = inlet + 2.0 * power + offset + noise * rng.standard_normal(ROWS)
+    data = {"a": inlet, "P": power, "b": outlet}
+    found_one = found(problem_of("b = a + k*P", {"a": unit, "P": "kW"}, {"b": unit}, {"k": (0.1, 10)}, data))
+    assert any(t.extension.name == "offset of b" for t in found_one.rounds[0].found)
+    said = " ".join(s["sentence"] for s in diagnosis_record(found_one)["verdict"])
+    assert ("K and degC lie 273.15 K apart" in said) is told

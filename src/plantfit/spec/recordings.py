@@ -12,7 +12,7 @@ import numpy as np
 
 from plantfit import recording as rec
 from plantfit import units
-from plantfit.errors import SpecError, UnitError, in_words
+from plantfit.errors import NoTimeError, SpecError, UnitError, in_words
 from plantfit.problem import Experiment, split
 from plantfit.recording.readers.columns import unit_in_name
 from plantfit.recording.unmeasured import unmeasured
@@ -44,7 +44,13 @@ def read_recording(name: str, r: RecordingTable, path: Path, files: Mapping[str,
         "missing": r.missing or None, "dates": r.dates,
     }  # fmt: skip
     with errors_at(f"{path.name}, [recording.{name}]"):
-        record = rec.read(file, name=name, **{k: v for k, v in given.items() if v is not None})
+        options = {k: v for k, v in given.items() if v is not None}
+        try:
+            record = rec.read(file, name=name, **options)
+        except NoTimeError:
+            if not r.steady:
+                raise
+            record = rec.read(file, name=name, **options, period=1.0)  # rows at rest have numbers, and need no times
     for i, step in enumerate(r.clean):
         arguments = dict(step)
         kind = arguments.pop("step", None)

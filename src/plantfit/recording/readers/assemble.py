@@ -7,7 +7,7 @@ from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
-from plantfit.errors import ClockError, RecordingError, UnitError
+from plantfit.errors import ClockError, NoTimeError, RecordingError, UnitError
 from plantfit.recording.readers.clock import guess_time, seconds
 from plantfit.recording.readers.columns import Column, Table, close_match, identifier, unknown_unit
 from plantfit.recording.readers.long_tables import widened
@@ -128,7 +128,7 @@ def _time(table: Table, options: Options) -> tuple[np.ndarray, Column | None, li
             [f"Time counted from 0 in steps of {step:g} s, by {name!r}."],
         )
     if column is None:
-        raise RecordingError(
+        raise NoTimeError(
             f"{table.source}: no column looks like time; give time= one of "
             f"{[c.header for c in table.columns]} or period= in seconds; rows that have no times, as those of a static "
             "curve, take period = 1."

@@ -34,13 +34,19 @@ from plantfit.trust.diagnosis.plant.unmeasured_told import (
 from plantfit.trust.diagnosis.rounds import MOST, SURE, Round, Trial, WhyNot, why_not
 from plantfit.trust.diagnosis.treatment import addition_lines, changed, outliers_taken
 from plantfit.trust.verdict.words import Sentence, estimate, number, percent, plain_unit, say, some, with_unit
-from plantfit.units import difference_of
+from plantfit.units import compatible, convert, difference_of
 
 SMALL = 0.05  # of the mean square, from which on it is told why an addition is not named
 FAILS = 2.0  # times the RMSE of fitted samples with what was found, from which on it does not hold on unseen ones
 TELLS, LEAST_POWER = 0.25, 0.2  # of an exponent: its standard error at most, and its size at least
 OF_COLUMNS = 0.2  # of what is left: errors of columns that are derivatives may leave less than that
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
+ZERO, MARGIN, CLOSE, ROUNDED = (
+    273.15,
+    3.0,
+    3.0,
+    0.02,
+)  # K; standard errors; K that these may be; K by which it is rounded
 HOLDS = 0.9  # of what is left, from which on smooth dry friction explains so much that one which sticks may be all
 
 
@@ -253,6 +259,8 @@ def _found(d: Diagnosis, one: Round, k: int) -> Sentence:
         text += _holding_friction(d, one)
     if not instead and not d.surpassed:
         text += _exponent(d, one.found[0])
+    if not instead and not d.surpassed:
+        text += _other_zero(one)
     if not instead and _undriven(d, one):
         text += " Nothing drives the plant, so that a change with its state, as of a wrong exponent, looks the same."
     if not instead and not d.surpassed and any(t.extension.kind in ("lag", "sensor_lag") for t in one.found):
@@ -267,6 +275,24 @@ def _or_else(d: Diagnosis, one: Round, stands: str) -> str:
         return f", or {stands} for the errors of {some(list(d.carrier.given.differentiated))} in the columns"
     much = _stands_for_more(d) or _beside_exponent(d, one) or _undriven(d, one)
     return f", or {stands} for something that is not among the additions" if much else ""
+
+
+def _other_zero(one: Round) -> str:
+    """That an offset of a temperature is what two of its units lie apart: the numbers may be in another one. Said only
+    where the offset is known closely."""
+    for t in one.found:
+        e, value, error = t.extension, t.value, t.standard_error
+        if e.kind not in ("offset", "input_offset") or value is None or error is None or not e.unit:
+            continue
+        if not compatible(e.unit, "delta_degC"):
+            continue
+        far, near = (abs(float(convert(v, e.unit, "delta_degC"))) for v in (value, error))
+        if MARGIN * near <= CLOSE and abs(far - ZERO) <= MARGIN * near + ROUNDED:
+            return (
+                f" K and degC lie {ZERO:g} K apart: the numbers of {e.signal} may be in one of them and be read in the "
+                f"other. Look at the unit of {e.signal} in the recording and in the model first."
+            )
+    return ""
 
 
 def _holding_friction(d: Diagnosis, one: Round) -> str:

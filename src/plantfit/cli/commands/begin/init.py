@@ -158,12 +158,12 @@ def _say_links(links: list[Link], roles: "Roles", sure: bool) -> None:
 
     unmoved = {r.header for r in roles.columns if UNMOVED in r.why}
     for link in links:
-        of = " and ".join(u.symbol for u in link.inputs)
+        of = " and ".join(u.told for u in link.inputs)
         if link.output.header in unmoved and not sure:
             way = f"--input {link.output.header!r}"
-            told = f"{link.output.symbol} does not seem to answer to {of}: leave it out, or make it an input ({way})."
+            told = f"{link.output.told} does not seem to answer to {of}: leave it out, or make it an input ({way})."
         else:
-            told = f"{link.output.symbol} answers to {of}."
+            told = f"{link.output.told} answers to {of}."
         out.print(told, markup=False)
     unsure = [r for r in roles.unsure if r.kind in ("input", "output")]
     if unsure and not sure:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from plantfit.recording.readers.columns import split_header
+
 if TYPE_CHECKING:
     from plantfit.recording.description import Description
 
@@ -93,6 +95,14 @@ class Signal:
     named: bool = False
     gaps: bool = False
     of: "tuple[Signal, Signal] | None" = None
+
+    @property
+    def told(self) -> str:
+        """Its name as the user knows it: that of its column, with the symbol where the file has another one."""
+        own = split_header((self.of[0] if self.of else self).header)[0]
+        same = own.replace(" ", "_") == self.symbol.removesuffix("_signed" if self.of else "")
+        whole = self.header if self.of else own
+        return self.symbol if same else f"{whole!r} ({self.symbol} in the study file)"
 
     @property
     def read(self) -> "tuple[Signal, ...]":
