@@ -92,17 +92,18 @@ def test_kalman_filters_on_the_bench_hold_the_truth_and_smooth(tmp_path):
     run.save(folder)
     answer = plantfit.fit(plantfit.load(folder / "motor.toml").problem, budget=1000, seed=1)
     found = filtered(answer, MOTOR)
-    section = kalman_section(found, run.exact)
+    section = kalman_section(found, run.exact, MOTOR)
     assert found.agree is True
     for p in found.record["parameters"]:
         for method in ("EKF", "UKF"):
             e = p["estimates"][method]
             assert e["low"] < MOTOR[p["name"]] < e["high"]
             assert e["high"] < 1.1 * e["low"]
-    for _state, measured, after, smooth in section["tables"][1]["rows"]:
+    for _state, measured, after, smooth, known, nearer in section["tables"][1]["rows"]:
         assert float(after) < 0.1 * float(measured)
         assert float(smooth) < 0.1 * float(measured)
-    assert len(section["figures"]) == 1
+        assert float(nearer) < float(known) < float(after)
+    assert len(section["figures"]) == 2
     tails = [v["sentence"].split(": ", 1)[-1].split(", ")[-1] for v in section["verdict"]]
     assert len(set(tails)) == len(tails)  # what is true of both filters is said once
 

@@ -63,7 +63,7 @@ def run(folder: str | Path, progress: Callable[[Any], None] | None = None, full:
     sections = [
         signals_section(benched),
         identified_section(answer, truth),
-        (filters := kalman_section(found, benched.exact)),
+        (filters := kalman_section(found, benched.exact, truth)),
         search_section(ga, long, short),
         gains_section(known, truth, winners(ga, long, short), measured),
         response_section(
@@ -144,7 +144,7 @@ def _constants(answer: Answer, truth: dict[str, float]) -> str:
 
 def _speed(section: dict[str, Any]) -> str:
     """By the section's table of the states' errors."""
-    rows = next(t for t in section["tables"] if t["columns"][1:] == ["measured", "filtered", "smoothed"])["rows"]
+    rows = next(t for t in section["tables"] if t["columns"][1:4] == ["measured", "filtered", "smoothed"])["rows"]
     measured, seen = next((row[1], row[2]) for row in rows if row[0].startswith("w"))
     return (
         "A Kalman filter with the constants as states knows the "
