@@ -19,6 +19,8 @@ SHORTEST, LONGEST = 3.0, 0.5  # sample periods and of a record: the least and th
 CLOSER = (1.35, 1.1, 1.03)  # factors around the best one, by which it is looked for
 NUMBERS = 2  # of a mode: its gain and its time constant
 AT_NOISE = 1.5  # times the sample-to-sample noise that may be left beside it
+# times that much, beyond which no fit is begun after a look along derivatives, and none is led on
+NEAR, CLOSE = (3.0, 1.5)
 HALF = 0.5  # of what the model leaves that it must explain, and of that what it must explain of unseen data
 STEPS, NEXT = 8, 3  # of the first fit beside it, and of those beside it with time constants around that
 FITS = STEPS + 2 * len(CLOSER) * NEXT
@@ -71,11 +73,13 @@ def slow_mode(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray)
     has a lag that looks like it, which then goes elsewhere.
     """
     pairs = [(y, u) for y in carrier.given.outputs for u in _moving(carrier)]
-    looked = _looked_at(carrier, bare, pairs, use)
-    if looked is None:
+    looked, much = _looked_at(carrier, bare, pairs, use), times_noise(carrier, bare, ~kept)
+    if looked is None or much * looked[1] > NEAR * AT_NOISE:
         return None
-    output, name, time, start = looked
+    output, name, time, start = looked[0]
     best = _fitted_beside(carrier, bare, output, name, time, start, use)
+    if times_noise(carrier, replace(best.fit, residuals=best.left), ~kept) > CLOSE * AT_NOISE:
+        return None
     for factor in CLOSER:
         near = [
             _fitted_beside(carrier, best.fit, output, name, best.time * f, start, use) for f in (1 / factor, factor)
@@ -134,9 +138,9 @@ def _column(carrier: Carrier, output: str, name: str, time: float, rests: bool) 
 
 def _looked_at(
     carrier: Carrier, bare: Fitted, pairs: list[tuple[str, str]], use: np.ndarray
-) -> tuple[str, str, float, bool] | None:
+) -> tuple[tuple[str, str, float, bool], float] | None:
     """Output, input, time constant and begin of the lag that leaves least, the parameters moving along their
-    derivatives; None where that leaves half."""
+    derivatives, and what share of the RMSE that leaves; None where it leaves half of the mean square."""
     r, a = bare.residuals[use], bare.jacobian[np.ix_(use, columns(carrier, bare.additions))]
     if not (np.all(np.isfinite(r)) and np.all(np.isfinite(a))):
         return None
@@ -144,6 +148,7 @@ def _looked_at(
     q = q[:, s > 1e-7 * np.max(s, initial=0.0)]
     square = float(r @ r)
     r = r - q @ (q.T @ r)
+    rest = float(r @ r)
     best: tuple[float, tuple[str, str, float, bool]] | None = None
     for y, u in pairs:
         for time in _times(carrier):
@@ -156,7 +161,9 @@ def _looked_at(
                 told = float(c @ r) ** 2 / size
                 if best is None or told > best[0]:
                     best = told, (y, u, time, rests)
-    return None if best is None or float(r @ r) - best[0] > (1.0 - HALF) * square else best[1]
+    if best is None or rest - best[0] > (1.0 - HALF) * square:
+        return None
+    return best[1], float(np.sqrt(max(rest - best[0], 0.0) / square))
 
 
 def _times(carrier: Carrier) -> Iterator[float]:
