@@ -3,6 +3,7 @@
     PlantfitError
       RecordingError      a file or signal that cannot be used as it is
         ClockError          times go back or stand twice; the line of a study file that treats it
+        NoTimeError         no column looks like time, and no period is given
       UnitError           a unit that does not exist or does not fit
       ModelError          a model that contradicts itself
         EquationError     a place in the text of an equation
