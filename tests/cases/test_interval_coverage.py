@@ -107,16 +107,22 @@ def test_an_own_motor_as_the_rig_writes_it(tmp_path, without):
         return record_rig("dc_motor", constants, seed=seed, without=without)
 
     truth = {n: d["value"] for n, d in made(2000).truth["determined"].items() if n != "Kt"}
+    # the board tells the speed of the last slot, 0.2 ms ago, which the model does not know: c2 is 0.55 off
+    holds_as_the_rig_writes_it(tmp_path, made, truth, off=0.8)
+
+
+def holds_as_the_rig_writes_it(folder, made, truth, off):
+    """Intervals of 60 records and study files of `plantfit rig --study` hold the truth, and the estimates are in the
+    mean at most so many standard errors `off` it."""
     z = study_scores(
-        lambda seed: made(seed).save(tmp_path / f"{seed}.csv", study=True, force=True)["study"],
+        lambda seed: made(seed).save(folder / f"{seed}.csv", study=True, force=True)["study"],
         truth,
         range(2000, 2060),
     )
     shares = {n: held(v) for n, v in z.items()}
     assert all(share >= 0.86 for share in shares.values()), shares  # 8 misses of 60; more come in 1 of 500 times
-    # the board tells the speed of the last slot, 0.2 ms ago, which the model does not know: c2 is 0.55 off
     means = {n: float(np.mean(v)) for n, v in z.items()}
-    assert all(abs(m) < 0.8 for m in means.values()), means
+    assert all(abs(m) < off for m in means.values()), means
 
 
 VALVE = {"k": 0.25, "A1": 20.0, "A2": 60.0, "Td": 0.4}
@@ -134,12 +140,4 @@ def test_own_plants_as_the_rig_writes_them(tmp_path, rig_name):
     """docs/own-plants.md: a valve with four steps, its instruments' errors stated, and a robot on two wheels; 60
     records."""
     truth, made = OWN[rig_name]
-    z = study_scores(
-        lambda seed: made(seed).save(tmp_path / f"{seed}.csv", study=True, force=True)["study"],
-        truth,
-        range(2000, 2060),
-    )
-    shares = {n: held(v) for n, v in z.items()}
-    assert all(share >= 0.86 for share in shares.values()), shares  # 8 misses of 60; more come in 1 of 500 times
-    means = {n: float(np.mean(v)) for n, v in z.items()}
-    assert all(abs(m) < 0.5 for m in means.values()), means  # four standard errors of the mean
+    holds_as_the_rig_writes_it(tmp_path, made, truth, off=0.5)  # four standard errors of the mean

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from plantfit import Problem, Recording, Signal, equations
+from plantfit.findings.residuals import ResidualTest, Sizes
 from plantfit.fitting import fit
+from plantfit.report.sections.sentences import whiteness
 from plantfit.trust.validate.residuals.sizes import ROWS, sizes
 
 DRAWS = {
@@ -67,6 +69,15 @@ def thermistor(error, seed=1, rows=120, **how):
         parameters={"R0": {"unit": "ohm"}, "B": {"unit": "K"}},
     )  # fmt: skip
     return fit(Problem(model, table, {"R0": (1, 100), "B": (500, 9000)}, **how)).findings["verdict"]
+
+
+def test_the_report_tells_where_they_are_larger():
+    test = {"recording": "r", "output": "R", "lags_s": [], "autocorrelation": [], "white": True, "p_value": 0.5}
+    large = ResidualTest(**test, sizes=Sizes(low=0.1, high=0.9, p_value=1e-6))
+    small = ResidualTest(**test, sizes=Sizes(low=0.9, high=0.1, p_value=1e-6))
+    assert "not of one size: larger where the model is highest." in whiteness(large)
+    assert "not of one size: larger where the model is lowest." in whiteness(small)
+    assert "one size" not in whiteness(ResidualTest(**test))
 
 
 def in_words(verdict):

@@ -305,7 +305,12 @@ def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool,
             if r.name == test.recording and test.output in r.outputs
         ]
         said.append(sentences.begins(test.first, next(iter(units), None)))
-    good = test.white and test.curved is None and all(cross.independent for cross in test.cross.values())
+    good = (
+        test.white
+        and test.curved is None
+        and test.sizes is None
+        and all(cross.independent for cross in test.cross.values())
+    )
     return {"title": f"{test.recording}: {test.output}", "sentences": said, "figures": items, "good": good}
 
 

@@ -78,6 +78,12 @@ def whiteness(test: ResidualTest, noise: bool = False) -> str:
             f"White{p} in the order of the rows, but a polynomial of the inputs explains "
             f"{100 * test.curved.explained:.0f} % of their squares: something is missing."
         )
+    if test.white and test.sizes is not None:
+        where = "highest" if test.sizes.high > test.sizes.low else "lowest"
+        return (
+            f"White{p} in the order of the rows, but not of one size: larger where the model is {where}. The standard "
+            "errors take them as of one size."
+        )
     if test.white:
         return f"White{p}: the residuals look like noise; the model explains what can be explained."
     if test.shared:

@@ -94,6 +94,15 @@ class Behind(Candidate):
     differenced: bool = False
 
 
+def part_of_an_output(article: str, name: str, phrase: str) -> Inside:
+    """A row for what an output may lack, a column of a regression or a part of a static model: of either sign, in a
+    unit and of a size that its signal gives."""
+    return Inside(
+        article=article, name=name, phrase=phrase, low=-np.inf, bounds=ranges.both_signs, unit=lambda unit: unit,
+        size=lambda spread, rate: 1.0,
+    )  # fmt: skip
+
+
 CANDIDATES: dict[str, Before | Inside | Behind] = {
     "dead_time": Before(
         name="dead time of {}", phrase="a dead time of {} on {}", tried=ranges.delay, bounds=ranges.up,

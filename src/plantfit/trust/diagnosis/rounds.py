@@ -24,6 +24,7 @@ from plantfit.trust.diagnosis.plant.hypothesis import (
     speed_places,
     without,
 )
+from plantfit.trust.diagnosis.plant.timeless.static import static
 from plantfit.trust.intervals.first_values import states_begun_at
 
 QUICK, FINALISTS = 3, 6  # steps of a first try, additions fitted in full
@@ -258,7 +259,7 @@ def found_of(
         if t is best or apart < ALIKE or best.explained - t.explained < PART * (1.0 - best.explained) * best.explained:
             alike.append(t)
     alike = _consistent(carrier, alike)
-    if carrier.rows.fitted:
+    if static(carrier.given):
         alike = _in_plain_words(base, alike, use)
     return tuple(sorted(alike, key=lambda t: extensions.index(t.extension)))
 

@@ -41,12 +41,8 @@ FAILS = 2.0  # times the RMSE of fitted samples with what was found, from which 
 TELLS, LEAST_POWER = 0.25, 0.2  # of an exponent: its standard error at most, and its size at least
 OF_COLUMNS = 0.2  # of what is left: errors of columns that are derivatives may leave less than that
 MUCH = 3.0  # times the sample-to-sample noise: more is left than noise
-ZERO, MARGIN, CLOSE, ROUNDED = (
-    273.15,
-    3.0,
-    3.0,
-    0.02,
-)  # K; standard errors; K that these may be; K by which it is rounded
+ZERO, ROUNDED = (273.15, 0.02)  # K between K and degC, and by which that is rounded
+MARGIN, CLOSE = (3.0, 3.0)  # standard errors that an offset may lie off it, and K that these may be
 HOLDS = 0.9  # of what is left, from which on smooth dry friction explains so much that one which sticks may be all
 
 

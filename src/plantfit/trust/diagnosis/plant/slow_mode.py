@@ -47,11 +47,9 @@ class SlowMode:
 
 @dataclass(frozen=True)
 class _Beside:
-    """A fit beside the column (m,) of a mode, whose factor is `gain`, and what is left at all rows (m,)."""
+    """A fit beside the column (m,) of a lag, whose factor is `gain`, and what is left at all rows (m,)."""
 
-    output: str
-    input: str
-    time: float
+    lag: "Lag"
     gain: float
     column: np.ndarray
     fit: Fitted
@@ -61,29 +59,43 @@ class _Beside:
         return float(np.sum(self.left[use] ** 2))
 
 
+@dataclass(frozen=True)
+class Lag:
+    """A lag of `input` to `output` with a time constant of `time` s, which begins at rest or where the input is."""
+
+    output: str
+    input: str
+    time: float
+    rests: bool
+
+
 def work(carrier: Carrier) -> float:
     """What `slow_mode` costs at most where a part of the data is unseen, in evaluations."""
     return FITS * carrier.charge(False)
 
 
-def slow_mode(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray) -> SlowMode | None:
-    """The mode that the model as it is (`bare`) lacks over rows `use` (m,) bool, fitted beside its parameters.
+def promising(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray) -> Lag | None:
+    """The lag that leaves least of what the model as it is (`bare`) leaves, as far as derivatives tell; None where that
+    is far from the noise. No simulation is made for it."""
+    looked = _looked_at(carrier, bare, use)
+    if looked is None or times_noise(carrier, bare, ~kept) * looked[1] > NEAR * AT_NOISE:
+        return None
+    return looked[0]
+
+
+def slow_mode(carrier: Carrier, bare: Fitted, lag: Lag, use: np.ndarray, kept: np.ndarray) -> SlowMode | None:
+    """The mode that the model as it is (`bare`) lacks over rows `use` (m,) bool, fitted beside its parameters from a
+    `promising` lag on.
 
     None where no lag leaves the noise, or where it predicts unseen samples less than half as well as it should: a drift
     has a lag that looks like it, which then goes elsewhere.
     """
-    pairs = [(y, u) for y in carrier.given.outputs for u in _moving(carrier)]
-    looked, much = _looked_at(carrier, bare, pairs, use), times_noise(carrier, bare, ~kept)
-    if looked is None or much * looked[1] > NEAR * AT_NOISE:
-        return None
-    output, name, time, start = looked[0]
-    best = _fitted_beside(carrier, bare, output, name, time, start, use)
+    best = _fitted_beside(carrier, bare, lag, use, STEPS)
     if times_noise(carrier, replace(best.fit, residuals=best.left), ~kept) > CLOSE * AT_NOISE:
         return None
     for factor in CLOSER:
-        near = [
-            _fitted_beside(carrier, best.fit, output, name, best.time * f, start, use) for f in (1 / factor, factor)
-        ]
+        around = [replace(best.lag, time=best.lag.time * f) for f in (1 / factor, factor)]
+        near = [_fitted_beside(carrier, best.fit, one, use, NEXT) for one in around]
         best = min((best, *near), key=lambda one: one.cost(use))
     before, after = bare.cost(use), best.cost(use)
     explains = 1.0 - after / before
@@ -91,19 +103,19 @@ def slow_mode(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray)
     if explains < HALF or left > AT_NOISE or not np.isfinite(after):
         return None
     worth = float(use.sum()) / independent_share(best.left, carrier.rows, use)
-    if worth * float(np.log(before / after)) < needed(TIMES * len(pairs), NUMBERS):
+    if worth * float(np.log(before / after)) < needed(TIMES * len(_pairs(carrier)), NUMBERS):
         return None
-    later = _unseen(carrier, bare, best, start, use, kept)
+    later = _unseen(carrier, bare, best, use, kept)
     if later is None or 1.0 - later.extended / later.base < HALF * explains:
         return None
     unit = next(iter(carrier.given.scales.values())) if len(carrier.given.scales) == 1 else 1.0
     rmse = float(np.sqrt(before / use.sum())) * unit, float(np.sqrt(after / use.sum())) * unit
     roots = Unseen(float(np.sqrt(later.base)) * unit, float(np.sqrt(later.extended)) * unit, later.blocks)
-    gain, errors = _errors(carrier, best, start, use)
-    scale = carrier.given.scales[output]
+    of_gain, of_time, of_values = _errors(carrier, best, use)
+    scale = carrier.given.scales[lag.output]
     return SlowMode(
-        output, name, (best.time, errors[1]), (gain * scale, errors[0] * scale), explains, rmse, roots, left, best.left,
-        _values(carrier, best, errors[2]),
+        lag.output, lag.input, (best.lag.time, of_time), (best.gain * scale, of_gain * scale), explains, rmse, roots,
+        left, best.left, _values(carrier, best, of_values),
     )  # fmt: skip
 
 
@@ -116,31 +128,30 @@ def better(mode: SlowMode, carrier: Carrier, end: Fitted, use: np.ndarray) -> bo
     return worth * float(np.log(max(end.cost(use), 1e-300) / after)) > float(np.log(use.sum())) * more
 
 
-def _moving(carrier: Carrier) -> list[str]:
-    """Inputs that move in some recording."""
+def _pairs(carrier: Carrier) -> list[tuple[str, str]]:
+    """Every output with every input that moves in some recording."""
     records = [e.recording for e in carrier.given.experiments.values()]
-    return [u for u in getattr(carrier.given.model, "inputs", ()) if any(np.ptp(r[u]) > 0 for r in records)]
+    moving = [u for u in getattr(carrier.given.model, "inputs", ()) if any(np.ptp(r[u]) > 0 for r in records)]
+    return [(y, u) for y in carrier.given.outputs for u in moving]
 
 
-def _column(carrier: Carrier, output: str, name: str, time: float, rests: bool) -> np.ndarray:
-    """What a lag of an input with gain 1 adds to an output at all rows (m,), weighted as residuals are; it begins at
-    0 where the plant `rests` at first, else where the input is."""
+def _column(carrier: Carrier, lag: Lag) -> np.ndarray:
+    """What a lag with gain 1 adds to its output at all rows (m,), weighted as residuals are; it begins at 0 where the
+    plant `rests` at first, else where the input is."""
     found, rows = np.zeros(len(carrier.rows.sample)), carrier.rows
     held = carrier.given.predictor.stepping().interpolated
     for record, e in carrier.given.experiments.items():
-        t, u = e.recording.t, np.asarray(e.recording[name], dtype=float)
-        at = rows.part(record, output)
-        own = lagged(t, u, time, name not in held)
-        own = own - u[0] * np.exp(-(t - t[0]) / time) if rests else own
+        t, u = e.recording.t, np.asarray(e.recording[lag.input], dtype=float)
+        at = rows.part(record, lag.output)
+        own = lagged(t, u, lag.time, lag.input not in held)
+        own = own - u[0] * np.exp(-(t - t[0]) / lag.time) if lag.rests else own
         found[at] = own[rows.sample[at]] * rows.weight[at]
     return found
 
 
-def _looked_at(
-    carrier: Carrier, bare: Fitted, pairs: list[tuple[str, str]], use: np.ndarray
-) -> tuple[tuple[str, str, float, bool], float] | None:
-    """Output, input, time constant and begin of the lag that leaves least, the parameters moving along their
-    derivatives, and what share of the RMSE that leaves; None where it leaves half of the mean square."""
+def _looked_at(carrier: Carrier, bare: Fitted, use: np.ndarray) -> tuple[Lag, float] | None:
+    """The lag that leaves least, the parameters moving along their derivatives, and what share of the RMSE that leaves;
+    None where it leaves half of the mean square."""
     r, a = bare.residuals[use], bare.jacobian[np.ix_(use, columns(carrier, bare.additions))]
     if not (np.all(np.isfinite(r)) and np.all(np.isfinite(a))):
         return None
@@ -149,18 +160,18 @@ def _looked_at(
     square = float(r @ r)
     r = r - q @ (q.T @ r)
     rest = float(r @ r)
-    best: tuple[float, tuple[str, str, float, bool]] | None = None
-    for y, u in pairs:
+    best: tuple[float, Lag] | None = None
+    for y, u in _pairs(carrier):
         for time in _times(carrier):
-            for rests in (True, False):
-                whole = _column(carrier, y, u, time, rests)[use]
+            for lag in (Lag(y, u, time, rests) for rests in (True, False)):
+                whole = _column(carrier, lag)[use]
                 c = whole - q @ (q.T @ whole)
                 size = float(c @ c)
                 if not size > 1e-10 * float(whole @ whole):
                     continue
                 told = float(c @ r) ** 2 / size
                 if best is None or told > best[0]:
-                    best = told, (y, u, time, rests)
+                    best = told, lag
     if best is None or rest - best[0] > (1.0 - HALF) * square:
         return None
     return best[1], float(np.sqrt(max(rest - best[0], 0.0) / square))
@@ -174,20 +185,15 @@ def _times(carrier: Carrier) -> Iterator[float]:
         yield from np.geomspace(SHORTEST * period, longest, TIMES).tolist()
 
 
-def _fitted_beside(
-    carrier: Carrier, near: Fitted, output: str, name: str, time: float, rests: bool, use: np.ndarray,
-    steps: int = STEPS,
-) -> _Beside:  # fmt: skip
-    column = _column(carrier, output, name, time, rests)
+def _fitted_beside(carrier: Carrier, near: Fitted, lag: Lag, use: np.ndarray, steps: int) -> _Beside:
+    column = _column(carrier, lag)
     base = column[use] / max(float(np.linalg.norm(column[use])), 1e-300)
     fit = fitted(carrier, near.additions, near.x, near.theta, use, steps, beside=base[:, None])
     gain = -float(column[use] @ fit.residuals[use]) / max(float(column[use] @ column[use]), 1e-300)
-    return _Beside(output, name, time, gain, column, fit, fit.residuals + gain * column)
+    return _Beside(lag, gain, column, fit, fit.residuals + gain * column)
 
 
-def _unseen(
-    carrier: Carrier, bare: Fitted, best: _Beside, rests: bool, use: np.ndarray, kept: np.ndarray
-) -> Unseen | None:
+def _unseen(carrier: Carrier, bare: Fitted, best: _Beside, use: np.ndarray, kept: np.ndarray) -> Unseen | None:
     later = carrier.rows.unseen & kept
     if validated(carrier.rows, kept):
         return Unseen(bare.cost(later) / later.sum(), best.cost(later) / later.sum(), False)
@@ -198,16 +204,16 @@ def _unseen(
     for block in blocks:
         rest = use & ~block
         sums[0] += fitted(carrier, bare.additions, bare.x, bare.theta, rest, STEPS).cost(block)
-        again = _fitted_beside(carrier, best.fit, best.output, best.input, best.time, rests, rest)
+        again = _fitted_beside(carrier, best.fit, best.lag, rest, STEPS)
         sums[1] += again.cost(block)
     return Unseen(float(sums[0] / use.sum()), float(sums[1] / use.sum()), True)
 
 
-def _errors(carrier: Carrier, best: _Beside, rests: bool, use: np.ndarray) -> tuple[float, tuple]:
-    """The gain, and standard errors of gain, time constant and parameters (d,), from the linearised fit."""
+def _errors(carrier: Carrier, best: _Beside, use: np.ndarray) -> tuple[float, float, np.ndarray]:
+    """Standard errors of gain, time constant and parameters (d,), from the linearised fit."""
     step = 1.01
-    faster = _column(carrier, best.output, best.input, best.time * step, rests)
-    by_time = best.gain * (faster - best.column) / ((step - 1.0) * best.time)
+    slower = _column(carrier, replace(best.lag, time=best.lag.time * step))
+    by_time = best.gain * (slower - best.column) / ((step - 1.0) * best.lag.time)
     free = columns(carrier, best.fit.additions)
     a = np.column_stack([best.column, by_time, best.fit.jacobian[:, free]])[use]
     norms = np.maximum(np.linalg.norm(a, axis=0), 1e-300)
@@ -215,7 +221,7 @@ def _errors(carrier: Carrier, best: _Beside, rests: bool, use: np.ndarray) -> tu
     variance = best.cost(use) / max(1, int(use.sum()) - a.shape[1]) * share
     inverse = np.linalg.pinv((a / norms).T @ (a / norms), rcond=1e-12)
     errors = np.sqrt(np.maximum(np.diag(inverse), 0.0) * variance) / norms
-    return best.gain, (float(errors[0]), float(errors[1]), errors[2:])
+    return float(errors[0]), float(errors[1]), errors[2:]
 
 
 def _values(carrier: Carrier, best: _Beside, errors: np.ndarray) -> dict[str, tuple[float, float]]:

@@ -13,7 +13,7 @@ from plantfit.trust.diagnosis.plant.cycles import Repeating, repeating, shows, w
 from plantfit.trust.diagnosis.plant.disturbance import Disturbed, disturbed, evidence_beside_a_walk
 from plantfit.trust.diagnosis.plant.hypothesis import Fitted
 from plantfit.trust.diagnosis.plant.slow_drift import Drifting, Rival, drifting, evidence_beside_a_drift, rival
-from plantfit.trust.diagnosis.plant.slow_mode import SlowMode, better, slow_mode
+from plantfit.trust.diagnosis.plant.slow_mode import SlowMode, better, promising, slow_mode
 from plantfit.trust.diagnosis.plant.slow_mode import work as mode_work
 from plantfit.trust.diagnosis.plant.stepping import steps
 from plantfit.trust.diagnosis.rounds import ALIKE
@@ -54,10 +54,13 @@ def mode_of(course: Course) -> SlowMode | None:
     carrier, base = course.carrier, course.base
     if times_noise(carrier, base, course.apart) <= SOME or not carrier.given.predictor.has_steps:
         return None
+    lag = promising(carrier, base, course.use, course.kept)
+    if lag is None:
+        return None
     if not carrier.meter.holds(mode_work(carrier)):
         course.whole = False
         return None
-    return slow_mode(carrier, base, course.use, course.kept)
+    return slow_mode(carrier, base, lag, course.use, course.kept)
 
 
 def steps_of(course: Course, found: Diagnosis) -> steps.Stepping | None:

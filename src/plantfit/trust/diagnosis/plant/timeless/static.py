@@ -10,14 +10,13 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.models.extensions import KINDS, parameter_name, with_extensions
 from plantfit.models.extensions.changes import REFERENCE, WITH
-from plantfit.models.extensions.parts import AND, SHAPES, parts_of, products_of, split, unit_of_part
+from plantfit.models.extensions.parts import SHAPES, parts_of, products_of, split, unit_of_part
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
 from plantfit.recording.record import Recording
 from plantfit.space import Parameter
-from plantfit.trust.diagnosis import ranges
 from plantfit.trust.diagnosis.candidates import CANDIDATES as ALL
-from plantfit.trust.diagnosis.candidates import Before, Behind, Inside
+from plantfit.trust.diagnosis.candidates import Before, Behind, Inside, part_of_an_output
 from plantfit.trust.diagnosis.catalogue import MOST_PAIRS, Extension, made_of, seen_of
 from plantfit.trust.diagnosis.meter import Meter
 from plantfit.trust.diagnosis.plant.carrier import WIDE, Carrier, filled, rows_of
@@ -30,24 +29,19 @@ BEHIND = ("offset", "sensor_high", "sensor_low")
 CHANGE, POWER = "change", "power"
 
 
-def _row(article: str, name: str, phrase: str) -> Inside:
-    return Inside(
-        article=article, name=name, phrase=phrase, low=-np.inf, bounds=ranges.both_signs, unit=lambda unit: unit,
-        size=lambda spread, rate: 1.0,
-    )  # fmt: skip
-
-
 CANDIDATES: dict[str, Inside] = {
-    "proportional": _row("a", "part of {y} in proportion to {u}", "a part of {y} in proportion to {u} ({{0}})"),
-    "square": _row("a", "part of {y} by the square of {u}", "a part of {y} by the square of {u} ({{0}})"),
-    "signed_square": _row(
+    "proportional": part_of_an_output(
+        "a", "part of {y} in proportion to {u}", "a part of {y} in proportion to {u} ({{0}})"
+    ),
+    "square": part_of_an_output("a", "part of {y} by the square of {u}", "a part of {y} by the square of {u} ({{0}})"),
+    "signed_square": part_of_an_output(
         "a",
         "part of {y} by the square of {u} with its sign",
         "a part of {y} by the square of {u}, with its sign, ({{0}})",
     ),
-    "sign": _row("a", "part of {y} by the sign of {u}", "a part of {y} by the sign of {u} ({{0}})"),
-    "product": _row("a", "part of {y} by {u} times {v}", "a part of {y} by {u} times {v} ({{0}})"),
-    "power": _row("a", "power of {u} on {y}", "a further power {{0}} of {u} on all of {y}"),
+    "sign": part_of_an_output("a", "part of {y} by the sign of {u}", "a part of {y} by the sign of {u} ({{0}})"),
+    "product": part_of_an_output("a", "part of {y} by {u} times {v}", "a part of {y} by {u} times {v} ({{0}})"),
+    "power": part_of_an_output("a", "power of {u} on {y}", "a further power {{0}} of {u} on all of {y}"),
 }
 """In the order in which parts that explain alike are named; name and phrase take output and inputs."""
 
@@ -208,4 +202,4 @@ def _size(problem: Problem, kind: str, signal: str) -> float:
     return float(2.0 ** np.ceil(np.log2(WIDE * max(size, 1e-300))))
 
 
-__all__ = ["AND", "CANDIDATES", "carrier_of_static", "extensions_of_static", "static", "unordered"]
+__all__ = ["CANDIDATES", "carrier_of_static", "extensions_of_static", "static", "unordered"]

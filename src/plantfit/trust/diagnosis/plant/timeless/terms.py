@@ -10,7 +10,7 @@ from plantfit import units
 from plantfit.models.extensions.changes import WITH
 from plantfit.models.extensions.terms import OVER, TERMS, Place, term_name, unit_of_term
 from plantfit.trust.diagnosis import ranges
-from plantfit.trust.diagnosis.candidates import Changing, Inside
+from plantfit.trust.diagnosis.candidates import Changing, Inside, part_of_an_output
 from plantfit.trust.diagnosis.catalogue import MOST_PAIRS, Extension
 from plantfit.trust.diagnosis.plant.carrier import rounded_to_series
 from plantfit.trust.diagnosis.plant.timeless.regression import Regression
@@ -22,20 +22,13 @@ SHARES = {  # of the rms of a speed, or of the range of a position: scales from 
 }
 
 
-def _row(article: str, name: str, phrase: str) -> Inside:
-    return Inside(
-        article=article, name=name, phrase=phrase, low=-np.inf, bounds=ranges.both_signs, unit=lambda unit: unit,
-        size=lambda s, rate: 1.0,
-    )  # fmt: skip
-
-
 CANDIDATES: dict[str, Inside] = {
-    "viscous": _row("", "viscous friction on {}", "viscous friction of {} on {}"),
-    "presliding": _row("", "presliding friction on {}", "presliding friction of {} on {}"),
-    "coulomb": _row("", "dry friction on {}", "dry friction of {} on {}"),
-    "stribeck": _row("", "falling friction on {}", "friction of {}, which falls with speed, on {}"),
-    "quadratic": _row("a", "drag by the square on {}", "a drag by the square of {} on {}"),
-    "offset": _row("an", "offset of {}", "an offset of {} on {}"),
+    "viscous": part_of_an_output("", "viscous friction on {}", "viscous friction of {} on {}"),
+    "presliding": part_of_an_output("", "presliding friction on {}", "presliding friction of {} on {}"),
+    "coulomb": part_of_an_output("", "dry friction on {}", "dry friction of {} on {}"),
+    "stribeck": part_of_an_output("", "falling friction on {}", "friction of {}, which falls with speed, on {}"),
+    "quadratic": part_of_an_output("a", "drag by the square on {}", "a drag by the square of {} on {}"),
+    "offset": part_of_an_output("an", "offset of {}", "an offset of {} on {}"),
     "change": Changing(
         name="change of {}", phrase="a change of {1} by {0}", low=-np.inf, bounds=ranges.both_signs,
         unit=lambda unit: unit,
