@@ -45,3 +45,6 @@ def test_a_run_names_the_part_and_diagnose_writes_it(tmp_path, capsys, monkeypat
     said = call(capsys, monkeypatch, "run", told["file"], "--json", "--no-diagnose")
     assert said.code == 0
     assert "residuals of H are white" in said.out
+    refused = call(capsys, monkeypatch, "run", "head.toml", "--try", "slow drift of H")
+    assert refused.code != 0  # rows in no order have no drift
+    assert "There is no 'slow drift of H' to try." in refused.err

@@ -7,6 +7,7 @@ import numpy as np
 from plantfit.models.extensions import parameter_name
 from plantfit.models.model import Model
 from plantfit.problem.problem import Problem
+from plantfit.trust.diagnosis.plant.timeless.static import unordered
 from plantfit.trust.validate.wandering import Wandering
 
 KIND, NAME = "slow_drift", "slow drift of {}"
@@ -36,8 +37,9 @@ class Curve:
 
 
 def driftable(problem: Problem) -> dict[str, str]:
-    """What may be asked for: "slow drift of y" -> y, of the outputs of a model that is simulated and has none yet."""
-    if not isinstance(problem.model, Model):
+    """What may be asked for: "slow drift of y" -> y, of the outputs of a model that is simulated and has none yet; none
+    where rows are in no order."""
+    if not isinstance(problem.model, Model) or unordered(problem):
         return {}
     had = {p.name for p in problem.model.parameters}
     return {NAME.format(y): y for y in problem.outputs if parameter_name(KIND, y) not in had}
