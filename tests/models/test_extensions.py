@@ -32,7 +32,9 @@ WHERE |= dict.fromkeys(("coulomb", "quadratic", "stribeck"), "v")
     "kind",
     [
         *(
-            k for k, own in KINDS.items() if k not in ("change", "viscous") and not own.over
+            k
+            for k, own in KINDS.items()
+            if k not in ("change", "viscous") and not own.over and own.to not in ("parts", "products")
         ),  # viscous: that of the plant
         "change k with x",
         "change b with t",
@@ -67,6 +69,64 @@ def test_an_addition_is_the_fault_of_its_name(kind, tmp_path):
     error, effect = np.sqrt(np.mean((with_it - measured) ** 2)), np.sqrt(np.mean((without - measured) ** 2))
     assert error < 0.02 * np.std(measured)
     assert error < 0.2 * effect
+
+
+PART = {
+    "proportional": (("u",), 0.7, lambda y, u: y + 0.7 * u),
+    "square": (("u",), -0.2, lambda y, u: y - 0.2 * u**2),
+    "signed_square": (("u",), 0.3, lambda y, u: y + 0.3 * u * np.abs(u)),
+    "sign": (("u",), 1.5, lambda y, u: y + 1.5 * np.sign(u)),
+    "power": (("u",), 0.6, lambda y, u: y * (u / 2.0) ** 0.6),
+    "product": (("u", "v"), -0.4, lambda y, u, v: y - 0.4 * u * v),
+}
+
+
+@pytest.mark.parametrize("moves", [True, False])
+@pytest.mark.parametrize("kind", [k for k, own in KINDS.items() if own.to in ("parts", "products")])
+def test_a_part_of_an_output_is_what_its_name_says(kind, moves, tmp_path):
+    """Of a table at rest, and of a plant with a state, whose output then has a direct feedthrough."""
+    inputs, size, truth = PART[kind]
+    rng = np.random.default_rng(len(kind) + moves)
+    t = 0.1 * np.arange(80)
+    low = 0.5 if kind == "power" else -3.0
+    u, v = np.repeat(rng.uniform(low, 3.0, (2, 16)), 5, axis=1)
+    if moves:
+        x = np.zeros(t.size)
+        for k in range(t.size - 1):  # exact for held inputs: x' = (2 u + v - x)/0.5
+            x[k + 1] = 2 * u[k] + v[k] + (x[k] - 2 * u[k] - v[k]) * np.exp(-0.1 / 0.5)
+        y, equations, states = x, "x' = (a*u + v - x)/tau; y = x", 'states = { x = "m" }'
+    else:
+        y, equations, states = 2 * u + v, "y = a*u + v", ""
+    np.savetxt(
+        tmp_path / "a.csv",
+        np.column_stack([t, u, v, truth(y, *(u, v)[: len(inputs)])]),
+        delimiter=",",
+        header="t,u,v,y",
+        comments="",
+    )
+    pair = f"y with {' and '.join(inputs)}"
+    (tmp_path / "s.toml").write_text(f"""name = "part"
+[recording.a]
+file = "a.csv"
+time = "t"
+[model]
+equations = "{equations}"
+inputs = {{ u = "m", v = "m" }}
+{states}
+outputs = {{ y = "m" }}
+extensions = {{ {kind} = {{ "{pair}" = [-5, 5] }} }}
+[parameters]
+a = {{ unit = "1", bounds = [0.1, 10] }}
+{'tau = { unit = "s", value = 0.5 }' if moves else ""}
+{f"{parameter_name('reference', pair)} = {{ value = 2.0 }}" if kind == "power" else ""}
+""")
+    problem = load(tmp_path / "s.toml").problem
+    problem = problem.with_simulator(problem.predictor.stepping().refined(16)) if moves else problem
+    values = {"a": 2.0, parameter_name(kind, pair): size}
+    made = problem.predict(np.array([values[n] for n in problem.space.names]))["y"]
+    measured = problem.experiments["a"].recording["y"]
+    np.testing.assert_allclose(made, measured, atol=1e-6 * np.ptp(measured))
+    assert np.std(measured - y[: measured.size]) > 0.05 * np.std(y)
 
 
 def test_viscous_friction_is_more_of_what_a_plant_has(tmp_path):

@@ -1,6 +1,7 @@
 import json
 import sqlite3
 import struct
+import threading
 
 import numpy as np
 import polars as pl
@@ -309,6 +310,20 @@ def test_a_locked_database_waits_then_says_so(sqlite_store):
     holder.execute("ROLLBACK")
     holder.close()
     assert add(store) > study_id
+
+
+def test_a_new_database_that_another_one_makes_now_is_waited_for(tmp_path):
+    """SQLite itself does not wait when it begins a log of writes."""
+    place = tmp_path / "fresh.db"
+    holder = sqlite3.connect(place, isolation_level=None, check_same_thread=False)
+    holder.execute("BEGIN IMMEDIATE")
+    with pytest.raises(StoreError, match=r"fresh\.db is locked by another program"):
+        Store.open(place, busy_timeout=0.1)
+    ends = threading.Timer(0.3, lambda: holder.execute("COMMIT"))
+    ends.start()
+    assert add(Store.open(place, busy_timeout=20.0)) == 1
+    ends.join()
+    holder.close()
 
 
 def test_a_read_only_database_says_so(sqlite_store):

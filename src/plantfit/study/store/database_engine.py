@@ -7,6 +7,7 @@ where a statement says FOR UPDATE and runs every other statement on what is comm
 
 import os
 import sqlite3
+import time
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -21,6 +22,7 @@ from plantfit.study.store.database_failures import translated
 WRITES = "plantfit_writes"
 CONNECT_SECONDS = 10
 MIGRATION_LOCK = 0x706C616E74666974  # "plantfit": any number that other programs do not use
+RETRY_SECONDS = 0.02
 # a server that vanished is noticed within a minute, not after the two hours of TCP
 KEEPALIVE = {"keepalives_idle": 20, "keepalives_interval": 10, "keepalives_count": 3, "tcp_user_timeout": 60_000}
 
@@ -49,7 +51,7 @@ def connect(place: str | os.PathLike[str], busy_timeout: float, create: bool) ->
     engine = create_engine(url, poolclass=NullPool, connect_args=arguments)
     _prepare_sqlite(engine, busy_timeout)
     with translated(name):
-        _use_wal(engine)
+        _use_wal(engine, busy_timeout)
     return engine, name
 
 
@@ -153,12 +155,27 @@ def _prepare_sqlite(engine: Engine, busy_timeout: float) -> None:
         connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")
 
 
-def _use_wal(engine: Engine) -> None:
-    raw = engine.raw_connection()
+def _use_wal(engine: Engine, busy_timeout: float) -> None:
+    """A log of writes beside the database, kept there for all who open it.
+
+    SQLite does not wait by itself for this one change: of two who make it at once, one is told at once that the
+    database is locked (the second step of a transaction that has begun, sqlite3BtreeBeginTrans).
+    """
+    raw, until = engine.raw_connection(), time.monotonic() + busy_timeout
     try:
-        cursor = raw.cursor()
-        cursor.execute("PRAGMA journal_mode")
-        if cursor.fetchone() != ("wal",):
-            cursor.execute("PRAGMA journal_mode = WAL")
+        while not _is_wal(raw.cursor(), until):
+            time.sleep(RETRY_SECONDS)
     finally:
         raw.close()
+
+
+def _is_wal(cursor: sqlite3.Cursor, until: float) -> bool:
+    """Whether the database keeps a log now; False where another one holds it and there is time to try again."""
+    try:
+        if cursor.execute("PRAGMA journal_mode").fetchone() != ("wal",):
+            cursor.execute("PRAGMA journal_mode = WAL")
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() >= until:
+            raise
+        return False
+    return True
