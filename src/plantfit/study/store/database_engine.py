@@ -12,6 +12,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event, func, make_url, select
+from sqlalchemy.engine.interfaces import DBAPICursor
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.pool import NullPool
 
@@ -169,10 +170,11 @@ def _use_wal(engine: Engine, busy_timeout: float) -> None:
         raw.close()
 
 
-def _is_wal(cursor: sqlite3.Cursor, until: float) -> bool:
+def _is_wal(cursor: DBAPICursor, until: float) -> bool:
     """Whether the database keeps a log now; False where another one holds it and there is time to try again."""
     try:
-        if cursor.execute("PRAGMA journal_mode").fetchone() != ("wal",):
+        cursor.execute("PRAGMA journal_mode")
+        if cursor.fetchone() != ("wal",):
             cursor.execute("PRAGMA journal_mode = WAL")
     except sqlite3.OperationalError as error:
         if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY or time.monotonic() >= until:
