@@ -108,14 +108,14 @@ class Answer:
 
     @property
     def z(self) -> np.ndarray:
-        """The point of the unit cube (d,) that `values` are at: that of `best`, or of generalised least squares."""
-        weighted = self.problem.weighted
-        return np.asarray(self.best.x if weighted is None else weighted.z)
+        """The point of the unit cube (d,) that `values` are at: that of `best`, or of another estimator."""
+        own = self.problem.own_estimate
+        return np.asarray(self.best.x if own is None else own.z)
 
     @property
     def by_least_squares(self) -> "Answer":
         """The same answer by least squares alone; itself where it is that (docs/study-file.md, `estimator`)."""
-        return self if self.problem.weighted is None else replace(self, problem=self.problem.with_answer(None))
+        return self if self.problem.own_estimate is None else replace(self, problem=self.problem.with_answer(None))
 
     @property
     def values(self) -> dict[str, float]:

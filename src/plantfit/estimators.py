@@ -2,38 +2,34 @@
 estimate` does."""
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
 from plantfit.answer import Answer
-from plantfit.errors import ModelError, SpecError
+from plantfit.errors import SpecError
 from plantfit.estimate.estimate import Estimate
 from plantfit.estimate.filters.beliefs import FilterRun, smoothed
-from plantfit.estimate.filters.kalman import kalman_filter
 from plantfit.estimate.filters.maximum_likelihood import MaximumLikelihood
 from plantfit.estimate.filters.noise import Noise
 from plantfit.estimate.methods.agreement import Estimated, agreement
+from plantfit.estimate.methods.by_filters import by_filters
 from plantfit.estimate.methods.estimates_record import (
     GENERALISED,
     LEAST_SQUARES,
-    LIKELIHOOD,
     filter_findings,
-    noise_levels,
     parameter_estimates,
 )
-from plantfit.estimate.methods.filtered import FILTERS, filtered
+from plantfit.estimate.methods.filtered import FILTERS
 from plantfit.estimate.methods.generalised import generalised_least_squares
-from plantfit.estimate.methods.levels import Asked, asked
-from plantfit.estimate.methods.likely import likely
-from plantfit.estimate.methods.over_records import Runs
-from plantfit.estimate.methods.proposals import Scales, filterable, proposed, scales_at, stepped_evenly
+from plantfit.estimate.methods.proposals import Scales
 from plantfit.estimate.methods.told import verdict_of
-from plantfit.findings.results.estimated import EstimatesByMethod, NoiseLevel
+from plantfit.filter_answer import check_estimable, estimate_table
+from plantfit.findings.results.estimated import EstimatesByMethod
 from plantfit.findings.results.result import Result
 from plantfit.fitting import fit
 from plantfit.problem.problem import Problem
@@ -42,9 +38,7 @@ from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.estimators import estimators_page, estimators_rows, noise_rows
 from plantfit.report.text import columns
 from plantfit.spec.study import Study
-from plantfit.spec.tables import EstimateTable, validated
-from plantfit.spec.wished import table_in, wished
-from plantfit.trust.intervals.robust_or_classical import timed
+from plantfit.spec.tables import validated
 from plantfit.units import compatible, convert, difference_of
 
 if TYPE_CHECKING:
@@ -172,8 +166,8 @@ def estimate_parameters(
         say(GENERALISED)
         general = generalised_least_squares(answer.problem, answer.values)
         estimates[GENERALISED] = general.estimated
-    if _need_noise(checked):
-        filters = _by_filters(answer, least[0], checked, told, say)
+    if any(m != GENERALISED for m in checked.methods):
+        filters = by_filters(answer.problem, least[0], checked, told, say)
         estimates |= filters.estimates
     truth = told.truth or known_truth(answer)
     say("comparing")
@@ -202,81 +196,6 @@ def estimate_parameters(
         made, answer, filters.problem, filters.noise, filters.scales, filters.likelihood, runs, filters.believed,
         covariance,
     )  # fmt: skip
-
-
-class _Filters(NamedTuple):
-    """What likelihood and filters found on the `problem` that they ran on; fields as in `Estimators`."""
-
-    problem: Problem
-    noise: Noise
-    scales: Scales
-    likelihood: MaximumLikelihood | None
-    believed: Mapping[str, float]
-    worth: Estimate
-    estimates: dict[str, Estimated]
-    runs: dict[str, Runs]
-    levels: Sequence[NoiseLevel]
-    assumed: Sequence[str]
-
-
-def _by_filters(
-    answer: Answer, least: Estimate, checked: EstimateTable, told: Asked, say: Callable[[str], None]
-) -> _Filters:
-    """Maximum likelihood where it is asked for or a level of noise is free, then the filters."""
-    values = answer.values
-    problem = stepped_evenly(answer.problem, values)
-    scales = scales_at(problem, values)
-    proposal = proposed(problem, scales, told.process, told.measurement, told.initial)
-    likelihood, left_out = None, ()
-    free = any(isinstance(v, tuple) for v in (*proposal.noise.process.values(), *proposal.noise.measurement.values()))
-    if LIKELIHOOD in checked.methods or free:
-        say(LIKELIHOOD)
-        likelihood, left_out = likely(problem, proposal, values, checked.budget, checked.seed)
-    noise = proposal.noise if likelihood is None else likelihood.noise
-    believed = values if likelihood is None else likelihood.parameters
-    worth = least if likelihood is None else likelihood.estimate
-    errors = dict(zip(worth.names, worth.standard_error.tolist(), strict=True))
-    runs, remarks = filtered(problem, noise, checked, told, (believed, errors), say)
-    estimates: dict[str, Estimated] = {}
-    if likelihood is not None and LIKELIHOOD in checked.methods:
-        estimates[LIKELIHOOD] = _of_likelihood(likelihood)
-    estimates |= {FILTERS[m]: (r.estimate, r.interval) for m, r in runs.items() if m != "kalman"}
-    levels = noise_levels(problem, noise, likelihood, proposal.proposed)
-    assumed = [*proposal.assumed, *left_out, *remarks]
-    return _Filters(problem, noise, scales, likelihood, believed, worth, estimates, runs, levels, assumed)
-
-
-def _need_noise(checked: EstimateTable) -> bool:
-    """Whether a method is asked for that takes the plant apart into states with noise."""
-    return any(m != GENERALISED for m in checked.methods)
-
-
-def check_estimable(
-    problem: Problem, wishes: Mapping[str, Any], table: Mapping[str, Any] | None = None
-) -> tuple[EstimateTable, Asked]:
-    """What is asked for, of a problem that filters work on; raises as `estimate_parameters`, before anything is
-    fitted."""
-    checked = estimate_table(problem, table, wishes)
-    if _need_noise(checked):
-        _refuse(problem)
-    if GENERALISED in checked.methods and not (problem.in_time or timed(problem)):
-        raise SpecError(
-            f"{problem.name!r} has no time: its rows may stand in any order, so that neighbours tell nothing of each "
-            f"other and {GENERALISED} is least squares. Name the column of times (time under [recording.NAME]) if the "
-            "rows are samples one after another."
-        )
-    if "kalman" in checked.methods:
-        states = dict.fromkeys(problem.model.states, 1.0)  # pyrefly: ignore[missing-attribute]
-        kalman_filter(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), states))
-    return checked, asked(checked, problem)
-
-
-def estimate_table(problem: Problem, table: Mapping[str, Any] | None, wishes: Mapping[str, Any]) -> EstimateTable:
-    """The [estimate] table of a problem's study file with wishes that count before it. Raises SpecError."""
-    file = problem.study_file
-    if table is None:
-        table = {} if file is None else table_in(file.text, "estimate", file.path)
-    return wished(EstimateTable, table, wishes, "estimate_parameters")
 
 
 def known_truth(answer: Answer) -> dict[str, float]:
@@ -316,16 +235,6 @@ def _read_truth(file: Path) -> dict[str, Any]:
     return said if isinstance(said, dict) else {}
 
 
-def _refuse(problem: Problem) -> None:
-    try:
-        filterable(problem)
-    except ModelError as error:
-        raise ModelError(
-            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out. `plantfit run` fits the "
-            f'model as it is, and so does `plantfit estimate --method "{GENERALISED}"`.'
-        ) from None
-
-
 def _answer(study: Study | Answer | Problem) -> Answer:
     if isinstance(study, Answer):
         return study
@@ -342,12 +251,6 @@ def _least_squares(answer: Answer) -> Estimated:
     names = answer.problem.space.names
     interval = {n: (rows[n]["low"], rows[n]["high"]) for n in names}
     return Estimate(names, np.array([answer.values[n] for n in names]), np.asarray(answer.covariance)), interval
-
-
-def _of_likelihood(found: MaximumLikelihood) -> Estimated:
-    own = slice(0, found.own)
-    estimate = Estimate(found.estimate.names[own], found.estimate.values[own], found.estimate.covariance[own, own])
-    return estimate, {n: ((None, None) if n in found.at_bound else found.interval[n]) for n in estimate.names}
 
 
 def _square(problem: Problem, estimate: Estimate) -> np.ndarray:

@@ -21,7 +21,7 @@ from plantfit.findings.results.intervals_compared import (
 )
 from plantfit.findings.results.result import Result
 from plantfit.problem.evaluate.points import residuals_and_jacobian
-from plantfit.problem.problem import Problem
+from plantfit.problem.problem import LEAST_SQUARES, Problem
 from plantfit.report.case_page import write_case_page
 from plantfit.report.pages.intervals import interval_rows, intervals_page
 from plantfit.report.text import columns
@@ -116,7 +116,7 @@ def compare_intervals(
 
     Raises SpecError and UnitError for wrong wishes, MissingExtra where blackjax is not installed.
     """
-    weighted, answer = answer.problem.weighted is not None, answer.by_least_squares  # all kinds are of one estimate
+    estimator, answer = answer.problem.answered_by, answer.by_least_squares  # all kinds are of one estimate
     problem, z = answer.problem, np.asarray(answer.best.x, dtype=float)
     space, say = problem.space, progress or (lambda text: None)
     check_wishes(kinds, level, replicates, chains, draws)
@@ -148,9 +148,9 @@ def compare_intervals(
     compared = [
         _row(answer, z, i, rows, kinds, level, profiles, found, drawn, refused, silent, degrees) for i in places
     ]
-    if weighted:
+    if estimator != LEAST_SQUARES:
         refused["weighted"] = (
-            "The study's own answer is that of generalised least squares; all intervals here, also those of the "
+            f"The study's own answer is that of {estimator}; all intervals here, also those of the "
             "verdict, are of least squares."
         )
     if answer.errors:

@@ -64,6 +64,10 @@ def prepare(
     else at the guesses of the space.
     """
     began = time.perf_counter()
+    if problem.by_filters:  # whose rooms are slow to import
+        from plantfit.filter_answer import check_estimator
+
+        check_estimator(problem)
     chosen = choose_substeps(problem)
     if start is None and shooting is not None:
         start = Shooting.of(chosen, segments=shooting).search(seed=seed).z[None, :]
@@ -110,7 +114,7 @@ def judged(
     """The answer of searched runs of a prepared problem; `seconds` by the stages before."""
     began = time.perf_counter()
     final, results = finish(problem, runs)
-    final = _weighted(final, results, stated)
+    final = _weighted(_filtered(final, results, spec, stated), results, stated)
     spent = {**seconds, "finish": time.perf_counter() - began}
     return Answer(final, results, seed, spec, command, spent, tuple(stated[0]), stated[1])
 
@@ -126,19 +130,38 @@ def judged_in_store(
     `problem` is as it was written, `prepared` the same where it is prepared already. Another problem than that of the
     study is not kept, and with `refuse` it raises StoreError.
     """
-    key, began = finish_key(problem, runs), time.perf_counter()
+    key, began = finish_key(problem, runs, _wishes(problem, spec, stated)), time.perf_counter()
     found = None if key is None else finish_of_bytes(store.finish_of(number, key), key, problem, runs)
     if found is None:
         prepared = prepared or prepare(problem)
         same = _is_of_study(store, number, prepared, refuse)
         began = time.perf_counter()
-        found = finish(prepared.problem, runs)
+        made, ends = finish(prepared.problem, runs)
+        found = _filtered(made, ends, spec, stated), ends
         if key is not None and same:
             store.keep_finish(number, key, finish_bytes(key, *found))
     final, results = found
     final = _weighted(final, results, stated)
     spent = {**seconds, "finish": time.perf_counter() - began}
     return Answer(final, results, seed, spec, command, spent, tuple(stated[0]), stated[1])
+
+
+def _wishes(problem: Problem, spec: str | None, stated: Stated) -> str:
+    """What finishing depends on beside problem and runs, as text."""
+    if not problem.by_filters:
+        return ""
+    from plantfit.filter_answer import filter_wishes
+
+    return f"{filter_wishes(problem, spec)} {bool(stated[0])}"
+
+
+def _filtered(final: Problem, runs: Sequence[RunResult], spec: str | None, stated: Stated) -> Problem:
+    """The final problem with the answer of maximum likelihood or of a Kalman filter, where that is asked for."""
+    if not final.by_filters:
+        return final
+    from plantfit.filter_answer import with_filter_answer
+
+    return with_filter_answer(final, runs, spec, bool(stated[0]))
 
 
 def _weighted(final: Problem, runs: Sequence[RunResult], stated: Stated) -> Problem:

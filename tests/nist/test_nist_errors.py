@@ -34,6 +34,11 @@ def test_standard_errors_are_the_certified_ones(name, tmp_path):
 
 def test_without_time_no_sentence_speaks_of_dynamics(tmp_path):
     found = fitted("Chwirut2", tmp_path)
-    assert found.findings["standard_errors"] == {"kind": "classical", "in_time": False, "not_weighted": ""}
+    assert found.findings["standard_errors"] == {
+        "kind": "classical",
+        "in_time": False,
+        "not_weighted": "",
+        "estimator": None,
+    }
     assert "dynamics" not in found.verdict
     assert "sample to the next" not in found.verdict

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import plantfit as pf
-from plantfit.trust.verdict.correlated import may_be_noise, weighted_sentences
+from plantfit.trust.verdict.estimators.correlated import may_be_noise, weighted_sentences
 from plantfit.trust.verdict.residuals import noise_sentences, residual_sentences
 
 

@@ -11,10 +11,11 @@ import pytest
 from plantfit import Problem, Recording, Signal, equations
 from plantfit.findings.recordings import Score
 from plantfit.findings.residuals import ResidualTest
-from plantfit.trust.assess import _residual_tests, _scores
+from plantfit.trust.assess import _scores
 from plantfit.trust.finish.descent import descent
 from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.validate.foretold import CHANCE, deviations, with_foretold
+from plantfit.trust.validate.residuals.over_records import each_test
 from plantfit.trust.verdict.unseen import unseen_sentences
 
 N, NOISE, SEEDS = 100, 0.1, 24
@@ -45,7 +46,7 @@ def told(problem, y):
     z = descent(problem, problem.space.cube(problem.space.vector({n: start[n] for n in problem.space.names}))).z
     local = linearise(problem, z)
     predicted = {"run": problem.predict(local.values)}
-    tests = list(_residual_tests(problem, predicted))
+    tests = list(each_test(problem, predicted))
     scores = with_foretold(problem, local, list(_scores(problem, predicted)), tests)
     (sentence,) = unseen_sentences(
         {"scores": [s.plain() for s in scores], "recordings": [{"name": "run", "outputs": {}}]}

@@ -20,7 +20,7 @@ from plantfit.trust.intervals.linearised import linearise
 from plantfit.trust.intervals.plausible import plausible
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import type_b
-from plantfit.trust.verdict.correlated import weighted_sentences
+from plantfit.trust.verdict.estimators.correlated import weighted_sentences
 
 GLS, PLAIN = "generalised least squares", "least squares"
 TRUTH = {"K": 1.7, "tau": 30.0, "c": 22.0}
@@ -242,7 +242,7 @@ c = {{ bounds = [0, 50] }}
     study.write_text(text.format(line='estimator = "gls"'), "utf-8")
     with pytest.raises(SpecError, match="estimator"):
         load(study)
-    with pytest.raises(SpaceError, match="give 'least squares' or 'generalised least squares'"):
+    with pytest.raises(SpaceError, match=r"give 'least squares', 'generalised least squares', .* or 'ukf'"):
         oven(0, estimator="gls")
 
 

@@ -177,7 +177,12 @@ def test_classical_and_robust_errors_are_an_option():
     for kind in (None, "classical", "robust"):
         found = answer("y = a*x + b", lambda x: 2.0 * x + 1.0 + noise, box, noise=0.0, standard_errors=kind)
         errors[kind] = rows(found)["b"]["standard_error"]
-        assert found.findings["standard_errors"] == {"kind": kind or "classical", "in_time": False, "not_weighted": ""}
+        assert found.findings["standard_errors"] == {
+            "kind": kind or "classical",
+            "in_time": False,
+            "not_weighted": "",
+            "estimator": None,
+        }
         assert ("do not allow for it" in found.verdict) == (kind != "robust")
     assert errors[None] == errors["classical"]
     assert errors["robust"] > 1.7 * errors["classical"]

@@ -42,7 +42,12 @@ def test_samples_in_time_get_errors_that_allow_for_their_correlation(time):
         line(1, 0.8, standard_errors="robust"),
         line(1, 0.8, standard_errors="classical"),
     )
-    assert answer.findings["standard_errors"] == {"kind": "robust", "in_time": False, "not_weighted": ""}
+    assert answer.findings["standard_errors"] == {
+        "kind": "robust",
+        "in_time": False,
+        "not_weighted": "",
+        "estimator": None,
+    }
     assert answer.findings["recordings"][0]["timed"]
     assert answer.standard_errors == asked.standard_errors
     assert answer.standard_errors["a"] > 2.0 * taken.standard_errors["a"]

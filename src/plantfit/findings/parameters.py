@@ -87,7 +87,9 @@ class StandardErrors(Record):
     in_time: bool
     """Whether samples follow one another in time."""
     not_weighted: str = ""
-    """Why the answer is not that of generalised least squares, where the study asks for it in words."""
+    """Why the answer is not that of the `estimator` that the study asks for in words."""
+    estimator: str | None = None
+    """What it asks for."""
 
 
 class Combination(Record):

@@ -8,6 +8,7 @@ from pydantic import ValidationError, field_validator
 
 from plantfit.errors import PlantfitError
 from plantfit.findings.diagnosis import Diagnosis
+from plantfit.findings.filtered import FilteredAnswer
 from plantfit.findings.heterogeneity import Heterogeneity
 from plantfit.findings.parameters import Combination, Determined, Parameter, StandardErrors
 from plantfit.findings.record import READ, Record
@@ -41,6 +42,8 @@ class Findings(Record):
     """By output, where recordings are too short for tests of their own."""
     correlated: CorrelatedResiduals | None = None
     """None where residuals are white, or cannot be taken for noise that is correlated."""
+    filtered: FilteredAnswer | None = None
+    """Where the answer is that of maximum likelihood or of a Kalman filter (`estimator`)."""
     data: list[Look] = []
     """What is odd about the recordings."""
     diagnosis: Diagnosis | None = None

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from plantfit.models.model import Model
 from plantfit.models.parts.clock_shift import with_clock_shift
 from plantfit.models.text.dimensions.said_later import check_said_later
 from plantfit.native.kept_programs import Kept, described
+from plantfit.problem.correlated.filtered_answer import FULL_NAMES, Filtered
 from plantfit.problem.correlated.weighted_answer import Weighted
 from plantfit.problem.evaluate.batched import BatchedRecords
 from plantfit.problem.evaluate.evaluator import Evaluator
@@ -39,8 +40,10 @@ import jax
 import jax.numpy as jnp
 
 LEAST_SQUARES, GENERALISED = "least squares", "generalised least squares"
+Estimator = Literal["least squares", "generalised least squares", "maximum likelihood", "ekf", "ukf"]
+BY_FILTERS = ("maximum likelihood", "ekf", "ukf")
 _OF_DATA = ("data", "arguments", "unsmoothed", "gradient_charge", "_description")  # made when first asked for
-_OF_THIS = ("study_file", "weighted", "not_weighted")  # of the problem as it is, and of no changed copy
+_OF_THIS = ("study_file", "weighted", "filtered", "not_weighted")  # of the problem as it is, and of no changed copy
 _NOT_COMPILED = ("name", "differentiated", *_OF_THIS)
 _PREPARED = ("parts",)  # made by `_prepare`
 
@@ -82,8 +85,9 @@ class Problem:
 
     `estimator` "generalised least squares" lets an answer be that of `weighted_least_squares`, which weighs samples by
     the correlation of their noise; "least squares" weighs them alike. By default errors that samples share
-    (`shared_errors`) are weighed and nothing else. `weighted` is such an answer of a final problem, None where there is
-    none, and `not_weighted` says why, where it was asked for.
+    (`shared_errors`) are weighed and nothing else. "maximum likelihood", "ekf" and "ukf" are for plants that wander,
+    whose states noise moves (docs/kalman.md). `weighted` or `filtered` is such an answer of a final problem, None where
+    there is none, and `not_weighted` says why, where it was asked for.
 
     `differentiated` are signals of a regression by least squares that a study file makes by differentiation, or that
     look like it: their errors stand in its columns. `study_file` is the file that a problem was read from, None for one
@@ -94,6 +98,7 @@ class Problem:
     differentiated: tuple[str, ...] = ()
     study_file: StudyFile | None = None
     weighted: Weighted | None = None
+    filtered: Filtered | None = None
     not_weighted: str = ""
 
     def __init__(
@@ -115,7 +120,7 @@ class Problem:
         substeps: int | None = None,
         name: str = "fit",
         standard_errors: Literal["robust", "classical"] | None = None,
-        estimator: Literal["least squares", "generalised least squares"] | None = None,
+        estimator: Estimator | None = None,
     ):
         if clock_shift:
             if not isinstance(model, Model):
@@ -125,8 +130,8 @@ class Problem:
             model = with_clock_shift(model, clock_shift)
         if standard_errors not in (None, "robust", "classical"):
             raise SpaceError(f"standard_errors = {standard_errors!r}; give 'robust' or 'classical'.")
-        if estimator not in (None, LEAST_SQUARES, GENERALISED):
-            raise SpaceError(f"estimator = {estimator!r}; give {LEAST_SQUARES!r} or {GENERALISED!r}.")
+        if estimator not in (None, *(known := get_args(Estimator))):
+            raise SpaceError(f"estimator = {estimator!r}; give {', '.join(map(repr, known[:-1]))} or {known[-1]!r}.")
         self.model, self.name, self.standard_errors, self.estimator = model, name, standard_errors, estimator
         self.substeps_chosen = substeps is not None
         self.predictor = predictor_of(model, stepper, substeps or 1, hold)
@@ -262,9 +267,31 @@ class Problem:
             return any(e.shared_errors and np.any(e.mask("fit")) for e in self.experiments.values())
         return self.estimator == GENERALISED
 
+    @property
+    def by_filters(self) -> bool:
+        """Whether its answer is that of maximum likelihood or of a Kalman filter, where there is one (`estimator`)."""
+        return self.estimator in BY_FILTERS
+
+    @property
+    def own_estimate(self) -> Weighted | Filtered | None:
+        """The answer of a final problem by another estimator than least squares."""
+        return self.filtered if self.weighted is None else self.weighted
+
+    @property
+    def answered_by(self) -> str:
+        """The estimator whose answer it has, in words."""
+        if self.filtered is not None:
+            return FULL_NAMES.get(str(self.estimator), str(self.estimator))
+        return LEAST_SQUARES if self.weighted is None else GENERALISED
+
     def with_answer(self, weighted: Weighted | None, why_not: str = "") -> "Problem":
-        """The same problem with the answer of generalised least squares, or with a sentence why it has none."""
+        """The same problem with the answer of generalised least squares, or with a sentence why it has none but that
+        of least squares."""
         return self._variant(weighted=weighted, not_weighted=why_not, study_file=self.study_file)
+
+    def with_filtered(self, filtered: Filtered) -> "Problem":
+        """The same problem with the answer of maximum likelihood or of a Kalman filter."""
+        return self._variant(filtered=filtered, study_file=self.study_file)
 
     @cached_property
     def unsmoothed(self) -> "Problem":

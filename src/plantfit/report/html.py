@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from plantfit.errors import StoreError
 from plantfit.findings import Findings, OperatingTable, Recording, ResidualTest, array, read_findings
+from plantfit.problem.problem import GENERALISED
 from plantfit.report import figures
 from plantfit.report.drawings import Drawings, embedded
 from plantfit.report.figures.fit import MOST_ZONES, zone_count
@@ -22,7 +23,9 @@ from plantfit.report.figures.parameters import drawable
 from plantfit.report.numbers import seconds, significant, with_unit
 from plantfit.report.sections import comparison as comparison_section
 from plantfit.report.sections import missing, sentences, tables, uncertainty_tables
-from plantfit.trust.verdict.correlated import may_be_noise
+from plantfit.trust.verdict.estimators.correlated import may_be_noise
+from plantfit.trust.verdict.estimators.filtered import moved_by_noise
+from plantfit.trust.verdict.estimators.filtered import named as estimator_in_words
 
 _UNUSED_BUTTONS = ["select2d", "lasso2d", "zoomIn2d", "zoomOut2d", "autoScale2d"]
 CONFIG = {
@@ -193,7 +196,12 @@ def _context(record: Findings) -> dict[str, Any]:
         "no_validation": sentences.no_validation(record),
         "missing": missing.of_findings(record, drawings),
         "looks": missing.looks(record, drawings),
-        "tests": [_test(test, record, drawings, named, test.output in noisy) for test in record.residual_tests],
+        "noise": tables.noise_table(record.filtered) if record.filtered else None,
+        "ahead": tables.ahead_table(record.filtered.ahead) if record.filtered and record.filtered.ahead else None,
+        "tests": [
+            _test(test, record, drawings, named, noisy.get((test.recording, test.output), ""))
+            for test in record.residual_tests
+        ],
         "parameters": _parameters(record, drawings),
         "uncertainty": uncertainty_tables.of_findings(record),
         "combinations": _combinations(record, drawings),
@@ -270,15 +278,20 @@ def _fit(recording: Recording, drawings: Drawings, points: int) -> dict[str, Any
     }
 
 
-def _left_by_noise(record: Findings) -> set[str]:
-    """Outputs whose residuals noise that is correlated may have left, as the verdict says."""
-    if record.correlated is None:
-        return set()
+def _left_by_noise(record: Findings) -> dict[tuple[str, str], str]:
+    """Recordings and outputs whose residuals noise has left, as the verdict says: that is correlated, or that moves
+    the plant."""
+    if record.correlated is None and record.filtered is None:
+        return {}
     findings = record.plain()
-    return {n.output for n in record.correlated.noise if may_be_noise(findings, n.output)}
+    found = dict.fromkeys(moved_by_noise(findings), "moves")
+    for n in record.correlated.noise if record.correlated else ():
+        if may_be_noise(findings, n.output):
+            found |= {(t.recording, t.output): "correlated" for t in record.residual_tests if t.output == n.output}
+    return found
 
 
-def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool, noise: bool) -> dict[str, Any]:
+def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool, noise: str) -> dict[str, Any]:
     where = f"residual of {test.output} in {test.recording}"
     lags, bound = array(test.lags_s), test.bound
     later = lags > 0  # lag 0 is always 1
@@ -293,7 +306,7 @@ def _test(test: ResidualTest, record: Findings, drawings: Drawings, named: bool,
         items.append(
             drawings.add(figure, f"Cross-correlation of the {where} with {name} over lag in {over}, with 95 % bounds.")
         )
-    named = named or test.stretch is not None or test.turned is not None
+    named = named or test.stretch is not None or test.turned is not None or noise == "moves"
     said = [
         sentences.whiteness(test, noise),
         *(sentences.independence(name, cross, named) for name, cross in test.cross.items()),
@@ -379,8 +392,15 @@ def _search(record: Findings, drawings: Drawings) -> dict[str, Any]:
         "waterfall": waterfall,
         "runs": tables.runs_table(record.runs),
         "basins": tables.basins_table(record.basins),
-        "weighted": record.correlated is not None and record.correlated.least_squares is not None,
+        "estimator": _other_estimator(record),
     }
+
+
+def _other_estimator(record: Findings) -> str:
+    """The estimator that the values are of, where it is not least squares."""
+    if record.filtered is not None:
+        return estimator_in_words(record.filtered.estimator)
+    return GENERALISED if record.correlated is not None and record.correlated.least_squares is not None else ""
 
 
 def _simulation(record: Findings) -> dict[str, Any] | None:

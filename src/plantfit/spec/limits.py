@@ -70,6 +70,12 @@ def check_problem(problem: "Problem", table: SpecTable) -> None:
             f"simulation.substeps = {substeps} at {samples} samples are {samples * substeps} steps for each candidate; "
             f"at most {MOST_STEPS} are made, so leave substeps out and plantfit chooses them."
         )
+    if problem.by_filters:
+        from plantfit.estimate.methods.levels import asked
+        from plantfit.estimate.methods.proposals import check_filterable
+
+        check_filterable(problem)
+        asked(table.estimate, problem)
     _ = problem.space.start  # raises SpaceError where one lies outside its bounds
     shifts = {shift_name(s) for s in table.model.clock_shift}  # of a clock, which may go either way
     late = {

@@ -309,7 +309,7 @@ class SpecTable(_Table):
     scales: dict[str, Annotated[float, Field(gt=0)]] = {}
     balance: Literal["samples", "recordings"] = "samples"
     standard_errors: Literal["robust", "classical"] | None = None
-    estimator: Literal["least squares", "generalised least squares"] | None = None
+    estimator: Literal["least squares", "generalised least squares", "maximum likelihood", "ekf", "ukf"] | None = None
     diagnose: bool = True
     uncertainty: Annotated[dict[str, UncertaintyTable], BeforeValidator(_by_name)] = {}
     propagation: PropagationTable = PropagationTable()

@@ -9,7 +9,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.findings.parameters import Combination, Parameter, StandardErrors
 from plantfit.findings.record import Values
 from plantfit.findings.recordings import Input, Output, Recording, Score
-from plantfit.findings.residuals import Cross, ResidualTest, ShortRecordings, Turned
+from plantfit.findings.residuals import ResidualTest, ShortRecordings, Turned
 from plantfit.findings.runs import Basin, History, Run
 from plantfit.findings.simulation import Forgets, Reproduction, SimulatedOutput, Simulation
 from plantfit.findings.whole import VERSION, Findings
@@ -41,23 +41,17 @@ from plantfit.trust.looks import hold_looks, not_followed, problem_looks
 from plantfit.trust.stated_errors.findings import uncertainty_findings
 from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.validate.foretold import with_foretold
+from plantfit.trust.validate.residuals.ahead import filtered_answer
 from plantfit.trust.validate.residuals.correlated import correlated_residuals
-from plantfit.trust.validate.residuals.curved import curved
-from plantfit.trust.validate.residuals.one_stretch import one_stretch
+from plantfit.trust.validate.residuals.over_records import each_test
 from plantfit.trust.validate.residuals.residual_tests import (
-    cross_correlation,
-    explained_by_past,
-    independent,
-    measured_rows,
     short_recordings,
-    whiteness,
 )
-from plantfit.trust.validate.residuals.sizes import sizes
-from plantfit.trust.validate.residuals.turned import turned, turned_records
+from plantfit.trust.validate.residuals.turned import turned_records
 from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.unseen_starts import with_started
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.outputs import GOOD, ROUNDING, TESTED
+from plantfit.trust.verdict.outputs import GOOD, ROUNDING
 from plantfit.trust.verdict.residuals import WHITE
 
 
@@ -78,7 +72,7 @@ def assess(
     Shared `errors` widen the intervals (section "uncertainty"): to first order, or by so many `draws`.
     """
     best = min(runs, key=lambda r: r.cost)
-    weighted = problem.weighted
+    weighted = problem.own_estimate
     z = best.x if weighted is None else weighted.z
     local = linearise(problem, z)
     predictions = {name: problem.predict(local.values, name) for name in problem.experiments}
@@ -102,7 +96,7 @@ def assess(
     rows, heterogeneity = heterogeneity_findings(problem, z, local, rows, spent)
     if determined is not None:
         determined = determined.model_copy(update={"count": determined.count - len(withdrawn(rows))})
-    tests = _with_turned(problem, predictions, list(_residual_tests(problem, predictions, not local.robust)))
+    tests = _with_turned(problem, predictions, list(each_test(problem, predictions, not local.robust)))
     scores = with_spare(problem, z, local, list(_scores(problem, predictions)))
     short = list(_short_recordings(problem, predictions, tests))
     scores = with_started(problem, local.values, scores, [*tests, *short])
@@ -116,6 +110,7 @@ def assess(
         residual_tests=tests,
         short_recordings=short,
         correlated=correlated_residuals(problem, best.x, local, tests),
+        filtered=None if problem.filtered is None else filtered_answer(problem, best.x, problem.filtered),
         data=[
             *not_followed(problem_looks(problem, fixed), problem, z),
             *stepped,
@@ -126,7 +121,10 @@ def assess(
         differentiated=list(problem.differentiated),
         uncertainty=uncertainty,
         standard_errors=StandardErrors(
-            kind="robust" if local.robust else "classical", in_time=problem.in_time, not_weighted=problem.not_weighted
+            kind="robust" if local.robust else "classical",
+            in_time=problem.in_time,
+            not_weighted=problem.not_weighted,
+            estimator=problem.estimator,
         ),
         tables=table_rows(problem, rows, visits),
         smoothing=smoothing_rows(problem, local),
@@ -210,66 +208,6 @@ def _scores(problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]
                     bias=float(error.mean()),
                     fit_percent=float(100 * (1 - np.linalg.norm(error) / spread)) if spread > 0 else None,
                 )
-
-
-def _residual_tests(
-    problem: Problem, predictions: Mapping[str, Mapping[str, np.ndarray]], one_size: bool = False
-) -> Iterator[ResidualTest]:
-    """With `one_size` standard errors take the residuals of an output as of one size."""
-    inputs = getattr(problem.model, "inputs", {})
-    count, several = problem.space.dimension, len(problem.experiments) * len(problem.outputs)
-    for name, experiment in problem.experiments.items():
-        record, mask = experiment.recording, experiment.mask("fit")
-        for output in problem.outputs:
-            residual = np.where(mask, record[output] - predictions[name][output], np.nan)[mask]
-            if np.isfinite(residual).sum() < TESTED or np.nanstd(residual) <= ROUNDING * np.nanmax(
-                np.abs(record[output])
-            ):
-                continue
-            rows = measured_rows(residual)
-            residual, period = residual[rows], float(np.median(np.diff(record.t[mask][rows])))
-            own, p_value = whiteness(residual)
-            stretch, against, there = None, None, np.isfinite(residual)
-            if p_value <= WHITE and problem.in_time:
-                at = np.flatnonzero(mask)[rows][there]
-                simulated = predictions[name][output][at]
-                against = turned(record.t[at], record[output][at], simulated)
-                stretch = (
-                    None
-                    if against
-                    else one_stretch(record.t[at], residual[there], simulated, [record[i][at] for i in inputs])
-                )
-            ordered = problem.in_time and not experiment.steady
-            driven = {} if ordered or p_value <= WHITE else {i: record[i][mask][rows] for i in inputs}
-            follows = curved(residual, driven, count, several) if driven else None
-            at_rest = one_size and driven and follows is None
-            cross = {}
-            for i in inputs:
-                u = record[i][mask][rows]
-                if np.std(u) == 0:
-                    continue
-                c = cross_correlation(residual, u)
-                cross[i] = Cross(
-                    lags_s=(c.lags * period).tolist(), values=c.values.tolist(), bound=c.bound,
-                    independent=independent(c),
-                    explained=explained_by_past(residual, u),
-                )  # fmt: skip
-            yield ResidualTest(
-                recording=name,
-                output=output,
-                lags_s=(own.lags * period).tolist(),
-                autocorrelation=own.values.tolist(),
-                bound=own.bound,
-                white=bool(p_value > WHITE),
-                p_value=p_value,
-                first=experiment.start_corrections.get(output),
-                shared=experiment.shared_errors.get(output),
-                cross=cross,
-                stretch=stretch,
-                turned=against,
-                curved=follows,
-                sizes=sizes(residual, predictions[name][output][mask][rows], several) if at_rest else None,
-            )
 
 
 def _with_turned(

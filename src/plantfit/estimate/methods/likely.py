@@ -15,6 +15,7 @@ NOT_NEEDED = (
     2.71  # twice the loss of log-likelihood at a level of 0 that chance exceeds in 5 of 100: half of chi-squared's tail
 )
 NEAR = 1e-3  # of the range of a level, in decades
+WEAK = 0.6  # of a level: one whose interval begins higher is known well enough to be there
 
 
 def likely(
@@ -56,7 +57,7 @@ def likely(
             noise, found = _without(noise, low), None
             told += [f"{name}: 0, the recordings ask for none" for name in low]
             continue
-        weak = sorted(n for n in free if found.interval[n][0] <= _range(noise, n)[0] * (1 + NEAR))
+        weak = sorted(n for n in free if found.interval[n][0] <= max(_range(noise, n)[0] * (1 + NEAR), WEAK * start[n]))
         if not weak:
             return found, tuple(told)
         widths = {n: found.interval[n][1] / max(found.interval[n][0], 1e-300) for n in weak}

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 import plantfit.runtime  # noqa: F401
-from plantfit.errors import RecordingError
+from plantfit.errors import ModelError, RecordingError
 from plantfit.estimate.filters.kalman import ekf
 from plantfit.estimate.filters.noise import Level, Noise
 from plantfit.estimate.filters.state_space import StateSpace, jacobian, state_space
-from plantfit.problem.problem import Problem
+from plantfit.problem.problem import GENERALISED, Problem
 from plantfit.simulate.simulator import ADAPTIVE, Simulator
 
 import jax.numpy as jnp
@@ -62,6 +62,23 @@ def filterable(problem: Problem) -> None:
             f"Recording {steady[0]!r} is steady, without time, and a Kalman filter runs over time; leave it out here."
         )
     state_space(problem, Noise({}, dict.fromkeys(problem.outputs, 1.0), dict.fromkeys(_states(problem), 1.0)))
+
+
+def check_filterable(problem: Problem) -> None:
+    """The same, with what may be done instead."""
+    try:
+        filterable(problem)
+    except ModelError as error:
+        how = f'`plantfit estimate --method "{GENERALISED}"`'
+        instead = f"leave estimator = {problem.estimator!r} out" if problem.by_filters else "`plantfit run`"
+        raise ModelError(
+            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out. "
+            + (
+                f"Least squares fits the model as it is: {instead}; so does {how}."
+                if problem.by_filters
+                else f"{instead} fits the model as it is, and so does {how}."
+            )
+        ) from None
 
 
 def _states(problem: Problem) -> list[str]:

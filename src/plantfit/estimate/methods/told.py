@@ -38,7 +38,8 @@ def verdict_of(record: EstimatesByMethod, at_bound: Sequence[str] | None) -> lis
         say(
             "info",
             f"The plant wanders ({together(moved)}): least squares takes that for errors of the sensors, "
-            "maximum likelihood and the filters do not; where they differ, believe the likelihood.",
+            "maximum likelihood and the filters do not; where they differ, believe the likelihood "
+            '(estimator = "maximum likelihood" in the study file makes it the answer of `plantfit run`).',
         )
     elif at_bound is not None:
         say(

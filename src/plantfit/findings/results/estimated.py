@@ -1,7 +1,8 @@
 """`plantfit estimate`: the parameters by maximum likelihood and Kalman filters beside least squares."""
 
-from typing import Literal
-
+from plantfit.findings.filtered import FilterOfEstimate as FilterOfEstimate
+from plantfit.findings.filtered import InnovationSize as InnovationSize
+from plantfit.findings.filtered import NoiseLevel as NoiseLevel
 from plantfit.findings.record import Number, Printed, Record
 from plantfit.findings.residuals import CorrelatedNoise
 from plantfit.findings.verdict import Sentence
@@ -26,42 +27,6 @@ class EstimatedParameter(Record):
     truth: Number
     """Where it is known, as of a virtual rig."""
     estimates: dict[str, EstimateOfMethod]
-
-
-class NoiseLevel(Record):
-    """The standard deviation of a noise; of process noise by how much it moves a state in a second."""
-
-    kind: Literal["process", "measurement"]
-    name: str
-    unit: str | None
-    value: float
-    low: Number
-    high: Number
-    how: Literal["found", "given", "left out", "at a bound"]
-    """`found` by maximum likelihood."""
-
-
-class InnovationSize(Record):
-    """The mean square of whitened innovations, and between what it lies in 95 % of records."""
-
-    mean: Number
-    low: Number
-    high: Number
-    p: Number
-    consistent: bool
-    sentence: str
-
-
-class FilterOfEstimate(Record):
-    """What a filter says of itself."""
-
-    method: str
-    nis: InnovationSize
-    memory: dict[str, Number]
-    """Correlation of neighbouring innovations, by output."""
-    chance: dict[str, Number] = {}
-    """How large it is by chance in 1 % of the recordings whose innovations are white, by output."""
-    log_likelihood: Number
 
 
 class MethodPair(Record):

@@ -68,9 +68,9 @@ def run_end(ended: str) -> str:
     return _ENDED.get(ended, ended)
 
 
-def whiteness(test: ResidualTest, noise: bool = False) -> str:
+def whiteness(test: ResidualTest, noise: str = "") -> str:
     """Whether the residuals of one output still hold a pattern, and whether errors that samples share or `noise` that
-    is correlated leave such a one."""
+    is "correlated" or "moves" the plant leave such a one."""
     small = test.p_value is not None and test.p_value < 1e-6
     p = "" if test.p_value is None else " (p < 0.000001)" if small else f" (p = {significant(test.p_value, 2)})"
     if test.white and test.curved is not None:
@@ -91,6 +91,8 @@ def whiteness(test: ResidualTest, noise: bool = False) -> str:
             f"Not white{p}: the errors of {test.output} come back with {test.shared}, which leaves such a pattern; the "
             "standard errors allow for that."
         )
+    if noise == "moves":
+        return f"Not white{p}: noise that moves the plant leaves such a pattern; errors one sample ahead are white."
     if noise:
         return f"Not white{p}: noise that is correlated leaves such a pattern; the standard errors allow for that."
     return (

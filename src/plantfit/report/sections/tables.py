@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from plantfit.findings import Basin, Combination, Number, Parameter, Run, Score, Simulation, Weight
+from plantfit.findings.filtered import AheadScore, FilteredAnswer
 from plantfit.report.numbers import UNKNOWN, count, interval, plus_minus, seconds, significant, unit_label
 from plantfit.report.sections.sentences import listed, parameter_status, run_end, run_status, share
 from plantfit.trust.verdict.words import FAR, number
@@ -140,6 +141,27 @@ def weights_table(weights: list[Weight]) -> Table:
         rows,
         frozenset({1}),
     )
+
+
+def noise_table(found: FilteredAnswer) -> Table:
+    """Levels of noise that were estimated together with the parameters."""
+    rows = tuple(
+        (
+            f"{n.kind} noise of {n.name}",
+            quantity(n.value, n.unit),
+            "" if n.low is None or n.high is None else interval(n.low, n.high),
+            n.how,
+        )
+        for n in found.noise
+    )
+    return Table("Noise", ("noise", "standard deviation", "95 % interval", "how"), rows, frozenset({1, 2}))
+
+
+def ahead_table(ahead: list[AheadScore]) -> Table:
+    """How far outputs are off that a filter foretells one sample ahead."""
+    rows = tuple((a.recording, a.output, a.part, quantity(a.rmse, a.unit), count(a.n)) for a in ahead)
+    head = ("recording", "output", "part", "RMSE one sample ahead", "samples")
+    return Table("Scores one sample ahead", head, rows, frozenset({3, 4}))
 
 
 def basins_table(basins: list[Basin]) -> Table:

@@ -11,6 +11,7 @@ import numpy as np
 import plantfit.runtime  # noqa: F401
 from plantfit.errors import SearchError
 from plantfit.optimize.contract import RunResult
+from plantfit.problem.correlated.filtered_answer import Filtered
 from plantfit.problem.correlated.least_squares import weighted_least_squares
 from plantfit.problem.correlated.limits import MOST, by_chance, enough
 from plantfit.problem.correlated.weighted_answer import SURE, Weighted
@@ -49,21 +50,32 @@ def unweighable(problem: Problem) -> str | None:
     return f"{samples} samples and {d} parameters would take too long" if samples * d > MOST else None
 
 
-def weighted_ranges(problem: Problem, weighted: Weighted) -> dict[int, Range]:
+def weighted_ranges(problem: Problem, weighted: Weighted | Filtered) -> dict[int, Range]:
     """The 95 % interval of every coordinate by its place."""
     ends = [weighted.interval[n] for n in problem.space.names]
     return {i: Range(-np.inf if a is None else a, np.inf if b is None else b) for i, (a, b) in enumerate(ends)}
 
 
+def no_beginning(problem: Problem, runs: Sequence[RunResult]) -> str | None:
+    """Why least squares gives no answer that another estimator could begin at, as a clause: none that can be
+    followed, several, or a parameter that is left open."""
+    best = min(runs, key=lambda r: r.cost)
+    return _not_one(problem, runs) or _open(problem, linearise(problem, best.x))
+
+
 def _weighted(problem: Problem, runs: Sequence[RunResult]) -> Weighted | str:
     """The answer, or what stands against it."""
+    return _not_one(problem, runs) or weights_at(problem, min(runs, key=lambda r: r.cost).x)
+
+
+def _not_one(problem: Problem, runs: Sequence[RunResult]) -> str | None:
     best = min(runs, key=lambda r: r.cost)
     if not np.isfinite(best.cost) or best.extra.get("ended") == REFUSED:
         return "no run has an answer that can be followed"
     near = [r for r in runs if r.cost <= best.cost * (1.0 + SAME) + rounding(problem)]
     if len(basins(np.array([r.cost for r in near]), np.array([r.x for r in near]), SAME, rounding(problem))) > 1:
         return "several answers have the same cost"
-    return weights_at(problem, best.x)
+    return None
 
 
 def weights_at(problem: Problem, z: np.ndarray) -> Weighted | str:
@@ -109,4 +121,4 @@ def _objection(found: Weighted) -> str | None:
     return f"{loose[0]} is not determined" if loose else None
 
 
-__all__ = ["unweighable", "weighted_ranges", "weights_at", "with_noise_weights"]
+__all__ = ["no_beginning", "unweighable", "weighted_ranges", "weights_at", "with_noise_weights"]

@@ -71,7 +71,7 @@ def other_columns(
     does, where the same searches follow it as it is, where looking would take long, and where `stop` ends it."""
     if not isinstance(problem.model, Model) or problem.space.dimension > MANY:
         return None
-    if problem.smoothing is not None or problem.weighted is not None:
+    if problem.smoothing is not None or problem.own_estimate is not None:
         return None
     changes = _changes(problem)
     if sum(len(e.recording) for e in problem.experiments.values()) * len(changes) > LONG:

@@ -20,6 +20,7 @@ import plantfit.runtime  # noqa: F401
 from plantfit.errors import PlantfitError
 from plantfit.native.kept_programs import described
 from plantfit.optimize.contract import RunResult
+from plantfit.problem.correlated.filtered_answer import Filtered
 from plantfit.problem.measure.scale_source import ScaleSource
 from plantfit.problem.problem import Problem
 from plantfit.study.store.codec import to_blob, to_json
@@ -29,10 +30,11 @@ EDITION = 3  # of the bytes below
 DIGEST = hashlib.sha256().digest_size
 
 
-def finish_key(problem: Problem, runs: Sequence[RunResult]) -> str | None:
+def finish_key(problem: Problem, runs: Sequence[RunResult], wishes: str = "") -> str | None:
     """A digest of all that the finishing of these runs depends on, for a problem whose steps are not chosen yet.
 
-    None where the problem holds code of other packages, which may change without a sign.
+    `wishes` are other things that it depends on, as text. None where the problem holds code of other packages, which
+    may change without a sign.
     """
     simulator, smoothing = problem.predictor.simulator, problem.smoothing
     about = described(
@@ -46,7 +48,8 @@ def finish_key(problem: Problem, runs: Sequence[RunResult]) -> str | None:
     )  # fmt: skip
     if about is None:
         return None
-    digest = hashlib.sha256(about + repr((EDITION, sorted(versions().items()), cpu_model(), len(runs))).encode())
+    of = (EDITION, sorted(versions().items()), cpu_model(), len(runs), *([wishes] if wishes else []))
+    digest = hashlib.sha256(about + repr(of).encode())
     for r in runs:
         told = to_json([r.method, r.run, r.seed, r.evaluations, r.status, r.failures, r.extra])
         for part in (told.encode(), to_blob(r.x), to_blob([r.cost])):
@@ -66,6 +69,8 @@ def finish_bytes(key: str, final: Problem, results: Sequence[RunResult]) -> byte
         "strengths": None
         if smoothing is None
         else [[*name, float(value)] for name, value in smoothing.strengths.items()],
+        "filtered": None if final.filtered is None else _filtered_text(final.filtered),
+        "why_not": final.not_weighted,
         "x": _text(np.array([r.x for r in results])),
         "cost": _text([r.cost for r in results]),
         "extra": [dict(r.extra) for r in results],
@@ -108,7 +113,25 @@ def _final(problem: Problem, found: dict[str, Any]) -> Problem:
         problem = problem.with_scales(
             {output: found["scales"][output] for output, s in chosen.items() if s == source}, source
         )
-    return problem
+    if found.get("filtered") is not None:
+        return problem.with_filtered(_filtered(found["filtered"], problem.space.dimension))
+    return problem.with_answer(None, found["why_not"]) if found.get("why_not") else problem
+
+
+def _filtered_text(found: Filtered) -> dict[str, Any]:
+    return {
+        "z": _text(found.z), "values": _text(found.values), "covariance": _text(found.covariance),
+        "interval": {n: list(ends) for n, ends in found.interval.items()},
+        "ahead": {name: {o: _text(y) for o, y in own.items()} for name, own in found.ahead.items()},
+        "told": dict(found.told),
+    }  # fmt: skip
+
+
+def _filtered(told: dict[str, Any], d: int) -> Filtered:
+    interval = {n: (low, high) for n, (low, high) in told["interval"].items()}
+    ahead = {name: {o: _values(y) for o, y in own.items()} for name, own in told["ahead"].items()}
+    covariance = _values(told["covariance"]).reshape(d, d)
+    return Filtered(_values(told["z"]), _values(told["values"]), covariance, interval, ahead, told["told"])
 
 
 def _results(runs: Sequence[RunResult], found: dict[str, Any]) -> list[RunResult]:

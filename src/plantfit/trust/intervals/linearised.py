@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 import plantfit.runtime  # noqa: F401
+from plantfit.problem.correlated.filtered_answer import Filtered
 from plantfit.problem.correlated.weighted_answer import Weighted
 from plantfit.problem.evaluate.points import residuals_and_jacobian
 from plantfit.problem.evaluate.triangle import triangle
@@ -62,8 +63,8 @@ class Local:
 
 def linearise(problem: Problem, z: np.ndarray) -> Local:
     """Covariance and flat directions at the cube point z (d,); outputs whose errors nobody knows fix nothing
-    (`unknown_noise`). At the answer of generalised least squares (`Problem.weighted`) they are that one's."""
-    weighted = problem.weighted
+    (`unknown_noise`). At the answer of another estimator (`Problem.own_estimate`) they are that one's."""
+    weighted = problem.own_estimate
     if weighted is not None and np.array_equal(z, weighted.z):
         return _by_weights(linearise(problem.with_answer(None), z), weighted)
     problem = as_known(problem)
@@ -103,8 +104,8 @@ def linearise(problem: Problem, z: np.ndarray) -> Local:
     )  # fmt: skip
 
 
-def _by_weights(local: Local, weighted: Weighted) -> Local:
-    """The same with the covariance of generalised least squares, and ranges that follow from it."""
+def _by_weights(local: Local, weighted: Weighted | Filtered) -> Local:
+    """The same with the covariance of another estimator, and ranges that follow from it."""
     assert local.linear is not None
     size, covariance = local.linear.size, weighted.covariance
     spread = covariance / np.outer(size, size)

@@ -11,6 +11,7 @@ from plantfit.problem.accuracy.verification import NOTHING
 from plantfit.trust.heterogeneity.sentences import answer_sentences
 from plantfit.trust.identify.directions import extent
 from plantfit.trust.verdict.agreement import agreement_sentences
+from plantfit.trust.verdict.estimators.filtered import filtered_sentences
 from plantfit.trust.verdict.fit import fit_sentences
 from plantfit.trust.verdict.misreadings import derivative_sentences, hold_sentences, misreading_sentences
 from plantfit.trust.verdict.outputs import at_rest, forgotten
@@ -37,6 +38,7 @@ def sentences(findings: Findings, best: RunResult) -> list[Sentence]:
         *(findings.get("diagnosis") or {}).get("verdict", []),
         *_agreement(findings, best),
         *answer_sentences(findings),
+        *filtered_sentences(findings),
         *parameter_sentences(findings),
         *derivative_sentences(findings),
         *misreading_sentences(findings),

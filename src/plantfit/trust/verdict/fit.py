@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
+from plantfit.trust.verdict.estimators.filtered import moved_by_noise
 from plantfit.trust.verdict.outputs import (
     FLOOR,
     GOOD,
@@ -23,10 +24,12 @@ def fit_sentences(findings: Findings) -> Iterator[Sentence]:
     outliers = decided_by_outliers(findings)
     at_floor = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < FLOOR}
     at_floor |= short_at_floor(findings)
+    moved = moved_by_noise(findings)
     rows = [
         {
             **r,
             "at_floor": (r["recording"], r["output"]) in at_floor,
+            "moved": (r["recording"], r["output"]) in moved,
             "outliers": outliers.get((r["recording"], r["output"])),
         }
         for r in findings["scores"]
@@ -69,7 +72,7 @@ def _in_percent(percent: float | None) -> str:
 
 def _fit_level(row: Row) -> str:
     percent = row["fit_percent"]
-    if percent is None or (percent < GOOD and row["at_floor"]):
+    if percent is None or (percent < GOOD and (row["at_floor"] or row["moved"])):
         return "info"
     return "good" if percent >= GOOD else "warning" if percent >= 50 else "bad"
 

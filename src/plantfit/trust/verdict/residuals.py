@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import comb
 from typing import Any
 
-from plantfit.trust.verdict.correlated import as_noise, may_be_noise, weighted_sentences
+from plantfit.trust.verdict.estimators.correlated import as_noise, may_be_noise, weighted_sentences
+from plantfit.trust.verdict.estimators.filtered import moved_by_noise, wandering_sentences
 from plantfit.trust.verdict.outputs import (
     FLOOR,
     Findings,
@@ -38,7 +39,10 @@ def residual_sentences(findings: Findings) -> Iterator[Sentence]:
     outliers = decided_by_outliers(findings)  # tests tell of these, not of the model
     rows = [r for r in findings["residual_tests"] if r["recording"] not in forgotten(findings)]
     rows = [r for r in rows if (r["recording"], r["output"]) not in outliers]
+    moved = moved_by_noise(findings)
+    rows = [r for r in rows if r["white"] or (r["recording"], r["output"]) not in moved]
     yield from each_output(findings, rows, _residual, _residuals)
+    yield from wandering_sentences(findings)
     for row in _coloured_together(findings):
         yield _short(findings, row)
     coloured = [r["output"] for r in rows if not r["white"] and _left_by_a_solver(findings, r) is None]
@@ -88,7 +92,8 @@ def noise_sentences(findings: Findings) -> Iterator[Sentence]:
         return
     outliers = decided_by_outliers(findings)
     rows = [r for r in noise_rows(findings) if r["recording"] not in forgotten(findings)]
-    rows = [r for r in rows if (r["recording"], r["output"]) not in outliers]
+    beside = {**outliers, **moved_by_noise(findings)}
+    rows = [r for r in rows if (r["recording"], r["output"]) not in beside]
     yield from each_output(findings, rows, _noise, _noises)
 
 
@@ -103,6 +108,7 @@ def lacking(findings: Findings) -> list[str]:
     every = findings.get("residual_tests", ())
     curves = [r["output"] for r in every if r.get("curved")]
     tests = [r for r in every if not r["white"] and not r.get("shared") and not r.get("stretch")]
+    tests = [r for r in tests if (r["recording"], r["output"]) not in moved_by_noise(findings)]
     lack = [r["output"] for r in tests if named or (r["recording"], r["output"]) in above]
     found = [o for o in dict.fromkeys(lack) if not _few_by_chance([r for r in every if r["output"] == o])]
     return list(dict.fromkeys([*found, *curves, *(r["output"] for r in _coloured_together(findings))]))

@@ -23,8 +23,10 @@ def correlated_residuals(
     too few independent samples, or odd in one part of a record, and where the problem is not one of samples in time
     with plain parameters. Where it is the answer (`Problem.weighted`), least squares stands beside it, whose answer is
     the cube point z (d,)."""
+    if problem.filtered is not None:
+        return None
     if problem.weighted is not None:
-        return _told(problem, problem.weighted, _least_squares(problem.with_answer(None), z))
+        return _told(problem, problem.weighted, by_least_squares(problem.with_answer(None), z))
     coloured = [t for t in tests if not t.white]
     if not coloured or any(t.stretch or t.turned for t in coloured):
         return None
@@ -38,7 +40,7 @@ def correlated_residuals(
     return _told(problem, found, None)
 
 
-def _least_squares(problem: Problem, z: np.ndarray) -> list[WeightedParameter]:
+def by_least_squares(problem: Problem, z: np.ndarray) -> list[WeightedParameter]:
     """Values and intervals of least squares at its answer z (d,)."""
     local = linearise(problem, z)
     assert local.linear is not None

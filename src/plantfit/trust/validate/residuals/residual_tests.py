@@ -80,9 +80,14 @@ def cross_correlation(residuals: np.ndarray, signal: np.ndarray, lags: int | Non
 
 def independent(correlation: Correlation) -> bool:
     """No lag beyond the band widened for the number of lags looked at (Sidak, 1 % in all)."""
-    k = len(correlation.values)
-    wide = -scipy.special.ndtri(0.5 * (1.0 - 0.99 ** (1.0 / k))) / 1.96
-    return bool(np.max(np.abs(correlation.values)) <= wide * correlation.bound)
+    return within(correlation.values, correlation.bound, 0.01)
+
+
+def within(values: np.ndarray, bound: float, level: float) -> bool:
+    """Whether all correlations (k,) with a 95 % band of half-width `bound` are within the one that so many of
+    independent series leave with probability `level` (Sidak)."""
+    wide = -scipy.special.ndtri(0.5 * (1.0 - (1.0 - level) ** (1.0 / len(values)))) / 1.96
+    return bool(np.max(np.abs(values)) <= wide * bound)
 
 
 def explained_by_past(residuals: np.ndarray, signal: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from plantfit.problem.correlated.limits import by_chance, enough
+from plantfit.trust.verdict.estimators.filtered import named
 from plantfit.trust.verdict.outputs import Findings, Row, diagnosed, disagree
 from plantfit.trust.verdict.unseen import failing
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, some
@@ -45,7 +46,8 @@ def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[
         yield from _taken(findings, found)
         return
     if why := findings.get("standard_errors", {}).get("not_weighted"):
-        yield say("info", f"Generalised least squares was asked for and is not the answer: {why}.")
+        asked = named(findings["standard_errors"].get("estimator") or "generalised least squares")
+        yield say("info", f"{asked[:1].upper()}{asked[1:]} was asked for and is not the answer: {why}.")
     if not found or not coloured or diagnosed(findings)["named"]:
         return
     least = {p["name"]: p for p in findings["parameters"]}

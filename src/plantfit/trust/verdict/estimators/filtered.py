@@ -1,0 +1,119 @@
+"""What the verdict says where the answer is that of maximum likelihood or of a Kalman filter: noise moves the plant."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from plantfit.problem.correlated.filtered_answer import FULL_NAMES
+from plantfit.trust.verdict.outputs import Findings, Row, is_same, place
+from plantfit.trust.verdict.words import Sentence, number, say, some, span, with_unit
+
+Place = tuple[str, str]  # recording and output
+
+
+def named(estimator: str) -> str:
+    """An estimator in words."""
+    return FULL_NAMES.get(estimator, estimator)
+
+
+def moved_by_noise(findings: Findings) -> dict[Place, Row]:
+    """Where the answer is that of a filter with noise that moves the plant, which is none unless nothing is left of the
+    outputs that it foretells: tests of its errors one sample ahead by recording and output."""
+    found = findings.get("filtered") or {}
+    moving = any(n["kind"] == "process" and n["value"] > 0.0 for n in found.get("noise", ()))
+    return {_place(t): t for t in found["tests"]} if moving else {}
+
+
+def ahead_of(findings: Findings, row: Row, part: str) -> Row | None:
+    """How far the output of a row is off in a part of its recording, one sample ahead."""
+    found = (findings.get("filtered") or {}).get("ahead", ())
+    return next((a for a in found if a["part"] == part and is_same(a, row)), None)
+
+
+def filtered_sentences(findings: Findings) -> Iterator[Sentence]:
+    """What the estimator takes for noise, what it gains, and whether it foretells as well as it thinks."""
+    found = findings.get("filtered")
+    if not found:
+        return
+    yield _taken(findings, found)
+    told = found["filter"]
+    if not told["nis"]["consistent"]:
+        yield say("warning", f"{_begin(told['method'])}: {told['nis']['sentence']}")
+
+
+def wandering_sentences(findings: Findings) -> Iterator[Sentence]:
+    """Outputs whose residuals are those of a plant that noise moves."""
+    moved = moved_by_noise(findings)
+    simulated = [t for t in findings.get("residual_tests", ()) if _place(t) in moved]
+    for output in dict.fromkeys(t["output"] for t in simulated):
+        own = [t for t in simulated if t["output"] == output]
+        if coloured := [t for t in own if not t["white"]]:
+            yield _wandering(findings, coloured, [moved[_place(t)] for t in coloured], len(own))
+
+
+def _taken(findings: Findings, found: Mapping[str, Any]) -> Sentence:
+    """Whose parameters these are, and how long their intervals are beside those of least squares."""
+    moving = [n for n in found["noise"] if n["kind"] == "process" and n["value"] > 0.0]
+    sensors = [n for n in found["noise"] if n["kind"] == "measurement"]
+    text = f"The parameters are those of {named(found['estimator'])}, "
+    of_sensors = f"that of the sensors ({_sizes(sensors)})"
+    text += (
+        f"with noise that moves the plant ({_sizes(moving)}) beside {of_sensors}"
+        if moving
+        else f"with noise of the sensors ({_sizes(sensors)}) alone: the recordings ask for none that moves the plant"
+    )
+    rows = {p["name"]: p for p in findings["parameters"]}
+    ratios = {p["name"]: r for p in found["least_squares"] if (r := _times(p, rows.get(p["name"]))) is not None}
+    if ratios:
+        first, last = min(ratios, key=lambda n: ratios[n]), max(ratios, key=lambda n: ratios[n])
+        short, long = number(ratios[first]), number(ratios[last])
+        lengths = f"{short} ({first})" if short == long else f"{short} ({first}) to {long} ({last})"
+        text += f"; intervals are {lengths} times as long as by least squares"
+    if found["differs"] and found["moved"] is not None:
+        least = next(p for p in found["least_squares"] if p["name"] == found["moved"])
+        text += (
+            f". Least squares, which takes all of it for noise of the sensors, differs by more than chance (p = "
+            f"{found['p']:.2g}), most in {found['moved']}: {with_unit(least['value'], least['unit'])}"
+        )
+    return say("info", f"{text}.", **({} if not ratios else {"ratio": min(ratios.values())}))
+
+
+def _sizes(levels: Sequence[Row]) -> str:
+    return some([f"{with_unit(n['value'], n['unit'])} of {n['name']}" for n in levels])
+
+
+def _wandering(findings: Findings, simulated: Sequence[Row], ahead: Sequence[Row], of: int) -> Sentence:
+    output, one = simulated[0]["output"], of == 1
+    where = place(findings, simulated[0]) if one else f"{output} in {len(simulated)} of {of} recordings"
+    most = max(_next(t) for t in simulated)
+    errors = [a for t in simulated if (a := ahead_of(findings, t, "fit")) is not None]
+    size = f"is off by {span([a['rmse'] for a in errors], errors[0]['unit'])} rms, and " if errors else ""
+    text = (
+        f"The residuals of {where} are not white (correlation {'' if one else 'up to '}{most:.2f} from one sample to "
+        f"the next), as a plant leaves them that noise moves: foretold one sample ahead, {output} {size}"
+        f"{'these errors are' if size else 'it leaves errors that are'} white "
+        f"(p = {min(t['p_value'] for t in ahead):.2g}{'' if one else ' or more'})."
+    )
+    return say("good", text, correlation=most)
+
+
+def _next(row: Row) -> float:
+    return row["autocorrelation"][1] if len(row["autocorrelation"]) > 1 else 0.0
+
+
+def _place(row: Row) -> Place:
+    return row["recording"], row["output"]
+
+
+def _begin(text: str) -> str:
+    return f"{text[:1].upper()}{text[1:]}"
+
+
+def _times(least: Row, own: Row | None) -> float | None:
+    """Length of an interval over that of least squares, where both ends of both are known."""
+    if own is None:
+        return None
+    lengths = [r["high"] - r["low"] for r in (least, own) if r["low"] is not None and r["high"] is not None]
+    return lengths[1] / lengths[0] if len(lengths) == 2 and lengths[0] > 0 else None
+
+
+__all__ = ["ahead_of", "filtered_sentences", "moved_by_noise", "named", "wandering_sentences"]

@@ -1,0 +1,252 @@
+"""Maximum likelihood and Kalman filters as the answer of a study: of plants that wander they are, of wrong models they
+are not, and all that an answer tells is of one estimate."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import wandering_plants as lag
+from typer.testing import CliRunner
+
+import plantfit as pf
+from plantfit.cli.main import app
+from plantfit.errors import ModelError, SpaceError, SpecError
+from plantfit.spec.reading import load
+from plantfit.trust.stated_errors.shared_error import SharedError
+from plantfit.trust.stated_errors.uncertainty_budget import type_b
+
+ML = "maximum likelihood"
+LEFT = "as a plant leaves them that noise moves"
+
+
+def said(answer):
+    return [s["sentence"] for s in answer.findings["verdict"]]
+
+
+def fitted(recording, estimator=ML, seed=0, **more):
+    problem = lag.problem(recording, estimator=estimator, **more)
+    return pf.fit(problem, runs=1, seed=seed, budget=400)
+
+
+@pytest.fixture(scope="module")
+def answer():
+    return fitted(lag.record(3, n=400), split=0.7)
+
+
+def test_all_that_an_answer_tells_is_of_the_likelihood(answer):
+    found = answer.problem.filtered
+    assert found is not None
+    other = pf.estimate_parameters(answer, methods=[ML])  # the same by its command
+    assert other.likelihood is not None
+    np.testing.assert_allclose(list(answer.values.values()), list(other.likelihood.estimate.values[:2]), rtol=1e-6)
+    rows = {r["name"]: r for r in answer.findings["parameters"]}
+    assert {n: r["value"] for n, r in rows.items()} == answer.values
+    assert {n: (r["low"], r["high"]) for n, r in rows.items()} == dict(found.interval)
+    assert {r["status"] for r in rows.values()} == {"determined"}
+    np.testing.assert_allclose(np.sqrt(np.diag(found.covariance)), list(answer.standard_errors.values()), rtol=1e-9)
+    np.testing.assert_allclose(np.asarray(answer.problem.space.physical(answer.z)), found.values, rtol=1e-9)
+    expected = answer.problem.predict(found.values, "run")["y"]
+    np.testing.assert_array_equal(answer.simulated["run"]["y"], expected)
+    assert answer.by_least_squares.values != answer.values
+    least = {p["name"]: p["value"] for p in answer.findings["filtered"]["least_squares"]}
+    assert least == pytest.approx(answer.by_least_squares.values, rel=1e-9)
+
+
+def test_what_a_filter_foretells_is_the_scalar_recursion(answer):
+    told = answer.findings["filtered"]
+    level = {n["kind"]: n["value"] for n in told["noise"]}
+    K, tau = answer.values["K"], answer.values["tau"]
+    recording = answer.problem.experiments["run"].recording
+    f = np.exp(-lag.PERIOD / tau)
+    q, r = level["process"] ** 2 * 0.5 * tau * (1 - f * f), level["measurement"] ** 2
+    m, p, ahead = 0.0, 1.0, []
+    for u, y in zip(recording["u"], recording["y"], strict=True):
+        ahead.append(m)
+        m, p = m + p / (p + r) * (y - m), p * r / (p + r)
+        m, p = f * m + K * (1 - f) * u, f * f * p + q
+    own = answer.problem.filtered.ahead["run"]["y"]
+    late = slice(40, None)  # the two begin with other covariances
+    np.testing.assert_allclose(own[late], np.array(ahead)[late], atol=1e-5)
+    error = own - recording["y"]
+    for score, part in zip(told["ahead"], (slice(0, 280), slice(280, 400)), strict=True):
+        seen = error[part][np.isfinite(error[part])]
+        assert score["n"] == seen.size
+        assert score["rmse"] == pytest.approx(np.sqrt(np.mean(seen**2)), rel=1e-12)
+
+
+def test_the_verdict_says_whose_answer_it_is_and_that_the_plant_wanders(answer):
+    told = said(answer)
+    [taken] = [s for s in told if s.startswith("The parameters are those of maximum likelihood, with noise that moves")]
+    assert re.search(r"\(0\.\d+ K/s\^0\.5 of x\) beside that of the sensors \(0\.0\d+ K of y\); intervals are", taken)
+    assert taken.endswith(" times as long as by least squares.")
+    [left] = [s for s in told if LEFT in s]
+    assert re.search(r"foretold one sample ahead, y is off by 0\.\d+ K rms, and these errors are white", left)
+    [unseen] = [s for s in told if s.startswith("On samples it has not seen")]
+    assert "Foretold one sample ahead it is" in unseen
+    assert unseen.endswith("it holds.")
+    assert not [s for s in told if "something systematic" in s or "better model" in s or "does not hold" in s]
+    assert answer.diagnose() is None  # nothing is left to look for
+    least = fitted(lag.record(3, n=400), None, split=0.7)
+    assert not [s for s in said(least) if LEFT in s or "Foretold" in s]
+
+
+@pytest.mark.parametrize(
+    ("estimator", "count"),
+    [(ML, 3), pytest.param(ML, 40, marks=pytest.mark.slow)]
+    + [pytest.param(e, 20, marks=pytest.mark.slow) for e in ("ekf", "ukf")],
+)
+@pytest.mark.thorough
+def test_intervals_hold_the_truth_of_plants_that_wander(estimator, count):
+    held, white, refused = [], 0, 0
+    for seed in range(count):
+        own = fitted(lag.record(50 + seed, n=600), estimator, seed)
+        refused += own.problem.filtered is None  # by chance, at 1 % of its test
+        rows = {r["name"]: r for r in own.findings["parameters"]}
+        held += [rows[n]["low"] <= v <= rows[n]["high"] for n, v in lag.TRUTH.items()]
+        white += any(LEFT in s for s in said(own))
+    assert refused <= 0.1 * count
+    assert white >= 0.9 * count
+    assert np.mean(held) >= (0.85 if count > 10 else 0.66)
+
+
+def wrong(kind, seed, n=500):
+    """y of the plant with white noise of the sensor alone, and something that its model lacks."""
+    rng = np.random.default_rng([seed, *kind.encode()])
+    u = rng.uniform(0.0, 5.0, n // 20 + 1).repeat(20)[:n]
+    x, behind, steps, y = 0.0, u[0], 20, np.zeros(n)
+    for k in range(n):
+        y[k] = x
+        for j in range(steps):
+            h = lag.PERIOD / steps
+            now = u[max(0, int(k - 4 + j / steps))] if kind == "dead time" else u[k]
+            now = max(now - 1.0, 0.0) if kind == "dead zone" else now
+            behind += (now - behind) * (1.0 - np.exp(-h / 0.2))
+            x += h / lag.TRUTH["tau"] * (lag.TRUTH["K"] * (behind if kind == "second lag" else now) - x)
+    y += 0.03 * rng.normal(size=n) + (0.05 * lag.PERIOD * np.arange(n) if kind == "drift" else 0.0)
+    return pf.from_arrays(period=lag.PERIOD, signals={"u": (u, "V"), "y": (y, "K")}, name="run")
+
+
+@pytest.mark.parametrize("kind", ["dead time", "dead zone", "second lag", "drift"])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 6))])
+@pytest.mark.thorough
+def test_a_model_that_lacks_something_keeps_least_squares_and_says_why(kind, seed):
+    own = fitted(wrong(kind, seed), seed=seed)
+    assert own.problem.filtered is None
+    [text] = [s for s in said(own) if "was asked for" in s]
+    assert text.startswith("Maximum likelihood was asked for and is not the answer: one sample ahead the errors of y ")
+    assert text.endswith("and the model lacks something.")
+    assert own.values == fitted(wrong(kind, seed), None, seed).values
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 8))])
+@pytest.mark.thorough
+def test_a_plant_that_does_not_wander_is_said_to_have_no_such_noise(seed):
+    own = fitted(wrong("nothing", seed), seed=seed, split=0.7)
+    [taken] = [s for s in said(own) if s.startswith("The parameters are those of maximum likelihood")]
+    assert "alone: the recordings ask for none that moves the plant" in taken
+    assert not [s for s in said(own) if "noise moves" in s]
+    least = own.by_least_squares
+    for name, error in least.standard_errors.items():
+        assert abs(own.values[name] - least.values[name]) < 0.5 * error
+
+
+def test_where_it_cannot_be_the_reason_is_named():
+    def reason(recording, estimator=ML, late=False, **options):
+        own = pf.fit(lag.problem(recording, late=late, estimator=estimator), runs=1, budget=400, **options)
+        assert own.problem.filtered is None
+        [told] = [s for s in said(own) if "was asked for" in s]
+        assert own.problem.not_weighted in told
+        return told
+
+    stated = [SharedError(type_b("offset of y", 0.5), "offset", "y")]
+    assert reason(lag.record(3), errors=stated).endswith("not the answer: errors of instruments are stated.")
+    assert "not the answer: the recordings do not show how large the noise of 'y' is; give" in reason(
+        lag.record(1, 100, process=0.0, measurement=0.0)
+    )
+    told = reason(lag.record(2, truth=lag.LATE, n=600), "ekf", late=True)
+    assert told == (
+        "The extended Kalman filter was asked for and is not the answer: L is a dead time, which is no state of a "
+        "filter; maximum likelihood finds it."
+    )
+
+
+def test_estimators_and_models_that_cannot_be_are_told_before_any_search(tmp_path):
+    with pytest.raises(SpaceError, match=r"estimator = 'kalman'; give 'least squares', .* or 'ukf'\."):
+        lag.problem(lag.record(1), estimator="kalman")
+    lag.save(lag.record(1), tmp_path / "bench.csv")
+    place = tmp_path / "lag.toml"
+    text = 'estimator = "maximum likelihood"\n' + lag.STUDY
+    place.write_text(text + "[estimate.process]\nz = 0.3\n")
+    with pytest.raises(SpecError, match=r"lag\.toml.*\[estimate\.process\] names 'z', which is no state"):
+        load(place)
+    dry = """[model]
+equations = "x' = (K*u - friction(x, F, F))/tau; y = x"
+inputs = ["u"]
+states = ["x"]
+outputs = ["y"]
+[parameters]
+F = { bounds = [0, 1] }
+K = { bounds = [0.1, 30] }
+tau = { bounds = [0.05, 10] }
+"""
+    place.write_text(text[: text.index("[model]")] + dry)
+    with pytest.raises(ModelError, match=r"tanh\(v/width\).* leave estimator = 'maximum likelihood' out; so does"):
+        load(place)
+    sticks = pf.equations(
+        "v' = (k*u - friction(v, c, c))/m\ny = v", inputs=["u"], states=["v"], outputs=["y"],
+        parameters={"k": {}, "c": {}, "m": {}},
+    )  # fmt: skip
+    record = pf.from_arrays(period=0.1, signals={"u": np.ones(50), "y": np.arange(50.0)}, name="run")
+    with pytest.raises(ModelError, match="leave estimator = 'ekf' out"):
+        pf.fit(pf.Problem(sticks, record, dict.fromkeys("kcm", (0.1, 9.0)), estimator="ekf"))
+
+
+@pytest.mark.thorough
+def test_the_study_file_gives_levels_and_a_stored_answer_is_not_estimated_again(tmp_path, monkeypatch):
+    lag.save(lag.record(4, n=400), tmp_path / "bench.csv")
+    (tmp_path / "lag.toml").write_text(
+        'estimator = "ukf"\n'
+        + lag.STUDY
+        + '[estimate]\nprocess = { x = "0.3 K/s^0.5" }\nmeasurement = { y = "50 mK" }\n'
+    )
+    monkeypatch.chdir(tmp_path)
+    ran = CliRunner().invoke(app, ["run", "lag.toml", "--store", "s.db"])
+    assert ran.exit_code == 0, ran.output
+    shown = " ".join(ran.output.split())
+    assert (
+        "The parameters are those of the unscented Kalman filter, with noise that moves the plant (0.3 K/s^0.5" in shown
+    )
+    page = Path("lag.html").read_text("utf-8")
+    assert "process noise of x" in page
+    assert "together with the noise (the unscented Kalman filter)" in page
+    first = pf.open_study(1, "s.db")
+    assert {n["how"] for n in first.findings["filtered"]["noise"]} == {"given"}
+
+    def never(*_):
+        raise AssertionError("it was estimated again")
+
+    monkeypatch.setattr("plantfit.filter_answer.filter_answer", never)
+    again = pf.open_study(1, "s.db")
+    assert (again.values, again.findings["filtered"]) == (first.values, first.findings["filtered"])
+    text = (tmp_path / "lag.toml").read_text().replace("0.3 K", "0.4 K")
+    with pytest.raises(AssertionError, match="estimated again"):  # another level, another answer
+        pf.fit(pf.load(_written(tmp_path / "other.toml", text)).problem, store="s.db", runs=1)
+
+
+def _written(place, text):
+    place.write_text(text)
+    return place
+
+
+@pytest.mark.thorough
+def test_several_recordings_are_told_together():
+    records = {f"r{k}": lag.record(20 + k, n=250, name=f"r{k}") for k in range(5)}
+    own = pf.fit(lag.problem(records, estimator=ML), runs=1, budget=400)
+    told = own.findings["filtered"]
+    assert {t["recording"] for t in told["tests"]} == set(records)
+    [left] = [s for s in said(own) if LEFT in s]
+    assert re.match(r"The residuals of y in \d of 5 recordings are not white \(correlation up to", left)
+    rows = {r["name"]: r for r in own.findings["parameters"]}
+    for name, value in lag.TRUTH.items():
+        assert rows[name]["low"] * 0.9 < value < rows[name]["high"] * 1.1
