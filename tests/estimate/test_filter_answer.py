@@ -86,7 +86,9 @@ def test_the_verdict_says_whose_answer_it_is_and_that_the_plant_wanders(answer):
     assert "Foretold one sample ahead it is" in unseen
     assert unseen.endswith("it holds.")
     assert not [s for s in told if "something systematic" in s or "better model" in s or "does not hold" in s]
-    assert answer.diagnose() is None  # nothing is left to look for
+    named = answer.diagnose()["rounds"][0]["found"]
+    assert not named  # a plant that wanders lacks nothing
+    assert not [s for s in said(answer) if "it is not noise alone" in s]
     least = fitted(lag.record(3, n=400), None, split=0.7)
     assert not [s for s in said(least) if LEFT in s or "Foretold" in s]
 
@@ -139,18 +141,41 @@ def test_a_model_that_lacks_something_keeps_least_squares_and_says_why(kind, see
     assert own.values == fitted(wrong(kind, seed), None, seed).values
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 8))])
 @pytest.mark.thorough
-def test_a_plant_that_does_not_wander_is_said_to_have_no_such_noise(seed):
-    own = fitted(wrong("nothing", seed), seed=seed, split=0.7)
-    [taken] = [s for s in said(own) if s.startswith("The parameters are those of maximum likelihood")]
-    assert "alone: the recordings ask for none that moves the plant" in taken
-    assert not [s for s in said(own) if "noise moves" in s]
-    least = own.by_least_squares
-    for name, error in least.standard_errors.items():
-        assert abs(own.values[name] - least.values[name]) < 0.5 * error
+def test_noise_that_stands_for_what_is_missing_is_told_where_errors_ahead_are_white():
+    """A real heater (TCLab step test) whose model of first order lacks a lag, which least squares names."""
+    place = Path(pf.__file__).parent / "cases" / "heater" / "first_order.toml"
+    study = pf.load(place)
+    text = f'estimator = "maximum likelihood"\n{study.text}'
+    own = pf.fit(pf.spec.parse(text, place).problem, runs=1)
+    assert own.problem.filtered is not None
+    own.diagnose()
+    told = said(own)
+    assert [s for s in told if s.startswith("A further lag of")]
+    assert [s for s in told if s.startswith("These intervals take what a simulation leaves for noise that moves")]
+    [left] = [v for v in own.findings["verdict"] if LEFT in v["sentence"]]
+    assert left["level"] == "info"
 
 
+@pytest.mark.parametrize("count", [1, pytest.param(16, marks=pytest.mark.slow)])
+@pytest.mark.thorough
+def test_a_plant_that_does_not_wander_is_said_to_have_no_such_noise(count):
+    none = 0
+    for seed in range(count):
+        own = fitted(wrong("nothing", seed), seed=seed, split=0.7)
+        assert own.problem.filtered is not None
+        [taken] = [s for s in said(own) if s.startswith("The parameters are those of maximum likelihood")]
+        if "alone: the recordings ask for none that moves the plant" not in taken:  # at 5 % by chance
+            continue
+        none += 1
+        assert not [s for s in said(own) if "noise moves" in s]
+        least = own.by_least_squares
+        for name, error in least.standard_errors.items():
+            assert abs(own.values[name] - least.values[name]) < 0.5 * error
+    assert none >= 0.8 * count
+
+
+@pytest.mark.thorough
 def test_where_it_cannot_be_the_reason_is_named():
     def reason(recording, estimator=ML, late=False, **options):
         own = pf.fit(lag.problem(recording, late=late, estimator=estimator), runs=1, budget=400, **options)

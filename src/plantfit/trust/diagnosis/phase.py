@@ -26,7 +26,6 @@ from plantfit.trust.finish.other_starts import OtherStarts, other_starts
 from plantfit.trust.intervals.first_values import states_begun_at
 from plantfit.trust.intervals.robust_or_classical import has_times
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.estimators.filtered import moved_by_noise
 from plantfit.trust.verdict.outputs import FLOOR as AT_NOISE
 from plantfit.trust.verdict.outputs import GOOD, at_rest, disagree, forgotten, noise_rows
 from plantfit.trust.verdict.words import Sentence, number, say, some, study_file, with_unit
@@ -43,11 +42,9 @@ DRAWN = 0.05  # of the mean square: what explains less is not drawn
 def asked_for(findings: Mapping[str, Any]) -> bool:
     """Whether the residual of some output is above its noise, not white, also in recordings of few samples taken
     together, or follows a curve in the inputs."""
-    moved = moved_by_noise(findings)  # what is left of these is told
-    own = [r for r in findings["residual_tests"] if (r["recording"], r["output"]) not in moved]
-    tests = (*own, *findings.get("short_recordings", ()))
+    tests = (*findings["residual_tests"], *findings.get("short_recordings", ()))
     return any(not r["white"] or r.get("curved") for r in tests) or any(
-        r["ratio"] >= AT_NOISE and (r["recording"], r["output"]) not in moved for r in noise_rows(findings)
+        r["ratio"] >= AT_NOISE for r in noise_rows(findings)
     )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from plantfit.problem.correlated.filtered_answer import FULL_NAMES
-from plantfit.trust.verdict.outputs import Findings, Row, is_same, place
+from plantfit.trust.verdict.outputs import Findings, Row, diagnosed, disagree, is_same, place
 from plantfit.trust.verdict.words import Sentence, number, say, some, span, with_unit
 
 Place = tuple[str, str]  # recording and output
@@ -38,6 +38,12 @@ def filtered_sentences(findings: Findings) -> Iterator[Sentence]:
     told = found["filter"]
     if not told["nis"]["consistent"]:
         yield say("warning", f"{_begin(told['method'])}: {told['nis']['sentence']}")
+    if moved_by_noise(findings) and (diagnosed(findings)["named"] or disagree(findings)):
+        yield say(
+            "warning",
+            "These intervals take what a simulation leaves for noise that moves the plant, and it is not noise alone: "
+            'mend the model first, or take estimator = "least squares", whose intervals may be wider.',
+        )
 
 
 def wandering_sentences(findings: Findings) -> Iterator[Sentence]:
@@ -93,7 +99,7 @@ def _wandering(findings: Findings, simulated: Sequence[Row], ahead: Sequence[Row
         f"{'these errors are' if size else 'it leaves errors that are'} white "
         f"(p = {min(t['p_value'] for t in ahead):.2g}{'' if one else ' or more'})."
     )
-    return say("good", text, correlation=most)
+    return say("info" if diagnosed(findings)["named"] else "good", text, correlation=most)
 
 
 def _next(row: Row) -> float:
