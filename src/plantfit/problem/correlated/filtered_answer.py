@@ -24,3 +24,8 @@ class Filtered:
     interval: Mapping[str, tuple[float | None, float | None]]
     ahead: Mapping[str, Mapping[str, np.ndarray]]
     told: Mapping[str, Any]
+
+    @property
+    def moves(self) -> bool:
+        """Whether it takes noise to move the plant."""
+        return any(n["kind"] == "process" and n["value"] > 0.0 for n in self.told["noise"])

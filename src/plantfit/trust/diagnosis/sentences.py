@@ -483,7 +483,10 @@ def _best(one: Round) -> float:
 
 
 def _left(d: Diagnosis) -> Iterator[Sentence]:
-    """Whether more than noise is left after all that was found."""
+    """Whether more than noise is left after all that was found, where nothing else is to explain it."""
+    filtered = d.carrier.given.filtered
+    if filtered is not None and filtered.moves:
+        return
     for output, times in _much_left(d).items():
         if d.beside is not None and not d.surpassed:
             continue  # it is told what that is

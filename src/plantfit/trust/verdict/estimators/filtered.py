@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from plantfit.problem.correlated.filtered_answer import FULL_NAMES
-from plantfit.trust.verdict.outputs import Findings, Row, diagnosed, disagree, is_same, place
+from plantfit.trust.verdict.outputs import Findings, Row, disagree, is_same, place
 from plantfit.trust.verdict.words import Sentence, number, say, some, span, with_unit
 
 Place = tuple[str, str]  # recording and output
@@ -38,7 +38,7 @@ def filtered_sentences(findings: Findings) -> Iterator[Sentence]:
     told = found["filter"]
     if not told["nis"]["consistent"]:
         yield say("warning", f"{_begin(told['method'])}: {told['nis']['sentence']}")
-    if moved_by_noise(findings) and (diagnosed(findings)["named"] or disagree(findings)):
+    if moved_by_noise(findings) and (_shown(findings) or disagree(findings)):
         yield say(
             "warning",
             "These intervals take what a simulation leaves for noise that moves the plant, and it is not noise alone: "
@@ -99,7 +99,7 @@ def _wandering(findings: Findings, simulated: Sequence[Row], ahead: Sequence[Row
         f"{'these errors are' if size else 'it leaves errors that are'} white "
         f"(p = {min(t['p_value'] for t in ahead):.2g}{'' if one else ' or more'})."
     )
-    return say("info" if diagnosed(findings)["named"] else "good", text, correlation=most)
+    return say("info" if _shown(findings) else "good", text, correlation=most)
 
 
 def _next(row: Row) -> float:
@@ -108,6 +108,13 @@ def _next(row: Row) -> float:
 
 def _place(row: Row) -> Place:
     return row["recording"], row["output"]
+
+
+def _shown(findings: Findings) -> bool:
+    """Whether the diagnosis shows more than a possible fault of the model."""
+    made = findings.get("diagnosis") or {}
+    likely = any(r.get("likely") in ("likely", "very likely") for r in made.get("rounds", ()))
+    return likely or bool(made.get("repeating") or made.get("stepping"))
 
 
 def _begin(text: str) -> str:
