@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import wandering_plants as lag
+from correlated_plants import encoder
 from typer.testing import CliRunner
 
 import plantfit as pf
@@ -216,6 +217,19 @@ def test_a_plant_that_does_not_wander_is_said_to_have_no_such_noise(count):
         for name, error in least.standard_errors.items():
             assert abs(own.values[name] - least.values[name]) < 0.5 * error
     assert none >= 0.8 * count
+
+
+@pytest.mark.thorough
+def test_a_pattern_of_errors_that_samples_share_speaks_against_no_filter():
+    own = pf.fit(encoder(4, estimator="ekf"), runs=1)
+    assert own.problem.not_weighted == ""
+    tests = own.findings["filtered"]["tests"]
+    assert not any(t["white"] for t in tests)  # the slots' errors come back in what is foretold, too
+    assert all(t["shared"] for t in tests)
+    rows = {r["name"]: r for r in own.findings["parameters"]}
+    for name, value in {"K": 5.0, "tau": 0.4}.items():
+        assert rows[name]["low"] * 0.98 < value < rows[name]["high"] * 1.02
+    assert not [s for s in said(own) if LEFT in s]
 
 
 @pytest.mark.thorough

@@ -20,7 +20,7 @@ def moved_by_noise(findings: Findings) -> dict[Place, Row]:
     outputs that it foretells: tests of its errors one sample ahead by recording and output."""
     found = findings.get("filtered") or {}
     moving = any(n["kind"] == "process" and n["value"] > 0.0 for n in found.get("noise", ()))
-    return {_place(t): t for t in found["tests"]} if moving else {}
+    return {_place(t): t for t in found["tests"] if not t.get("shared")} if moving else {}
 
 
 def ahead_of(findings: Findings, row: Row, part: str) -> Row | None:
