@@ -232,6 +232,8 @@ def _white(findings) -> bool:
     [
         ({}, True),
         ({"white": False}, False),
+        ({"white": False, "shared": "slot"}, True),  # the errors of an encoder's slots come back
+        ({"white": False, "shared": "slot", "independent": False}, False),  # beside a response that is missing
         ({"memory": 0.6}, False),  # moves slowly: more than the noise from sample to sample
         ({"samples": 15}, False),  # that four parameters may follow whatever they are
         ({"output": "z"}, False),  # an output without a test
@@ -245,7 +247,15 @@ def test_only_noise_needs_tests_with_samples(change, said):
     own = {"recording": "run", "output": change.get("output", "y")}
     findings = {
         "scores": [own | {"part": "fit", "n": n, "fit_percent": 90.0}],
-        "residual_tests": [{"recording": "run", "output": "y", "white": change.get("white", True)}],
+        "residual_tests": [
+            {
+                "recording": "run",
+                "output": "y",
+                "white": change.get("white", True),
+                "shared": change.get("shared"),
+                "cross": {"u": {"independent": change.get("independent", True)}},
+            }
+        ],
         "parameters": [{}] * 4,
         "recordings": [
             {

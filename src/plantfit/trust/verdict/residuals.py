@@ -115,15 +115,21 @@ def lacking(findings: Findings) -> list[str]:
 
 
 def only_noise(findings: Findings) -> bool:
-    """Whether all that is left of every fitted output is white and as large as its sample-to-sample noise, by tests
-    that had enough samples: what explains the records better explains hardly more."""
+    """Whether all that is left of every fitted output is white, or has a pattern of errors that samples share, and is
+    as large as its sample-to-sample noise, by tests that had enough samples: what explains the records better explains
+    hardly more."""
     fitted = {(s["recording"], s["output"]) for s in findings.get("scores", ()) if s["part"] == "fit"}
-    tests = [r for r in findings.get("residual_tests", ()) if r["white"] and not r.get("curved")]
-    white = {(r["recording"], r["output"]) for r in tests}
+    tests = [r for r in findings.get("residual_tests", ()) if not r.get("curved")]
+    white = {(r["recording"], r["output"]) for r in tests if r["white"] or _known_pattern(r)}
     low = {(r["recording"], r["output"]) for r in noise_rows(findings) if r["ratio"] < NOISE}
     samples = sum(s["n"] for s in findings.get("scores", ()) if s["part"] == "fit")
     enough = samples >= ENOUGH * len(findings.get("parameters", ()))
     return bool(fitted) and enough and fitted <= white & low and not decided_by_outliers(findings)
+
+
+def _known_pattern(row: Row) -> bool:
+    """Whether residuals that are not white follow errors that samples share, and no input."""
+    return bool(row.get("shared")) and not any(_follows(c) for c in row["cross"].values())
 
 
 def _few_by_chance(rows: Sequence[Row]) -> bool:
