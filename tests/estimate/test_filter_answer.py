@@ -18,6 +18,7 @@ from plantfit.trust.stated_errors.shared_error import SharedError
 from plantfit.trust.stated_errors.uncertainty_budget import type_b
 
 ML = "maximum likelihood"
+HINT = "Noise that moves the plant itself, as draughts and loads do, would leave such residuals too"
 LEFT = "as a plant leaves them that noise moves"
 
 
@@ -91,7 +92,10 @@ def test_the_verdict_says_whose_answer_it_is_and_that_the_plant_wanders(answer):
     assert not named  # a plant that wanders lacks nothing
     assert not [s for s in said(answer) if "it is not noise alone" in s]
     least = fitted(lag.record(3, n=400), None, split=0.7)
-    assert not [s for s in said(least) if LEFT in s or "Foretold" in s]
+    assert not [s for s in said(least) if LEFT in s or "Foretold" in s or HINT in s]
+    least.diagnose()
+    assert [s for s in said(least) if s.startswith(HINT)]
+    assert not [s for s in said(answer) if HINT in s]
 
 
 @pytest.mark.parametrize(
@@ -182,7 +186,10 @@ def test_a_model_that_lacks_something_keeps_least_squares_and_says_why(kind, see
     [text] = [s for s in said(own) if "was asked for" in s]
     assert text.startswith("Maximum likelihood was asked for and is not the answer: one sample ahead the errors of y ")
     assert text.endswith("and the model lacks something.")
-    assert own.values == fitted(wrong(kind, seed), None, seed).values
+    least = fitted(wrong(kind, seed), None, seed)
+    assert own.values == least.values
+    least.diagnose()  # which names what is missing
+    assert not [s for s in said(least) if HINT in s]
 
 
 @pytest.mark.thorough

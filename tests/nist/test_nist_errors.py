@@ -39,6 +39,7 @@ def test_without_time_no_sentence_speaks_of_dynamics(tmp_path):
         "in_time": False,
         "not_weighted": "",
         "estimator": None,
+        "filterable": False,
     }
     assert "dynamics" not in found.verdict
     assert "sample to the next" not in found.verdict

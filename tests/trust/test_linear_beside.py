@@ -134,6 +134,13 @@ def test_a_swing_that_inputs_move_is_one_of_the_plant_however_little_it_fades():
 TWO_MASSES = "x' = (P - (x - Ta)/R)/C\ny = x"
 
 
+def masses(second=60.0, between=2.0):
+    """The matrix of the states."""
+    return np.array(
+        [[-(1.0 + 1.0 / between) / 200, 1.0 / between / 200], [1.0 / between / second, -1.0 / between / second]]
+    )
+
+
 def two_masses(seed, size=1.0, level=20.0, second=60.0, between=2.0, n=600):
     """A heated mass with a second one that hangs on it, 10 s a sample; temperatures are `size` times as large about a
     `level`, which the surroundings keep."""
@@ -141,10 +148,7 @@ def two_masses(seed, size=1.0, level=20.0, second=60.0, between=2.0, n=600):
     t = 10.0 * np.arange(n)
     waves = [9.0 * np.sin(2 * np.pi * t / w + p) for w, p in zip((500, 860, 260), rng.uniform(0, 6, 3), strict=True)]
     power = 30.0 + np.sum(waves, axis=0)
-    a = np.array(
-        [[-(1.0 + 1.0 / between) / 200, 1.0 / between / 200], [1.0 / between / second, -1.0 / between / second]]
-    )
-    plant = (a, np.array([[1.0 / 200], [0.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
+    plant = (masses(second, between), np.array([[1.0 / 200], [0.0]]), np.array([[1.0, 0.0]]), np.zeros((1, 1)))
     y = size * (lsim(plant, power, t, interp=False)[1] + 0.1 * rng.standard_normal(n)) + level
     signals = {"P": Signal(power, "W"), "Ta": Signal(np.full(n, level), "degC"), "y": Signal(y, "degC")}
     return Recording(t, signals, "run")
@@ -169,10 +173,19 @@ def test_a_second_mass_that_is_missing_is_no_cause_that_looks_like_it(seed, size
     made = answer.diagnose()
     assert made is not None
     said = [s["sentence"] for s in made["verdict"]]
-    (linear,) = [s for s in said if s.startswith("A linear model of order 2")]
-    assert linear.endswith("what is missing is mostly linear. The model has 1 state; write one more.")
+    linear = [s for s in said if s.startswith("A linear model of order 2")]
+    mode = [s for s in said if s.startswith("A slow mode of y that P drives is missing")]
+    assert len(linear) + len(mode) == 1
+    for text in linear:
+        assert text.endswith("what is missing is mostly linear. The model has 1 state; write one more.")
+    for text in mode:  # with values of parts side by side, which are not the plant's
+        assert "a second mass that takes up heat. Write a state for it: s' = (g*P - s)/T" in text
+        assert text.endswith("the equations of both give other values.")
+        slow = float(re.findall(r"a time constant of ([\d.]+)", text)[0])
+        assert slow == pytest.approx(-1.0 / min(np.linalg.eigvals(masses())), rel=0.25)
     assert not any("likely missing" in s or "from Ta" in s for s in said)
-    assert all("it may stand for that" in s for s in said if "explains" in s and " of what is " in s and "RMSE" in s)
+    rest = [s for s in said if s not in mode and "explains" in s and " of what is " in s and "RMSE" in s]
+    assert all("it may stand for that" in s for s in rest)
 
 
 CONVERTER = "i' = (12*d - r*i - v)/L; v' = (i - v/2)/C; out = v"

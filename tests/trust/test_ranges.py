@@ -182,6 +182,7 @@ def test_classical_and_robust_errors_are_an_option():
             "in_time": False,
             "not_weighted": "",
             "estimator": None,
+            "filterable": False,
         }
         assert ("do not allow for it" in found.verdict) == (kind != "robust")
     assert errors[None] == errors["classical"]

@@ -47,6 +47,7 @@ def test_samples_in_time_get_errors_that_allow_for_their_correlation(time):
         "in_time": False,
         "not_weighted": "",
         "estimator": None,
+        "filterable": False,
     }
     assert answer.findings["recordings"][0]["timed"]
     assert answer.standard_errors == asked.standard_errors

@@ -90,6 +90,8 @@ class StandardErrors(Record):
     """Why the answer is not that of the `estimator` that the study asks for in words."""
     estimator: str | None = None
     """What it asks for."""
+    filterable: bool = False
+    """Whether maximum likelihood and Kalman filters work on the model."""
 
 
 class Combination(Record):

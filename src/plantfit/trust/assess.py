@@ -13,6 +13,7 @@ from plantfit.findings.residuals import ResidualTest, ShortRecordings, Turned
 from plantfit.findings.runs import Basin, History, Run
 from plantfit.findings.simulation import Forgets, Reproduction, SimulatedOutput, Simulation
 from plantfit.findings.whole import VERSION, Findings
+from plantfit.models.model import Model
 from plantfit.optimize.contract import RunResult
 from plantfit.problem.accuracy.verification import error_of, least_exact
 from plantfit.problem.problem import Problem
@@ -125,6 +126,7 @@ def assess(
             in_time=problem.in_time,
             not_weighted=problem.not_weighted,
             estimator=problem.estimator,
+            filterable=_filterable(problem),
         ),
         tables=table_rows(problem, rows, visits),
         smoothing=smoothing_rows(problem, local),
@@ -141,6 +143,12 @@ def assess(
         ),
     ).plain()
     return {**found, "verdict": sentences(found, best)}
+
+
+def _filterable(problem: Problem) -> bool:
+    model = problem.model
+    moves = isinstance(model, Model) and bool(model.states) and model.smooth
+    return moves and not any(e.steady for e in problem.experiments.values())
 
 
 def _other_ends(runs: Sequence[RunResult], best: RunResult) -> list[np.ndarray]:

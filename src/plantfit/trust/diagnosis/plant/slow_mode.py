@@ -76,11 +76,12 @@ def work(carrier: Carrier) -> float:
 
 def promising(carrier: Carrier, bare: Fitted, use: np.ndarray, kept: np.ndarray) -> Lag | None:
     """The lag that leaves least of what the model as it is (`bare`) leaves, as far as derivatives tell; None where that
-    is far from the noise. No simulation is made for it."""
+    is far from the noise, and of an output that the model does not follow: a lag would take its place, as where a gain
+    has the wrong sign. No simulation is made for it."""
     looked = _looked_at(carrier, bare, use)
     if looked is None or times_noise(carrier, bare, ~kept) * looked[1] > NEAR * AT_NOISE:
         return None
-    return looked[0]
+    return looked[0] if _follows(carrier, bare, looked[0].output, use) else None
 
 
 def slow_mode(carrier: Carrier, bare: Fitted, lag: Lag, use: np.ndarray, kept: np.ndarray) -> SlowMode | None:
@@ -175,6 +176,18 @@ def _looked_at(carrier: Carrier, bare: Fitted, use: np.ndarray) -> tuple[Lag, fl
     if best is None or rest - best[0] > (1.0 - HALF) * square:
         return None
     return best[1], float(np.sqrt(max(rest - best[0], 0.0) / square))
+
+
+def _follows(carrier: Carrier, bare: Fitted, output: str, use: np.ndarray) -> bool:
+    """Whether the model leaves less than half of the mean square of what an output does."""
+    left = does = 0.0
+    for record, e in carrier.given.experiments.items():
+        at = carrier.rows.part(record, output)
+        y = np.asarray(e.recording[output], dtype=float)[carrier.rows.sample[at]] * carrier.rows.weight[at]
+        own = y[use[at]]
+        does += float(np.sum((own - np.mean(own)) ** 2)) if own.size else 0.0
+        left += float(np.sum(bare.residuals[at][use[at]] ** 2))
+    return left < HALF * does
 
 
 def _times(carrier: Carrier) -> Iterator[float]:

@@ -138,7 +138,10 @@ def slow_mode(d: Diagnosis, found: SlowMode) -> Sentence:
         f"is missing, as a second RC pair of a cell or a second mass that takes up heat. Write a state for it: "
         f"s' = (g*{u} - s)/T, and add s to {y}; begin at g = {number(found.gain[0])} and T = {number(found.time[0])} s."
     )
-    return say("warning", text + _allowed_for(d, found), explained=found.explains)
+    if beside := _allowed_for(d, found):
+        text += f"{beside} These are of parts side by side: where one takes from the other, as a mass from a mass, the "
+        text += "equations of both give other values."
+    return say("warning", text, explained=found.explains)
 
 
 def _step(s: StepAt) -> str:

@@ -48,7 +48,10 @@ def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[
     if why := findings.get("standard_errors", {}).get("not_weighted"):
         asked = named(findings["standard_errors"].get("estimator") or "generalised least squares")
         yield say("info", f"{asked[:1].upper()}{asked[1:]} was asked for and is not the answer: {why}.")
-    if not found or not coloured or diagnosed(findings)["named"]:
+    if not coloured or diagnosed(findings)["named"]:
+        return
+    yield from _may_wander(findings)
+    if not found:
         return
     least = {p["name"]: p for p in findings["parameters"]}
     if found["differs"] and all(enough(n["independent"], n["samples"]) for n in found["noise"]):
@@ -73,6 +76,17 @@ def weighted_sentences(findings: Findings, coloured: Sequence[str]) -> Iterator[
             '(`plantfit estimate --method "generalised least squares"`).'
         )
         yield say("info", text, ratio=better[0][1])
+
+
+def _may_wander(findings: Findings) -> Iterator[Sentence]:
+    """That noise may move the plant, where nothing that was tried explains what is left and nobody asked for it."""
+    errors, shared = findings.get("standard_errors") or {}, any(r.get("shared") for r in findings["residual_tests"])
+    if errors.get("filterable") and not errors.get("estimator") and diagnosed(findings)["tried"] and not shared:
+        text = (
+            "Noise that moves the plant itself, as draughts and loads do, would leave such residuals too: estimator = "
+            '"maximum likelihood" in the study file allows for it, and is not taken where it does not explain them.'
+        )
+        yield say("info", text)
 
 
 def _taken(findings: Findings, found: Mapping[str, Any]) -> Iterator[Sentence]:

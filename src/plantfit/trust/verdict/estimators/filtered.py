@@ -8,6 +8,7 @@ from plantfit.trust.verdict.outputs import Findings, Row, disagree, is_same, pla
 from plantfit.trust.verdict.words import Sentence, number, say, some, span, with_unit
 
 Place = tuple[str, str]  # recording and output
+WHITE = 0.01  # p-value from which on errors are called white
 
 
 def named(estimator: str) -> str:
@@ -93,11 +94,13 @@ def _wandering(findings: Findings, simulated: Sequence[Row], ahead: Sequence[Row
     most = max(_next(t) for t in simulated)
     errors = [a for t in simulated if (a := ahead_of(findings, t, "fit")) is not None]
     size = f"is off by {span([a['rmse'] for a in errors], errors[0]['unit'])} rms, and " if errors else ""
+    least = min(t["p_value"] for t in ahead)
+    white = "white" if least > WHITE else "white but for what chance leaves in one of some hundred records"
     text = (
         f"The residuals of {where} are not white (correlation {'' if one else 'up to '}{most:.2f} from one sample to "
         f"the next), as a plant leaves them that noise moves: foretold one sample ahead, {output} {size}"
-        f"{'these errors are' if size else 'it leaves errors that are'} white "
-        f"(p = {min(t['p_value'] for t in ahead):.2g}{'' if one else ' or more'})."
+        f"{'these errors are' if size else 'it leaves errors that are'} {white} "
+        f"(p = {least:.2g}{'' if one else ' or more'})."
     )
     return say("info" if _shown(findings) else "good", text, correlation=most)
 
