@@ -255,7 +255,7 @@ def test_no_store_and_no_study(folder, capsys, monkeypatch):
 
 @pytest.mark.thorough
 def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeypatch):
-    more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso"]\nruns = 6\nbudget = 60000')
+    more = SPEC.replace("seed = 3", 'seed = 3\nmethods = ["pso"]\nruns = 12\nbudget = 200000')
     (folder / "heater.toml").write_text(more)
     child = subprocess.Popen(
         [sys.executable, "-c", "from plantfit.cli.main import run_cli; run_cli()", "run", "heater.toml"],
@@ -266,10 +266,9 @@ def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeyp
 
     until = time.monotonic() + 90
     while time.monotonic() < until and child.poll() is None:
-        time.sleep(0.3)
+        time.sleep(0.05)
         if (folder / "plantfit.db").exists() and Store.open("plantfit.db").studies():
-            time.sleep(1.0)
-            break
+            break  # the search takes several seconds from here on
     child.send_signal(signal.SIGINT)
     _, err = child.communicate(timeout=600)
     assert child.returncode == 130, err
@@ -277,7 +276,7 @@ def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeyp
     assert call(capsys, monkeypatch, "resume").code == 0
     assert call(capsys, monkeypatch, "run", "heater.toml", "--store", "whole.db").code == 0
     one, two = Store.open("plantfit.db").runs(1), Store.open("whole.db").runs(1)
-    assert len(one) == len(two) == 6
+    assert len(one) == len(two) == 12
     for a, b in zip(one, two, strict=True):
         assert (a.method, a.run, a.cost, a.evaluations) == (b.method, b.run, b.cost, b.evaluations)
         assert a.x.tobytes() == b.x.tobytes()
