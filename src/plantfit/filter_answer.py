@@ -52,10 +52,10 @@ def estimate_table(problem: Problem, table: Mapping[str, Any] | None, wishes: Ma
     return wished(EstimateTable, table, wishes, "estimate_parameters")
 
 
-def check_estimator(problem: Problem, spec: str | None = None) -> None:
+def check_estimator(problem: Problem) -> None:
     """Raises as `check_estimable` for a problem whose answer is to be that of filters, which do not work on it."""
     if problem.by_filters:
-        _asked(problem, spec)
+        _asked(problem, None)
 
 
 def filter_wishes(problem: Problem, spec: str | None) -> str:

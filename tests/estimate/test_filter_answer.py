@@ -160,6 +160,59 @@ def test_intervals_hold_the_truth_of_tanks_that_wander_and_those_of_least_square
     assert np.mean(least) <= 0.85
 
 
+# annual flow of the Nile at Aswan, 1871 to 1970, 1e8 m^3 (Cobb, Biometrika 65 (1978) 243)
+NILE = [
+    1120, 1160, 963, 1210, 1160, 1160, 813, 1230, 1370, 1140, 995, 935, 1110, 994, 1020, 960, 1180, 799, 958, 1140,
+    1100, 1210, 1150, 1250, 1260, 1220, 1030, 1100, 774, 840, 874, 694, 940, 833, 701, 916, 692, 1020, 1050, 969, 831,
+    726, 456, 824, 702, 1120, 1100, 832, 764, 821, 768, 845, 864, 862, 698, 845, 744, 796, 1040, 759, 781, 865, 845,
+    944, 984, 897, 822, 1010, 771, 676, 649, 846, 812, 742, 801, 1040, 860, 874, 848, 890, 744, 749, 838, 1050, 918,
+    986, 797, 923, 975, 815, 1020, 906, 901, 1170, 912, 746, 919, 718, 714, 740,
+]  # fmt: skip
+
+
+def level(y, **more):
+    """A level that only noise moves, from x0 on."""
+    model = pf.equations(
+        "x' = 0*u\ny = x", inputs={"u": None}, states={"x": {"initial": "x0"}}, outputs={"y": None},
+        parameters={"x0": {"bounds": (100.0, 3000.0)}},
+    )  # fmt: skip
+    signals = {"u": np.zeros(len(y)), "y": np.asarray(y, dtype=float)}
+    return pf.Problem(model, pf.from_arrays(period=1.0, signals=signals, name="run"), **more)
+
+
+@pytest.mark.thorough
+def test_the_nile_has_the_published_variances():
+    """Durbin and Koopman, Time Series Analysis by State Space Methods (2012), sec. 2.10.3: 15099 and 1469.1, with a
+    level of which nothing is known at first."""
+    own = pf.fit(level(NILE, estimator=ML), runs=1)
+    known = pf.estimate_parameters(own, methods=[ML], initial={"x": 3e4})
+    variances = {n.kind: n.value**2 for n in known.typed.noise}
+    assert variances == pytest.approx({"measurement": 15099.0, "process": 1469.1}, rel=1e-3)
+    # as the answer of a run x0 is where it begins, and a state that rests in a simulation may be moved by noise
+    assert own.problem.filtered is not None
+    [left] = [s for s in said(own) if LEFT in s]
+    assert "these errors are white" in left
+    assert "Least squares, which takes all of it for noise of the sensors, differs by more than chance" in str(
+        said(own)
+    )
+
+
+@pytest.mark.parametrize("count", [pytest.param(60, marks=pytest.mark.slow)])
+def test_the_interval_of_a_value_that_few_samples_fix_holds_it(count):
+    """The first level of a random walk: by the sandwich alone 84 % of such intervals hold it."""
+    held = []
+    for seed in range(count):
+        rng = np.random.default_rng(seed)
+        y = 1110 + 38 * np.r_[0.0, np.cumsum(rng.normal(size=99))] + 123 * rng.normal(size=100)
+        found = pf.estimate_parameters(level(y), methods=[ML])
+        [row] = found.typed.parameters
+        own = row.estimates[ML]
+        assert own.low is not None
+        assert own.high is not None
+        held.append(own.low <= 1110 <= own.high)
+    assert np.mean(held) >= 0.9
+
+
 def wrong(kind, seed, n=500):
     """y of the plant with white noise of the sensor alone, and something that its model lacks."""
     rng = np.random.default_rng([seed, *kind.encode()])
@@ -280,14 +333,14 @@ K = { bounds = [0.1, 30] }
 tau = { bounds = [0.05, 10] }
 """
     place.write_text(text[: text.index("[model]")] + dry)
-    with pytest.raises(ModelError, match=r"tanh\(v/width\).* leave estimator = 'maximum likelihood' out; so does"):
+    with pytest.raises(ModelError, match=r"tanh\(v/width\).*run` without estimator = 'maximum likelihood' fits"):
         load(place)
     sticks = pf.equations(
         "v' = (k*u - friction(v, c, c))/m\ny = v", inputs=["u"], states=["v"], outputs=["y"],
         parameters={"k": {}, "c": {}, "m": {}},
     )  # fmt: skip
     record = pf.from_arrays(period=0.1, signals={"u": np.ones(50), "y": np.arange(50.0)}, name="run")
-    with pytest.raises(ModelError, match="leave estimator = 'ekf' out"):
+    with pytest.raises(ModelError, match="without estimator = 'ekf' fits the model as it is"):
         pf.fit(pf.Problem(sticks, record, dict.fromkeys("kcm", (0.1, 9.0)), estimator="ekf"))
 
 

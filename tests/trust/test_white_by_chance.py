@@ -4,7 +4,8 @@ is."""
 import numpy as np
 import pytest
 
-from plantfit.trust.verdict.residuals import WHITE, by_chance, lacking, residual_sentences
+from plantfit.trust.verdict.outputs import WHITE
+from plantfit.trust.verdict.residuals import by_chance, lacking, residual_sentences
 
 
 def findings(p_values):

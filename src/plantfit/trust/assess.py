@@ -52,8 +52,7 @@ from plantfit.trust.validate.residuals.turned import turned_records
 from plantfit.trust.validate.spare_samples import with_spare
 from plantfit.trust.validate.unseen_starts import with_started
 from plantfit.trust.verdict.all_sentences import sentences
-from plantfit.trust.verdict.outputs import GOOD, ROUNDING
-from plantfit.trust.verdict.residuals import WHITE
+from plantfit.trust.verdict.outputs import GOOD, ROUNDING, WHITE
 
 
 def assess(

@@ -83,9 +83,10 @@ def maximum_likelihood(
     L-BFGS-B with exact gradients from the starts of the space (the middle of the box) and then from random points,
     `budget` evaluations in all, ends in Newton steps with the exact Hessian H. `covariance` "hessian" is its inverse;
     "sandwich" is H^-1 S H^-1 with the long-run covariance S of the scores (White, Econometrica 50 (1982) 1, eq.
-    (2.10)), which also holds where the noise is not as the model says. For a linear model the likelihood is exact, else
-    that of the extended ("ekf") or unscented ("ukf") filter: Astrom, Automatica 16 (1980) 551; Kristensen, Madsen,
-    Jorgensen, Automatica 40 (2004) 225.
+    (2.10)), which also holds where the noise is not as the model says. Its standard errors are no less than those by H:
+    where few samples fix a value, it follows their noise and hides it from S. For a linear model the likelihood is
+    exact, else that of the extended ("ekf") or unscented ("ukf") filter: Astrom, Automatica 16 (1980) 551; Kristensen,
+    Madsen, Jorgensen, Automatica 40 (2004) 225.
 
     `start`: values of parameters and levels ("process x") from which the search begins before all others, by name, in
     their units.
@@ -126,6 +127,8 @@ def maximised(
     spread = inverse
     if covariance == "sandwich":
         spread = sum(prewhitened_long_run(s @ inverse, np.arange(len(s))) for s in scores)
+        wider = np.sqrt(np.maximum(np.diag(inverse) / np.maximum(np.diag(spread), 1e-300), 1.0))
+        spread = spread * np.outer(wider, wider)
     scale = np.where(
         space.log,
         np.log(np.where(space.log, space.upper / np.where(space.log, space.lower, 1.0), 1.0)),

@@ -20,6 +20,7 @@ NARROW, WIDE = 0.02, 3.0  # bounds of a measurement level: of the scatter from s
 LEAST = 1e-4  # of its own spread that process noise moves a state by over a record, at least
 FEW = 5.0  # samples in which process noise moves a state by its own spread, at most
 KNOWN = 1e-3  # of its spread: how well a state is known that the model says where it begins
+ROUNDING = 1e-12  # of the largest value of a state: one that moves less stays where it begins
 FIRST = 10.0  # standard deviations of a measurement: how well a state is known that begins at one
 DIFFERENCES = np.sqrt(6.0)  # what a second difference multiplies white noise by
 
@@ -69,15 +70,10 @@ def check_filterable(problem: Problem) -> None:
     try:
         filterable(problem)
     except ModelError as error:
-        how = f'`plantfit estimate --method "{GENERALISED}"`'
-        instead = f"leave estimator = {problem.estimator!r} out" if problem.by_filters else "`plantfit run`"
+        without = f" without estimator = {problem.estimator!r}" if problem.by_filters else ""
         raise ModelError(
-            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out. "
-            + (
-                f"Least squares fits the model as it is: {instead}; so does {how}."
-                if problem.by_filters
-                else f"{instead} fits the model as it is, and so does {how}."
-            )
+            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out. `plantfit run`{without} "
+            f'fits the model as it is, and so does `plantfit estimate --method "{GENERALISED}"`.'
         ) from None
 
 
@@ -118,7 +114,8 @@ def scales_at(problem: Problem, values: Mapping[str, float]) -> Scales:
     spread = {}
     for i, n in enumerate(names):
         own = np.sqrt(np.mean([np.var(x[:, i]) for x in states]))
-        spread[n] = float(own if own > 0 else np.max([np.max(np.abs(x[:, i])) for x in states]))
+        largest = np.max([np.max(np.abs(x[:, i])) for x in states])
+        spread[n] = float(own if own > ROUNDING * largest else largest)
     begin, kinematic = _begin(problem, plant, values), _kinematic(problem, plant, values, states[0])
     return Scales(residual, scatter, spread, begin, kinematic, float(np.median(periods)), float(np.mean(spans)))
 

@@ -12,6 +12,7 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, some
 Findings = Mapping[str, Any]
 Row = Mapping[str, Any]
 GOOD = 80  # percent
+WHITE = 0.01  # p-value from which on residuals are called white
 FLOOR = 1.2  # times the sample-to-sample noise: below that the fit is at it
 BY_CHANCE = 2.0  # times the noise that the few samples of a short recording may leave
 TESTED = 20  # samples of an output in one recording from which on residuals are tested and their noise is told

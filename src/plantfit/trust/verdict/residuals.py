@@ -8,6 +8,7 @@ from plantfit.trust.verdict.estimators.correlated import as_noise, may_be_noise,
 from plantfit.trust.verdict.estimators.filtered import moved_by_noise, wandering_sentences
 from plantfit.trust.verdict.outputs import (
     FLOOR,
+    WHITE,
     Findings,
     Row,
     decided_by_outliers,
@@ -25,7 +26,6 @@ from plantfit.trust.verdict.words import FEW, Sentence, number, percent, say, so
 
 NOISE = 1.1  # times the sample-to-sample noise: a residual below that is hardly more
 ENOUGH = 10  # samples for each parameter, from which on a residual that is noise was not fitted away
-WHITE = 0.01  # p-value from which on residuals are called white
 SOLVED = 99.99  # percent of what an output does: what is left may be the error of a solver
 LEFT_OVER = 5.0  # standard errors of the mean of white residuals, from which on a constant is left
 # share of a residual that the past of an input foretells: from there it follows it, up to there it does not

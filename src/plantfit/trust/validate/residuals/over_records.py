@@ -18,8 +18,7 @@ from plantfit.trust.validate.residuals.residual_tests import (
 )
 from plantfit.trust.validate.residuals.sizes import sizes
 from plantfit.trust.validate.residuals.turned import turned
-from plantfit.trust.verdict.outputs import ROUNDING, TESTED
-from plantfit.trust.verdict.residuals import WHITE
+from plantfit.trust.verdict.outputs import ROUNDING, TESTED, WHITE
 
 
 def each_test(

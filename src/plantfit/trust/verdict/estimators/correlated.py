@@ -5,6 +5,7 @@ from typing import Any
 
 from plantfit.problem.correlated.limits import by_chance, enough
 from plantfit.trust.verdict.estimators.filtered import named
+from plantfit.trust.verdict.estimators.lengths import compared, times
 from plantfit.trust.verdict.outputs import Findings, Row, diagnosed, disagree
 from plantfit.trust.verdict.unseen import failing
 from plantfit.trust.verdict.words import Sentence, estimate, number, say, some
@@ -91,16 +92,11 @@ def _may_wander(findings: Findings) -> Iterator[Sentence]:
 
 def _taken(findings: Findings, found: Mapping[str, Any]) -> Iterator[Sentence]:
     """That the answer is that of generalised least squares, what it gains, and whether what is left is noise."""
-    own = {p["name"]: p for p in found["parameters"]}
-    ratios = {p["name"]: r for p in found["least_squares"] if (r := _times(p, own[p["name"]])) is not None}
     noisy = [n["output"] for n in found["noise"] if n["order"] or n["form"]]
-    first, last = min(ratios, key=lambda n: ratios[n], default=None), max(ratios, key=lambda n: ratios[n], default=None)
+    lengths = compared(found["least_squares"], {p["name"]: p for p in found["parameters"]})
     text = f"The parameters were estimated together with the noise of {some(noisy)} (generalised least squares)"
-    if first is not None and last is not None:
-        short, long = number(ratios[first]), number(ratios[last])
-        span = f"{short} ({first})" if short == long else f"{short} ({first}) to {long} ({last})"
-        text += f": intervals are {span} times as long as by least squares"
-    yield say("info", f"{text}.", **({} if first is None else {"ratio": ratios[first]}))
+    text += f": {lengths[0]}" if lengths else ""
+    yield say("info", f"{text}.", **({"ratio": lengths[1]} if lengths else {}))
     odd = diagnosed(findings)["named"] or disagree(findings) or any(o in failing(findings) for o in noisy)
     if odd:
         yield say(
@@ -117,13 +113,7 @@ def _unknown(findings: Findings) -> bool:
 
 def _shorter(least: Row | None, weighted: Mapping[str, Any]) -> float | None:
     """Length of the weighted interval over that of least squares, where both ends of both are known."""
-    return None if least is None or least.get("status") != "determined" else _times(least, weighted)
-
-
-def _times(least: Mapping[str, Any], weighted: Mapping[str, Any]) -> float | None:
-    """The same of any two rows."""
-    lengths = [r["high"] - r["low"] for r in (least, weighted) if r["low"] is not None and r["high"] is not None]
-    return lengths[1] / lengths[0] if len(lengths) == 2 and lengths[0] > 0 else None
+    return None if least is None or least.get("status") != "determined" else times(least, weighted)
 
 
 def _as_estimate(p: Mapping[str, Any]) -> str:

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from plantfit.problem.correlated.filtered_answer import FULL_NAMES
-from plantfit.trust.verdict.outputs import Findings, Row, disagree, is_same, place
-from plantfit.trust.verdict.words import Sentence, number, say, some, span, with_unit
+from plantfit.trust.verdict.estimators.lengths import compared
+from plantfit.trust.verdict.outputs import WHITE, Findings, Row, disagree, is_same, place
+from plantfit.trust.verdict.words import Sentence, say, some, span, with_unit
 
 Place = tuple[str, str]  # recording and output
-WHITE = 0.01  # p-value from which on errors are called white
 
 
 def named(estimator: str) -> str:
@@ -68,20 +68,15 @@ def _taken(findings: Findings, found: Mapping[str, Any]) -> Sentence:
         if moving
         else f"with noise of the sensors ({_sizes(sensors)}) alone: the recordings ask for none that moves the plant"
     )
-    rows = {p["name"]: p for p in findings["parameters"]}
-    ratios = {p["name"]: r for p in found["least_squares"] if (r := _times(p, rows.get(p["name"]))) is not None}
-    if ratios:
-        first, last = min(ratios, key=lambda n: ratios[n]), max(ratios, key=lambda n: ratios[n])
-        short, long = number(ratios[first]), number(ratios[last])
-        lengths = f"{short} ({first})" if short == long else f"{short} ({first}) to {long} ({last})"
-        text += f"; intervals are {lengths} times as long as by least squares"
+    lengths = compared(found["least_squares"], {p["name"]: p for p in findings["parameters"]})
+    text += f"; {lengths[0]}" if lengths else ""
     if found["differs"] and found["moved"] is not None:
         least = next(p for p in found["least_squares"] if p["name"] == found["moved"])
         text += (
             f". Least squares, which takes all of it for noise of the sensors, differs by more than chance (p = "
             f"{found['p']:.2g}), most in {found['moved']}: {with_unit(least['value'], least['unit'])}"
         )
-    return say("info", f"{text}.", **({} if not ratios else {"ratio": min(ratios.values())}))
+    return say("info", f"{text}.", **({"ratio": lengths[1]} if lengths else {}))
 
 
 def _sizes(levels: Sequence[Row]) -> str:
@@ -122,14 +117,6 @@ def _shown(findings: Findings) -> bool:
 
 def _begin(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
-
-
-def _times(least: Row, own: Row | None) -> float | None:
-    """Length of an interval over that of least squares, where both ends of both are known."""
-    if own is None:
-        return None
-    lengths = [r["high"] - r["low"] for r in (least, own) if r["low"] is not None and r["high"] is not None]
-    return lengths[1] / lengths[0] if len(lengths) == 2 and lengths[0] > 0 else None
 
 
 __all__ = ["ahead_of", "filtered_sentences", "moved_by_noise", "named", "wandering_sentences"]
