@@ -282,6 +282,21 @@ def test_ctrl_c_saves_and_resume_ends_with_the_same_bits(folder, capsys, monkeyp
         assert a.x.tobytes() == b.x.tobytes()
 
 
+def test_ctrl_c_after_the_search_says_how_to_go_on(folder, capsys, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("plantfit.reopen.answer_of", stopped)
+        said = call(capsys, monkeypatch, "run", "heater.toml", "--store", "own.db")
+    assert said.code == 130
+    assert said.err.endswith(
+        "Stopped by Ctrl-C. All runs of study 1 are kept; `plantfit report 1 --store own.db` works out what they are "
+        "worth.\n"
+    )
+    assert call(capsys, monkeypatch, "report", "1", "--store", "own.db").code == 0
+
+
 def test_catalogues(capsys, monkeypatch):
     names = [m["name"] for m in json.loads(call(capsys, monkeypatch, "methods", "--json").out)]
     assert {"auto", "pso", "cmaes", "lbfgsb", "least_squares"} <= set(names)

@@ -340,6 +340,11 @@ tau = { bounds = [0.05, 10] }
         parameters={"k": {}, "c": {}, "m": {}},
     )  # fmt: skip
     record = pf.from_arrays(period=0.1, signals={"u": np.ones(50), "y": np.arange(50.0)}, name="run")
+    rests = pf.equations("y = k*u", inputs=["u"], outputs=["y"], parameters={"k": {}})
+    with pytest.raises(
+        ModelError, match=r"has no states to filter; .* a regression\. `plantfit run` without estimator"
+    ):
+        pf.fit(pf.Problem(rests, record, {"k": (0.1, 9.0)}, estimator="ekf"))
     with pytest.raises(ModelError, match="without estimator = 'ekf' fits the model as it is"):
         pf.fit(pf.Problem(sticks, record, dict.fromkeys("kcm", (0.1, 9.0)), estimator="ekf"))
 

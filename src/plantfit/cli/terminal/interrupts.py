@@ -14,6 +14,8 @@ import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager, suppress
 
+from plantfit.errors import Interrupted
+
 EXIT_CODE = 130
 GRACE = 0.7  # seconds that the main thread gets to end by itself
 COALESCED = 0.2  # seconds after which the main thread is asked whether it saw a second signal
@@ -167,16 +169,19 @@ def stoppable(
 
 @contextmanager
 def saying(sentence: str) -> Generator[None]:
-    """What is said where a signal has to end the process inside, with {cause} for its name."""
+    """What is said where a signal ends what is done inside, with {cause} for its name: as Interrupted, or by the thread
+    where it has to end the process."""
     watch = _watch
-    if watch is None:
-        yield
-        return
-    before, watch.sentence = watch.sentence, sentence
+    before = SENTENCE if watch is None else watch.sentence
+    if watch is not None:
+        watch.sentence = sentence
     try:
         yield
+    except KeyboardInterrupt:
+        raise Interrupted(with_cause(sentence)) from None
     finally:
-        watch.sentence = before
+        if watch is not None:
+            watch.sentence = before
 
 
 def with_cause(sentence: str) -> str:

@@ -71,8 +71,9 @@ def check_filterable(problem: Problem) -> None:
         filterable(problem)
     except ModelError as error:
         without = f" without estimator = {problem.estimator!r}" if problem.by_filters else ""
+        smooth = "Write dry friction as tanh(v/width) and leave backlash and resets out. " if _states(problem) else ""
         raise ModelError(
-            f"{error} Write dry friction as tanh(v/width) and leave backlash and resets out. `plantfit run`{without} "
+            f"{error} {smooth}`plantfit run`{without} "
             f'fits the model as it is, and so does `plantfit estimate --method "{GENERALISED}"`.'
         ) from None
 

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from plantfit.cli.arguments.file_names import file_name
-from plantfit.cli.terminal.interrupts import saying, with_cause
+from plantfit.cli.terminal.interrupts import saying
 from plantfit.cli.terminal.out import out, print_json, progress_line, verdict
-from plantfit.errors import Interrupted, SpecError
+from plantfit.errors import SpecError
 
 
 def listed(json: bool) -> None:
@@ -59,14 +59,12 @@ def demo(name: str, folder: str, full: bool, json: bool) -> None:
         out.print(f"[bold]{name}[/bold]: {sentence}\n{'' if full else f'This takes {_about(seconds(name))}.'}\n")
     began, place = time.perf_counter(), Path(folder) / name
     stopped = f"Demo {name!r} was stopped by {{cause}}; what was written so far is in {place}. It begins anew."
-    try:
+    with saying(stopped):
         run = load()
         if full and "full" not in inspect.signature(run).parameters:
             raise SpecError(f"The demo {name!r} has one size only; leave --full out.")
-        with progress_line(json) as tell, saying(stopped):
+        with progress_line(json) as tell:
             record = run(place, progress=tell, **({"full": True} if full else {}))
-    except KeyboardInterrupt:
-        raise Interrupted(with_cause(stopped)) from None
     names = [file_name(a.problem.name.replace(" ", "_"), "html") for a in record["answers"]]
     pages = [a.report(place / file) for a, file in zip(record["answers"], names, strict=True)]
     if record["sections"]:

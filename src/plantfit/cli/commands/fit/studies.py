@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from plantfit.cli.arguments.file_names import file_name, report_places
 from plantfit.cli.commands.begin.check import say_looks
 from plantfit.cli.commands.understand.stored import number_given
-from plantfit.cli.terminal.interrupts import stoppable
+from plantfit.cli.terminal.interrupts import saying, stoppable
 from plantfit.cli.terminal.out import doing, out, print_json, said_line, verdict, warn
 from plantfit.cli.terminal.working import ready, search, worker_count
 from plantfit.errors import Interrupted, SpecError, StoreError
@@ -160,10 +160,17 @@ def _work(
     said = []
     for one, number, place in zip(chosen, numbers, places, strict=True):
         seconds = {"prepare": one.prepared.seconds, "search": searched}
-        answer = _answer(one.study, opened, number, seconds, one.prepared)
-        said.append(_deliver(answer, place, one.study, json, diagnose, len(chosen) > 1))
+        with saying(_searched(number, store)):
+            answer = _answer(one.study, opened, number, seconds, one.prepared)
+            said.append(_deliver(answer, place, one.study, json, diagnose, len(chosen) > 1))
     if json:
         print_json(said if len(said) > 1 else said[0])
+
+
+def _searched(number: int, store: str) -> str:
+    """What Ctrl-C leaves of a study whose runs are done."""
+    again = f"`plantfit report {number}{store_option(store)}`"
+    return f"Stopped by {{cause}}. All runs of study {number} are kept; {again} works out what they are worth."
 
 
 def _saved(records, store: str) -> str:
